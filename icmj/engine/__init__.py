@@ -1,0 +1,1 @@
+"""Everything that touches MuJoCo: models, linearisation, callbacks, the closed loop, poses."""

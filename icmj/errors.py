@@ -1,0 +1,37 @@
+"""Every error that icmj raises on purpose.
+
+Each message says what was wrong, where, and what to do; the command line prints it as one line and
+exits with status 2.
+"""
+
+
+class IcmjError(Exception):
+    """Base of all errors raised on purpose by icmj."""
+
+
+class RunFileError(IcmjError):
+    """A run file cannot be read or does not validate."""
+
+
+class ModelError(IcmjError):
+    """An MJCF model cannot be loaded, edited, linearised or composed with a controller."""
+
+
+class DesignError(IcmjError):
+    """A gain cannot be designed: the plant is not stabilisable or detectable, or a weight is unusable."""
+
+
+class AnalysisError(IcmjError):
+    """A matrix or an interval given to the analysis has the wrong shape or is not finite."""
+
+
+class SimulationError(IcmjError):
+    """A simulation cannot be started with these arguments."""
+
+
+class LogError(IcmjError):
+    """A log cannot be written or read, or does not hold what was asked of it."""
+
+
+class ReportError(IcmjError):
+    """A report cannot be built from these logs."""

@@ -1,0 +1,1 @@
+"""The exact event-driven simulation of the intermittently controlled linear plant."""

@@ -1,0 +1,1 @@
+"""Everything that touches rerun: writing, reading and replaying a log."""

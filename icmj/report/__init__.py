@@ -1,0 +1,1 @@
+"""The comparison report: figures, sections, page. Built from logs alone."""

@@ -1,0 +1,115 @@
+"""Everything one log holds: the case, its prediction, the simulated run, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from icmj.controller import Controller
+from icmj.linear_plant import Array, LinearPlant
+from icmj.measurement import Measurement
+from icmj.runfile import RunFile
+from icmj.simulation import Simulation
+from icmj.theory.prediction import Prediction
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Growth per interval under the clock, the points on panel (a).
+
+    Attributes:
+        delta: clock intervals [s], shape (M,).
+        measured: measured growth factor per interval in simulation, shape (M,).
+        predicted: largest |λ(φ(Δ))| there, shape (M,).
+    """
+
+    delta: Array
+    measured: Array
+    predicted: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeLaw:
+    """Errors against the linear prediction as the threshold falls (notes, section 6).
+
+    Attributes:
+        q_t: thresholds, shape (M,).
+        interval_error: relative error of the open-loop interval, shape (M,).
+        amplitude_error: largest relative error of an output's peak, shape (M,).
+        interval_slope, amplitude_slope: fitted d log error / d log q_t.
+    """
+
+    q_t: Array
+    interval_error: Array
+    amplitude_error: Array
+    interval_slope: float
+    amplitude_slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class Geom:
+    """One visual geom: body index, MuJoCo's type name, size, pose in its body (quaternion wxyz), colour 0–1."""
+
+    name: str
+    body: int
+    type: str
+    size: Array
+    pos: Array
+    quat: Array
+    rgba: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The moving body in world coordinates, for the 3D replay.
+
+    Attributes:
+        bodies: names, length nb (body 0 is the world).
+        geoms: visual geoms.
+        xpos, xquat: body positions [m] and orientations (wxyz), shapes (N, nb, 3), (N, nb, 4).
+        com: whole-body centre of mass [m], shape (N, 3).
+        magnified_xpos, magnified_xquat, magnified_com: the same with the sway magnified.
+        magnification: the factor.
+    """
+
+    bodies: tuple[str, ...]
+    geoms: tuple[Geom, ...]
+    xpos: Array
+    xquat: Array
+    com: Array
+    magnified_xpos: Array
+    magnified_xquat: Array
+    magnified_com: Array
+    magnification: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One simulated case, complete: what a log is written from and read into.
+
+    Attributes:
+        run: the run file, with its text.
+        assumed, actual: linearised plants [Â, B̂, Ĉ] and [A, B, C].
+        controller: design, hold and trigger.
+        prediction: the linear theory.
+        simulation: the intermittently controlled run.
+        continuous: the continuous controller on the same plant from the same start.
+        measurement: what the run did.
+        growth: clock-driven growth, or ``None`` if not run.
+        law: amplitude law, or ``None`` if not run.
+        scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
+        provenance: versions, git state, platform, date.
+    """
+
+    run: RunFile
+    assumed: LinearPlant
+    actual: LinearPlant
+    controller: Controller
+    prediction: Prediction
+    simulation: Simulation
+    continuous: Simulation
+    measurement: Measurement
+    growth: Growth | None = None
+    law: AmplitudeLaw | None = None
+    scene: Scene | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)

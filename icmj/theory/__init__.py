@@ -1,0 +1,1 @@
+"""The linear theory: error system, eigenvalue crossings, orbit, return map, prediction. Imports no engine."""

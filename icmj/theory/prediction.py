@@ -1,0 +1,137 @@
+"""The prediction: what the linear eigen-analysis says of the closed loop (paper, section 3; notes, sections 2–3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.linear_plant import Array
+
+Verdict = Literal["attracting", "repelling", "not admissible", "none"]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One crossing of the unit circle by an eigenvalue of φ(Δ).
+
+    Attributes:
+        delta: Δ at the crossing [s].
+        eigenvalue: where on the circle (the one with Im ≥ 0 of a complex pair).
+        kind: ``+1``, ``-1`` or ``complex`` (a pair: Neimark–Sacker).
+        direction: ``rising`` (outwards with growing Δ), ``falling`` or ``tangent``.
+        largest_other: largest magnitude of the other eigenvalues there.
+    """
+
+    delta: float
+    eigenvalue: complex
+    kind: Literal["+1", "-1", "complex"]
+    direction: Literal["rising", "falling", "tangent"]
+    largest_other: float
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """The periodic orbit that the linear theory predicts, over one interval; mirrored in the next if ``sign`` is −1.
+
+    Attributes:
+        delta: open-loop interval Δ_crit [s].
+        sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
+        period: of the whole orbit [s].
+        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
+        x_bar: x̄ = γ V_{k1} right after a sample, shape (n + n̂,).
+        t: times in [0, delta] [s], shape (M,).
+        X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
+        y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
+        E: event function, shape (M,); negative until delta if the orbit is admissible.
+        y_peak, u_peak, x_peak: largest magnitude over the whole orbit.
+        y_range, u_range, x_range: peak to peak over the whole orbit.
+        admissible: no earlier event, and delta > Δ_min.
+        reason: why not admissible, or empty.
+    """
+
+    delta: float
+    sign: int
+    period: float
+    gamma: float
+    x_bar: Array
+    t: Array
+    X: Array
+    y: Array
+    u: Array
+    e_hp: Array
+    E: Array
+    y_peak: Array
+    u_peak: Array
+    x_peak: Array
+    y_range: Array
+    u_range: Array
+    x_range: Array
+    admissible: bool
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """Eigenvalues of φ(Δ) over a range of Δ, each branch followed continuously (panels (a) and (b)).
+
+    Attributes:
+        delta: Δ [s], shape (M,).
+        eigenvalues: shape (M, n + n̂).
+    """
+
+    delta: Array
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def largest(self) -> Array:
+        """Largest |λ| at each Δ, shape (M,)."""
+        return np.abs(self.eigenvalues).max(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Everything that the linear analysis says of one controller on one plant.
+
+    Attributes:
+        delta_crit: Δ_crit [s], or ``None`` where undefined: the first rising crossing at ±1 with all other
+            eigenvalues inside the circle (a cycle is predicted); failing that the first at ±1 (none is);
+            else undefined.
+        eigenvalue: λ_crit, or ``None``.
+        cycle: whether a limit cycle is predicted by the paper's argument.
+        period: Δ_crit for λ = +1, 2Δ_crit for −1; ``None`` if no cycle is predicted.
+        gamma: γ, ``None`` where there is no orbit.
+        amplitude: peak of every output over the orbit, shape (n_y,), or ``None``.
+        crossings: all unit-circle crossings on the interval searched, by rising Δ.
+        delta_max: end of the interval searched [s].
+        orbit: the orbit at Δ_crit (also where no cycle is predicted, to show why), or ``None``.
+        multipliers: eigenvalues of the return map's Jacobian J under the event rule, or ``None``.
+        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``.
+        v_condition: condition number of the eigenvector matrix V of φ(Δ_crit); NaN if undefined.
+        V_inv: rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is the critical one. ``None`` where undefined.
+            (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of
+            the complementary invariant subspace's annihilator, from a Schur form.)
+        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant).
+        observer_feedback_stable: whether plant + observer under continuous control is stable.
+        locus, locus_exact: eigenvalues over Δ for ρ = 1 (actual) and ρ = 0 (model exact).
+    """
+
+    delta_crit: float | None
+    eigenvalue: complex | None
+    cycle: bool
+    period: float | None
+    gamma: float | None
+    amplitude: Array | None
+    crossings: tuple[Crossing, ...]
+    delta_max: float
+    orbit: Orbit | None
+    multipliers: NDArray[np.complex128] | None
+    verdict: Verdict
+    v_condition: float
+    V_inv: NDArray[np.complex128] | None
+    state_feedback_stable: bool
+    observer_feedback_stable: bool
+    locus: Locus
+    locus_exact: Locus
