@@ -1,0 +1,85 @@
+"""The moving body for the eye: MuJoCo poses at every sample of a simulation, true and with the sway magnified."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import ModelError
+from icmj.linear_plant import Array
+from icmj.result import Geom, Scene
+from icmj.simulation import Simulation
+
+SHAPES = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")  # what the replay can draw; others are left out
+
+
+def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.0) -> Scene:
+    """Poses of ``plant``'s bodies at every sample of ``simulation``.
+
+    A MuJoCo simulation carries its positions; for a linear one they are the operating point moved by the
+    position states. In the magnified figure every departure from the operating point, in the tangent space of the
+    positions, is ``magnification`` times as large.
+
+    Raises:
+        ModelError: if the simulation is not of this plant.
+    """
+    model = plant.spec.compile()
+    qpos_0, nv = plant.linearisation.point.qpos, model.nv
+    if simulation.qpos.size:
+        if simulation.qpos.shape != (len(simulation.t), model.nq):
+            raise ModelError(
+                f"{plant.path}: the simulation's positions have shape {simulation.qpos.shape}; "
+                f"this model needs {(len(simulation.t), model.nq)}"
+            )
+        departure = np.zeros((len(simulation.t), nv))
+        for dq, qpos in zip(departure, simulation.qpos, strict=True):
+            mujoco.mj_differentiatePos(model, dq, 1.0, qpos_0, qpos)
+    else:
+        if simulation.x.shape[1] < nv:
+            raise ModelError(
+                f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the model {nv} positions"
+            )
+        departure = simulation.x[:, :nv]
+    xpos, xquat, com = _poses(model, qpos_0, departure)
+    return Scene(
+        tuple(model.body(i).name or f"body{i}" for i in range(model.nbody)),
+        _geoms(model),
+        xpos,
+        xquat,
+        com,
+        *_poses(model, qpos_0, magnification * departure),
+        magnification=float(magnification),
+    )
+
+
+def _poses(model: mujoco.MjModel, qpos_0: Array, departure: Array) -> tuple[Array, Array, Array]:
+    """Body positions (N, nb, 3) and orientations (N, nb, 4), and the whole body's centre of mass (N, 3)."""
+    data = mujoco.MjData(model)
+    N = len(departure)
+    xpos, xquat, com = np.zeros((N, model.nbody, 3)), np.zeros((N, model.nbody, 4)), np.zeros((N, 3))
+    for i, dq in enumerate(departure):
+        data.qpos[:] = qpos_0
+        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        xpos[i], xquat[i], com[i] = data.xpos, data.xquat, data.subtree_com[0]
+    return xpos, xquat, com
+
+
+def _geoms(model: mujoco.MjModel) -> tuple[Geom, ...]:
+    """The geoms a person sees: the groups that MuJoCo's own viewer shows, of the shapes in ``SHAPES``."""
+    kinds = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{shape.upper()}")): shape for shape in SHAPES}
+    return tuple(
+        Geom(
+            model.geom(i).name or f"geom{i}",
+            int(model.geom_bodyid[i]),
+            kinds[int(model.geom_type[i])],
+            model.geom_size[i].copy(),
+            model.geom_pos[i].copy(),
+            model.geom_quat[i].copy(),
+            model.geom_rgba[i].astype(float),
+        )
+        for i in range(model.ngeom)
+        if int(model.geom_type[i]) in kinds and model.geom_group[i] <= 2 and model.geom_rgba[i, 3] > 0
+    )

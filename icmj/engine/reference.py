@@ -1,0 +1,275 @@
+"""The controller and the event loop in plain Python: slow, short, and the oracle for the native ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from icmj.engine.actuator import second_order_lag
+from icmj.engine.composition import CLOCK, CONTINUOUS, EVENT, Block, Slot, block_of
+from icmj.engine.recording import Recording, Status
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+from icmj.linear_plant import Array
+
+INTEGRATORS: dict[int, Callable[[mujoco.MjModel, mujoco.MjData], None]] = {
+    mujoco.mjtIntegrator.mjINT_RK4: lambda m, d: mujoco.mj_RungeKutta(m, d, 4),
+    mujoco.mjtIntegrator.mjINT_EULER: mujoco.mj_Euler,
+    mujoco.mjtIntegrator.mjINT_IMPLICIT: mujoco.mj_implicit,
+    mujoco.mjtIntegrator.mjINT_IMPLICITFAST: mujoco.mj_implicit,
+    # not exported on its own: a whole step, which repeats the forward pass
+    mujoco.mjtIntegrator.mjINT_DISCRETE: mujoco.mj_step,
+}
+SPLITS = 64  # finest division of a step in which E is looked at before a near-touch counts as none
+
+
+def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """MuJoCo control callback: fresh outputs, then ctrl = ctrl_0 − K a + d(t)."""
+    block = block_of(model)
+    if block is None or model.nu != block.header[Slot.N_U] + 1:
+        return
+    mujoco.mj_sensorPos(model, data)
+    if block.header[Slot.STAGE] >= int(mujoco.mjtStage.mjSTAGE_VEL):
+        mujoco.mj_sensorVel(model, data)
+    data.ctrl[: len(block.ctrl_0)] = block.ctrl_0 - block.K @ data.act[block.act] + _disturbance(block, data.time)
+
+
+def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+    """MuJoCo activation callback: ȧ = M a + N (y − y_0), and the plant's own second-order lags."""
+    block = block_of(model)
+    if block is None:
+        return 0.0
+    if actuator < model.nu - 1:
+        return second_order_lag(model, data, actuator)
+    y = data.sensordata[: len(block.y_0)] - block.y_0
+    data.act_dot[block.act] = block.M @ data.act[block.act] + block.N @ y
+    return 0.0
+
+
+def _disturbance(block: Block, t: float) -> Array:
+    d = np.zeros(len(block.ctrl_0))
+    phase = block.header[Slot.PHASE]
+    phase = t if phase < 0 else phase
+    for i, amplitude, omega, phi, start, end in block.terms:
+        if start <= phase < end:
+            d[int(i)] += amplitude * np.cos(omega * t + phi)
+    return d
+
+
+class ReferenceLoop:
+    """Steps a composed model from event to event.
+
+    Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the
+    activation rates, E and dE/dt at both ends. Their Hermite cubic decides whether E may have reached zero in
+    between, however shortly; the event is then located by repeating the step, shortened.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
+        block = block_of(model)
+        assert block is not None
+        self.model, self.data, self.block, self.schedule, self.qpos_0 = model, data, block, schedule, qpos_0
+        self.trigger = int(block.header[Slot.TRIGGER])
+        self.integrate = INTEGRATORS[model.opt.integrator]
+        self._saved = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+        self._grid, self._i = 0.0, 0  # the step grid starts at ``grid``; ``i`` steps of it are done
+        self._last, self._armed = 0.0, False
+        self._clock, self._edge = 1, 0
+        self._begin, self._end, self._length = 0.0, 0.0, 0.0
+        self._next_record = schedule.record_interval
+        block.header[Slot.PHASE] = schedule.phases[0]
+        mujoco.mj_forward(model, data)
+
+    def advance(self, record: Recording, steps: int) -> Status:
+        """Take up to ``steps`` steps, writing into ``record``."""
+        status = Status.RUNNING
+        for _ in range(steps):
+            status = self._advance(record)
+            if status != Status.RUNNING:
+                break
+        return status
+
+    def _advance(self, record: Recording) -> Status:
+        plan, data = self.schedule, self.data
+        t = data.time
+        arm = self._last + plan.delta_min if self.trigger == EVENT and not self._armed else np.inf
+        clock = self._clock * plan.clock if self.trigger == CLOCK else np.inf
+        edge = plan.edges[self._edge] if self._edge < len(plan.edges) else np.inf
+        target = min(plan.t_end, arm, clock, edge)
+        lands = target - t <= plan.timestep * (1 + 1e-9)
+        step = target - t if lands else plan.timestep
+        fired = False
+        if step > 0:
+            E, dE = self._event_function() if self._armed else (0.0, 0.0)
+            mujoco.mj_getState(self.model, data, self._saved, mujoco.mjtState.mjSTATE_INTEGRATION)
+            self._begin, self._length = t, step
+            self._end = target if lands else self._grid + (self._i + 1) * plan.timestep
+            self._step(step, first=True)
+            if self._armed:
+                fired = self._event_in(step, E, dE)
+                lands = lands and data.time >= target
+        if fired or lands:
+            self._grid, self._i = data.time, 0
+        else:
+            self._i += 1
+        status = self._status()
+        if status == Status.RUNNING and lands:
+            # what was planned for this time
+            if data.time >= arm:
+                self._armed = True
+                fired = fired or self._event_function()[0] >= 0
+            if data.time >= clock:
+                self._clock += 1
+                fired = True
+            if data.time >= plan.t_end:
+                status = Status.COMPLETED
+        due = data.time >= self._next_record - 1e-9 * plan.timestep
+        self._record(record, fired, due or status != Status.RUNNING)
+        if fired:
+            mid = self.block.act.start + self.block.n_hat
+            data.act[mid : self.block.act.stop] = data.act[self.block.act.start : mid]
+            self._last, self._armed = data.time, plan.delta_min == 0
+        passed = lands and data.time >= edge
+        if passed:
+            self._edge += 1
+            self.block.header[Slot.PHASE] = plan.phases[self._edge]
+        if fired or passed:
+            mujoco.mj_forward(self.model, data)
+        return status
+
+    def _step(self, step: float, first: bool = False) -> None:
+        """One step of the length given from the saved state, and the forward pass at its end."""
+        if not first:
+            mujoco.mj_setState(self.model, self.data, self._saved, mujoco.mjtState.mjSTATE_INTEGRATION)
+            mujoco.mj_forward(self.model, self.data)
+        self.model.opt.timestep = step
+        self.integrate(self.model, self.data)
+        # not the sum that the engine keeps: its rounding errors add up over many equal steps
+        self.data.time = self._end if step == self._length else self._begin + step
+        mujoco.mj_forward(self.model, self.data)
+
+    def _event_function(self) -> tuple[float, float]:
+        """E and dE/dt, after a forward pass."""
+        a, rate = self.data.act[self.block.act], self.data.act_dot[self.block.act]
+        n = self.block.n_hat
+        e, e_rate = a[n:] - a[:n], rate[n:] - rate[:n]
+        Qe = self.block.Q_t @ e
+        return float(e @ Qe - self.block.header[Slot.Q2]), float(2 * e_rate @ Qe)
+
+    def _event_in(self, step: float, E_0: float, dE_0: float) -> bool:
+        """Whether E reaches zero within the step just taken; leaves the state at the first event, or at the end."""
+        E_1, dE_1 = self._event_function()
+        q2 = self.block.header[Slot.Q2]
+        top = max(abs(E_0 + q2), abs(E_1 + q2))
+        if not np.isfinite(E_1):
+            return False
+        if not may_reach_zero(E_0, dE_0, E_1, dE_1, step, self.schedule.margin(step) * top):
+            if E_1 >= 0:
+                self._locate(0.0, E_0, dE_0, step, E_1, dE_1)
+            return bool(E_1 >= 0)
+        # E may have touched zero between the ends: look inside, ever finer
+        pieces = 2
+        while pieces <= SPLITS:
+            s_a, E_a, dE_a = 0.0, E_0, dE_0
+            margin = self.schedule.margin(step / pieces) * top
+            settled = True
+            for j in range(1, pieces + 1):
+                s_b = step * j / pieces
+                self._step(s_b)
+                E_b, dE_b = self._event_function()
+                if E_b >= 0:
+                    self._locate(s_a, E_a, dE_a, s_b, E_b, dE_b)
+                    return True
+                settled = settled and not may_reach_zero(E_a, dE_a, E_b, dE_b, s_b - s_a, margin)
+                s_a, E_a, dE_a = s_b, E_b, dE_b
+            if settled:
+                break
+            pieces *= 2
+        return False
+
+    def _locate(self, low: float, E_l: float, dE_l: float, high: float, E_h: float, dE_h: float) -> None:
+        """Find the root of E between ``low`` (E < 0) and ``high`` (E ≥ 0); leave the state there."""
+        s = hermite_root(low, E_l, dE_l, high, E_h, dE_h)
+        for trial in range(60):
+            self._step(s)
+            E, dE = self._event_function()
+            if E >= 0:
+                high = s
+            else:
+                low = s
+            newton = s - E / dE if dE > 0 else np.inf
+            if abs(newton - s) <= EVENT_TOLERANCE or high - low <= EVENT_TOLERANCE:
+                break
+            # bisection now and then, for a touch so slight that Newton converges slowly
+            s = newton if low < newton < high and trial % 8 != 7 else (low + high) / 2
+
+    def _status(self) -> Status:
+        model, data = self.model, self.data
+        if not (np.abs(data.qpos).sum() + np.abs(data.qvel).sum() + np.abs(data.act).sum() < mujoco.mjMAXVAL):
+            return Status.DIVERGED
+        if any(w.number for w in data.warning):
+            return Status.WARNED
+        departure = np.empty(model.nv)
+        mujoco.mj_differentiatePos(model, departure, 1.0, self.qpos_0, data.qpos)
+        return Status.FELL if np.abs(departure).max() > self.schedule.limit else Status.RUNNING
+
+    def _record(self, record: Recording, fired: bool, due: bool) -> None:
+        data = self.data
+        y = data.sensordata
+        n_dense, n_samples, n_events = record.count
+        record.dense[n_dense] = [data.time, *y]
+        if fired or due:
+            row = np.concatenate([[data.time], data.qpos, data.qvel, data.act, y])
+            record.samples[n_samples] = row
+            record.count[1] += 1
+            if fired:
+                record.events[n_events] = row
+                record.event_at[n_events] = n_dense
+                record.count[2] += 1
+            self._next_record = data.time + self.schedule.record_interval
+        record.count[0] += 1
+
+
+def may_reach_zero(E_0: float, dE_0: float, E_1: float, dE_1: float, step: float, margin: float) -> bool:
+    """Whether E, negative at the start, may reach zero *inside* the step and fall again, with E and dE/dt at both ends.
+
+    The cubic Hermite interpolant's interior maximum is compared with zero, allowing for ``margin`` of error.
+    """
+    # H(s) = E_0 + dE_0 s + c s² + d s³
+    c = (3 * (E_1 - E_0) / step - 2 * dE_0 - dE_1) / step
+    d = (dE_0 + dE_1 - 2 * (E_1 - E_0) / step) / step**2
+    disc = c * c - 3 * d * dE_0
+    if disc <= 0:
+        return False
+    # of the two stationary points the maximum is where H'' = −2 √disc; this form of the root does not cancel
+    root = np.sqrt(disc)
+    s = dE_0 / (root - c) if c < 0 else (-c - root) / (3 * d) if d != 0 else -1.0
+    if not 0 < s < step:
+        return False
+    return bool(E_0 + s * (dE_0 + s * (c + s * d)) + margin >= 0)
+
+
+def hermite_root(low: float, E_l: float, dE_l: float, high: float, E_h: float, dE_h: float) -> float:
+    """Root of the cubic Hermite interpolant of E between ``low`` (E < 0) and ``high`` (E ≥ 0)."""
+    step = high - low
+    c = (3 * (E_h - E_l) / step - 2 * dE_l - dE_h) / step
+    d = (dE_l + dE_h - 2 * (E_h - E_l) / step) / step**2
+    a, b = 0.0, step
+    s = step * E_l / (E_l - E_h)
+    for _ in range(50):
+        value = E_l + s * (dE_l + s * (c + s * d))
+        if value >= 0:
+            b = s
+        else:
+            a = s
+        slope = dE_l + s * (2 * c + s * 3 * d)
+        new = s - value / slope if slope > 0 else -1.0
+        if not a < new < b:
+            new = (a + b) / 2
+        if abs(new - s) <= 1e-15 * step:
+            break
+        s = new
+    return low + max(s, 1e-3 * EVENT_TOLERANCE)
+
+
+__all__ = ["CONTINUOUS", "INTEGRATORS", "ReferenceLoop", "act_dyn", "control", "hermite_root", "may_reach_zero"]

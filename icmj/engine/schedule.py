@@ -1,0 +1,53 @@
+"""When the closed loop steps, samples, records and stops: everything a loop needs besides the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.linear_plant import Array
+
+EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Times of one run.
+
+    Attributes:
+        timestep: h [s].
+        t_end: where the run ends [s].
+        delta_min: Δ_min of the event trigger [s].
+        clock: interval of the clock trigger [s]; infinite for others.
+        edges: times at which the disturbance may jump [s], rising; steps end on them.
+        phases: a time within each stretch between edges, shape (len(edges) + 1,).
+        record_interval: least time between two recorded samples [s]; events are always recorded.
+        limit: the run has fallen when a position departs further than this [rad or m].
+        rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
+    """
+
+    timestep: float
+    t_end: float
+    delta_min: float
+    clock: float
+    edges: Array
+    phases: Array
+    record_interval: float
+    limit: float
+    rate: float
+
+    def margin(self, step: float) -> float:
+        """How far E + q_t² may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.
+
+        E + q_t² = eᵀQ_te is a sum of exponentials with rates up to twice the loop's, and a Hermite cubic errs by
+        h⁴/384 times the fourth derivative; the factor 10 is for what the nonlinear plant adds.
+        """
+        return float(10 * (2 * self.rate * step) ** 4 / 384)
+
+
+def phases_of(edges: Array) -> Array:
+    """A time ≥ 0 strictly within each stretch between ``edges``."""
+    if len(edges) == 0:
+        return np.zeros(1)
+    return np.concatenate([[edges[0] / 2], (edges[1:] + edges[:-1]) / 2, [edges[-1] + 1]])
