@@ -1,0 +1,125 @@
+"""The archive: a result as one JSON tree and named flat arrays, bit-exact both ways.
+
+The walk knows dataclasses, arrays, run files and plain values, and nothing else; it builds only the classes listed
+here, so a log can carry data but no code. A digest over everything tells when a stored bit has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.controller import ClockTrigger, Continuous, Controller, EventTrigger, Hold
+from icmj.design import Design
+from icmj.errors import IcmjError, LogError
+from icmj.linear_plant import LinearPlant
+from icmj.measurement import Measurement
+from icmj.result import AmplitudeLaw, Growth, Result
+from icmj.runfile import RunFile, parse_run
+from icmj.simulation import Events, Outcome, Simulation
+from icmj.theory.prediction import Crossing, Locus, Orbit, Prediction
+
+_CLASSES = {
+    cls.__name__: cls
+    for cls in (
+        *(LinearPlant, Design, Hold, EventTrigger, ClockTrigger, Continuous, Controller),
+        *(Crossing, Orbit, Locus, Prediction, Events, Outcome, Simulation, Measurement, Growth, AmplitudeLaw, Result),
+    )
+}
+_LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
+
+Flat = dict[str, NDArray[Any]]
+
+
+def pack(result: Result) -> tuple[str, Flat]:
+    """The tree as JSON text, and the arrays by their dotted place in it, flattened row by row.
+
+    Complex arrays are stored as (re, im) pairs; dtype and shape are in the tree.
+
+    Raises:
+        LogError: if the result holds something that has no place in a log.
+    """
+    arrays: Flat = {}
+    return json.dumps(_encode(result, "", arrays), ensure_ascii=False), arrays
+
+
+def unpack(tree: str, arrays: Flat) -> Result:
+    """The result from what :func:`pack` gave; its arrays are read-only copies of nothing, bit for bit.
+
+    Raises:
+        LogError: if tree and arrays do not make a result of this version of icmj.
+    """
+    try:
+        result = _decode(json.loads(tree), arrays)
+    except IcmjError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(f"the archive is not one of this version of icmj ({error})") from error
+    if not isinstance(result, Result):
+        raise LogError("the archive holds no result")
+    return result
+
+
+def digest(tree: str, arrays: Flat) -> str:
+    """SHA-256 over the tree and every array with its name, as hexadecimal text."""
+    total = hashlib.sha256(tree.encode())
+    for key in sorted(arrays):
+        total.update(f"\0{key}\0".encode())
+        total.update(np.ascontiguousarray(arrays[key]).tobytes())
+    return total.hexdigest()
+
+
+def _encode(value: Any, key: str, arrays: Flat) -> Any:
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "fciub":
+            raise LogError(f"{key}: an array of {value.dtype} has no place in a log")
+        flat = np.ascontiguousarray(value).reshape(-1)
+        if value.dtype.kind == "c":
+            flat = flat.view(flat.real.dtype)
+        elif value.dtype.kind == "b":
+            flat = flat.view(np.uint8)
+        arrays[key] = flat
+        return {"@array": key, "dtype": value.dtype.str, "shape": list(value.shape)}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return float(value)
+    if isinstance(value, complex):
+        return {"@complex": [value.real, value.imag]}
+    if isinstance(value, RunFile):
+        return {"@run": value.text, "path": value.path.as_posix()}
+    if is_dataclass(value) and type(value).__name__ in _CLASSES:
+        name = type(value).__name__
+        kept = [f.name for f in fields(value) if (name, f.name) not in _LEFT_OUT]
+        return {"@": name} | {f: _encode(getattr(value, f), f"{key}.{f}".lstrip("."), arrays) for f in kept}
+    if isinstance(value, tuple | list):
+        items = [_encode(item, f"{key}.{i}", arrays) for i, item in enumerate(value)]
+        return {"@tuple": items} if isinstance(value, tuple) else items
+    if isinstance(value, Mapping) and not any(str(k).startswith("@") for k in value):
+        return {str(k): _encode(v, f"{key}.{k}", arrays) for k, v in value.items()}
+    raise LogError(f"{key}: a {type(value).__name__} has no place in a log")
+
+
+def _decode(value: Any, arrays: Flat) -> Any:
+    if isinstance(value, list):
+        return [_decode(item, arrays) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if "@array" in value:
+        return np.ascontiguousarray(arrays[value["@array"]]).view(value["dtype"]).reshape(value["shape"])
+    if "@complex" in value:
+        return complex(*value["@complex"])
+    if "@tuple" in value:
+        return tuple(_decode(item, arrays) for item in value["@tuple"])
+    if "@run" in value:
+        return parse_run(value["@run"], value["path"])
+    parts = {k: _decode(v, arrays) for k, v in value.items() if k != "@"}
+    return _CLASSES[value["@"]](**parts) if "@" in value else parts

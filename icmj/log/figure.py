@@ -1,0 +1,134 @@
+"""The 3D figures: each geom once, then whole columns of body poses; true at the left, magnified at the right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from icmj.linear_plant import Array
+from icmj.log import palette
+from icmj.result import Geom, Scene
+
+ROOT = "scene"
+FLOOR_COLOUR = (70, 74, 80, 255)
+
+
+def write_figures(recording: rr.RecordingStream, scene: Scene, time: rr.TimeColumn) -> None:
+    """Write both figures with centre of mass and its path; ``time`` holds the times of the poses."""
+    height = float(scene.com[0, 2] - _floor(scene))
+    apart = 0.62 * max(height, 0.3)
+    recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    _write_floor(recording, scene, apart)
+    figures = (
+        ("true", "true size", -apart, scene.xpos, scene.xquat, scene.com),
+        (
+            "magnified",
+            f"sway × {scene.magnification:g}",
+            apart,
+            scene.magnified_xpos,
+            scene.magnified_xquat,
+            scene.magnified_com,
+        ),
+    )
+    for name, label, x, xpos, xquat, com in figures:
+        root = f"{ROOT}/{name}"
+        recording.log(root, rr.Transform3D(translation=[x, 0.0, 0.0]), static=True)
+        _write_bodies(recording, root, scene, xpos, xquat, time)
+        _write_com(recording, root, com, time)
+        top = _top(scene)
+        recording.log(
+            f"{root}/label",
+            rr.Points3D([[0, 0, top]], labels=[label], colors=[palette.WHITE], radii=[0.0], show_labels=True),
+            static=True,
+        )
+        plumb = [[[0, 0, _floor(scene)], [0, 0, top]]]
+        recording.log(f"{root}/vertical", rr.LineStrips3D(plumb, colors=[palette.GREY], radii=[-0.75]), static=True)
+
+
+def _write_bodies(
+    recording: rr.RecordingStream, root: str, scene: Scene, xpos: Array, xquat: Array, time: rr.TimeColumn
+) -> None:
+    for index, body in enumerate(scene.bodies):
+        geoms = [geom for geom in scene.geoms if geom.body == index and geom.type != "plane"]
+        if not geoms:
+            continue
+        path = f"{root}/{body}"
+        at, turned = xpos[:, index], xquat[:, index][:, [1, 2, 3, 0]]
+        if (at == at[0]).all() and (turned == turned[0]).all():
+            pose = rr.Transform3D(translation=at[0], quaternion=rr.Quaternion(xyzw=turned[0]))
+            recording.log(path, pose, static=True)
+        else:
+            recording.send_columns(path, [time], rr.Transform3D.columns(translation=at, quaternion=turned))
+        for kind in sorted({geom.type for geom in geoms}):
+            recording.log(f"{path}/{kind}", _shapes(kind, [g for g in geoms if g.type == kind]), static=True)
+
+
+def _shapes(kind: str, geoms: list[Geom]) -> Any:
+    """All geoms of one kind on one body, as one archetype. MuJoCo's capsules are centred, rerun's start at z = 0."""
+    size, pos = np.array([g.size for g in geoms]), np.array([g.pos for g in geoms])
+    quat = np.array([g.quat for g in geoms])
+    common: dict[str, Any] = {
+        "quaternions": quat[:, [1, 2, 3, 0]],
+        "colors": np.array([g.rgba for g in geoms]),
+        "labels": [g.name for g in geoms],
+        "show_labels": False,
+        "fill_mode": rr.components.FillMode.Solid,
+    }
+    if kind == "capsule":
+        start = pos - size[:, 1:2] * _z_axis(quat)
+        return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=start, **common)
+    if kind == "cylinder":
+        return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=pos, **common)
+    if kind == "box":
+        return rr.Boxes3D(half_sizes=size, centers=pos, **common)
+    half = size if kind == "ellipsoid" else np.repeat(size[:, :1], 3, axis=1)
+    return rr.Ellipsoids3D(half_sizes=half, centers=pos, **common)
+
+
+def _z_axis(quat: Array) -> Array:
+    """Where each quaternion (wxyz) turns the z axis, shape (M, 3)."""
+    w, x, y, z = quat.T
+    return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
+
+
+def _write_com(recording: rr.RecordingStream, root: str, com: Array, time: rr.TimeColumn) -> None:
+    """The centre of mass: where it is, and its path over the whole run, in front of the body so as to be seen."""
+    recording.log(
+        f"{root}/com",
+        rr.Points3D.from_fields(colors=[palette.YELLOW], radii=[0.022]),
+        static=True,
+    )
+    recording.send_columns(f"{root}/com", [time], rr.Points3D.columns(positions=com))
+    recording.log(f"{root}/com_path", rr.LineStrips3D([com], colors=[palette.VERMILION], radii=[-1.5]), static=True)
+
+
+def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> None:
+    z, reach = _floor(scene), 1.9 * apart
+    recording.log(
+        f"{ROOT}/floor",
+        rr.Boxes3D(
+            half_sizes=[[reach, 0.9 * apart, 0.01]],
+            centers=[[0, 0, z - 0.01]],
+            colors=[FLOOR_COLOUR],
+            fill_mode=rr.components.FillMode.Solid,
+        ),
+        static=True,
+    )
+
+
+def _floor(scene: Scene) -> float:
+    """Height of the floor: the model's plane, or the lowest body."""
+    planes = [geom.pos[2] for geom in scene.geoms if geom.type == "plane"]
+    return float(planes[0]) if planes else float(scene.xpos[0, :, 2].min())
+
+
+def _top(scene: Scene) -> float:
+    """A little above the highest geom at the start."""
+    reach = [
+        scene.xpos[0, g.body, 2] + float(np.linalg.norm(g.pos)) + float(g.size.max())
+        for g in scene.geoms
+        if g.type != "plane"
+    ]
+    return 0.08 + max(reach, default=float(scene.xpos[0, :, 2].max()))

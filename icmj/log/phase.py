@@ -1,0 +1,119 @@
+"""The phase plane: every output against its rate, the run over the predicted orbit, in a frame with ticks.
+
+rerun's 2D views have equal axes and y downwards, so the values are scaled to the unit square by round numbers that
+the ticks name.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from icmj.linear_plant import Array
+from icmj.log import palette
+from icmj.log.signals import orbit_at
+from icmj.result import Result
+
+ROOT = "phase"
+SETTLED = 0.5  # the last part of a run, drawn bright; before it is the approach, drawn dim
+
+
+def write_phase_plane(recording: rr.RecordingStream, result: Result, time: rr.TimeColumn) -> None:
+    """Write the phase plane of ``result``; ``time`` holds the times of its samples."""
+    simulation, orbit = result.simulation, result.prediction.orbit
+    y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
+    cycle = orbit if result.prediction.cycle else None
+    if cycle is not None:
+        t = np.linspace(0.0, cycle.period, 400)
+        X, y_orbit, u_orbit = orbit_at(result, cycle, t)
+        rate_orbit = output_rate(result, X[:, : result.actual.n], u_orbit)
+    late = simulation.t >= simulation.t[-1] * (1 - SETTLED)
+    seen = [(y[late], rate[late])] + ([(y_orbit, rate_orbit)] if cycle is not None else [])
+    scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
+
+    def placed(y: Array, rate: Array) -> Array:
+        return np.column_stack([y / scale_y, -rate / scale_rate])
+
+    _write_frame(recording, scale_y, scale_rate)
+    colours = palette.series(result.actual.n_y)
+    approach = ~late
+    events = np.searchsorted(simulation.t, simulation.events.t[simulation.events.t >= simulation.t[-1] * (1 - SETTLED)])
+    events = events[events < len(simulation.t)]
+    for i, (name, colour) in enumerate(zip(result.actual.outputs, colours, strict=True)):
+        root = f"{ROOT}/{name}"
+        strips = [clipped for clipped in _inside(placed(y[approach, i], rate[approach, i]))]
+        if strips:
+            dim = (*colour[:3], 45)
+            recording.log(f"{root}/approach", rr.LineStrips2D(strips, colors=[dim], radii=[-0.5]), static=True)
+        if cycle is not None:
+            line = placed(y_orbit[:, i], rate_orbit[:, i])
+            recording.log(
+                f"{root}/orbit",
+                rr.LineStrips2D([line], colors=[(*palette.PREDICTED[:3], 150)], radii=[-2.5], draw_order=1.0),
+                static=True,
+            )
+        line = placed(y[late, i], rate[late, i])
+        recording.log(
+            f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.0], draw_order=2.0), static=True
+        )
+        if len(events):
+            at = placed(y[events, i], rate[events, i])
+            recording.log(
+                f"{root}/events", rr.Points2D(at, colors=[palette.EVENT], radii=[-2.5], draw_order=3.0), static=True
+            )
+        recording.log(
+            f"{root}/now",
+            rr.Points2D.from_fields(colors=[colour], radii=[-6.0], labels=[name], show_labels=True, draw_order=4.0),
+            static=True,
+        )
+        recording.send_columns(f"{root}/now", [time], rr.Points2D.columns(positions=placed(y[:, i], rate[:, i])))
+
+
+def output_rate(result: Result, x: Array, u: Array) -> Array:
+    """ẏ = C(Ax + Bu) of the linearised actual plant, shape (M, n_y)."""
+    plant = result.actual
+    return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten; 1 for zero."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9)))
+
+
+def _inside(line: Array, reach: float = 1.35) -> list[Array]:
+    """The parts of a line that stay within the frame."""
+    inside = np.abs(line).max(axis=1) <= reach
+    cuts = np.flatnonzero(np.diff(inside.astype(int))) + 1
+    return [
+        part
+        for part, kept in zip(np.split(line, cuts), np.split(inside, cuts), strict=True)
+        if len(part) > 1 and kept[0]
+    ]
+
+
+def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float) -> None:
+    axes = [[[-1.25, 0], [1.25, 0]], [[0, -1.25], [0, 1.25]]]
+    recording.log(
+        f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
+    )
+    ticks = [[-1, 0], [1, 0], [0, -1], [0, 1]]
+    labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
+    recording.log(
+        f"{ROOT}/ticks",
+        rr.Points2D(ticks, labels=labels, colors=[palette.GREY], radii=[-2.0], show_labels=True, draw_order=0.5),
+        static=True,
+    )
+    recording.log(
+        f"{ROOT}/names",
+        rr.Points2D(
+            [[1.2, 0.13], [0.0, -1.35]],
+            labels=["y [rad]", "dy/dt [rad/s]"],
+            colors=[palette.WHITE],
+            radii=[0.0],
+            show_labels=True,
+        ),
+        static=True,
+    )

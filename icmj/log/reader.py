@@ -1,0 +1,92 @@
+"""Reading a log back: bit-exact numpy arrays and the summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from icmj.errors import IcmjError, LogError
+from icmj.log import archive
+from icmj.log.writer import ARCHIVE, FORMAT
+from icmj.result import Result
+
+
+def read_log(path: Path | str) -> Result:
+    """The result that a log was written from, every number bit for bit; ``scene`` is ``None``.
+
+    Raises:
+        LogError: if the file is missing, not a log of icmj, cut short, or its archive has changed since it was
+            written.
+    """
+    path = Path(path)
+    row = _row(path, "/archive")
+    columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
+    try:
+        version, tree, digest = (columns.pop(name)[0].as_py() for name in ("format", "tree", "sha256"))
+    except (KeyError, IndexError) as error:
+        raise LogError(f"{path}: a rerun recording, but not a log of icmj; it has no archive") from error
+    if version != FORMAT:
+        raise LogError(
+            f"{path}: log format {version}, this version of icmj reads {FORMAT}; use the version that wrote it"
+        )
+    arrays = {name: values.to_numpy(zero_copy_only=False) for name, values in columns.items()}
+    if archive.digest(tree, arrays) != digest:
+        raise LogError(f"{path}: the archive has changed since it was written (SHA-256 differs); take another copy")
+    try:
+        return archive.unpack(tree, arrays)
+    except IcmjError as error:
+        raise LogError(f"{path}: {error}") from error
+
+
+def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
+    """The properties of a log by section (case, outcome, predicted, measured, precision, provenance, run_file).
+
+    Raises:
+        LogError: if the file is missing, not a log of icmj, or cut short.
+    """
+    path = Path(path)
+    sections: dict[str, dict[str, Any]] = {}
+    for entity, row in _rows(path, "/__properties/**"):
+        name = entity.removeprefix("/__properties").strip("/")
+        facts = {key: values[0].as_py() for key, values in row.items() if len(values)}
+        if name and facts:
+            sections.setdefault(name, {}).update(facts)
+    if "case" not in sections:
+        raise LogError(f"{path}: a rerun recording, but not a log of icmj; it has no summary")
+    return sections
+
+
+def _row(path: Path, entity: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for _, row in _rows(path, entity):
+        found.update(row)
+    return found
+
+
+def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
+    """Entity and its static components, as arrow arrays by name, of every chunk that ``content`` selects."""
+    from rerun.chunk import RrdReader
+
+    if not path.is_file():
+        raise LogError(f"{path}: no such log")
+    try:
+        stream = RrdReader(path).store().stream().filter(content=content)
+        return [
+            (
+                chunk.entity_path,
+                {
+                    name: column[-1].values
+                    for name, column in zip(batch.schema.names, batch.columns, strict=True)
+                    if not name.startswith("rerun.") and hasattr(column[-1], "values") and column[-1].is_valid
+                },
+            )
+            for chunk in stream
+            for batch in [chunk.to_record_batch()]
+        ]
+    except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
+        reason = " ".join(str(error).split())[:200]
+        raise LogError(
+            f"{path}: not a complete rerun recording ({reason}); `icmj replay` shows what can be salvaged of a log cut short"
+        ) from error

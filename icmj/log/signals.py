@@ -1,0 +1,162 @@
+"""The time series that people look at, computed from a result: what the paper's panels show, over time.
+
+Plain numpy; how they are drawn is in :mod:`icmj.log.blueprint`, how they are stored in :mod:`icmj.log.writer`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from icmj.controller import EventTrigger
+from icmj.linear_plant import Array, transformation
+from icmj.log import palette
+from icmj.log.palette import Colour
+from icmj.result import Result
+from icmj.simulation import Simulation
+from icmj.theory.prediction import Orbit
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Series of one kind that share their times: one entity of the log.
+
+    Attributes:
+        path: entity path.
+        t: times [s], shape (M,); may repeat where a value jumps.
+        values: shape (M, w).
+        names, colours: for the legend, length w.
+        width: stroke width, or marker size of points [ui points].
+        kind: ``lines`` or ``points``.
+    """
+
+    path: str
+    t: Array
+    values: Array
+    names: tuple[str, ...]
+    colours: tuple[Colour, ...]
+    width: float = 1.5
+    kind: Literal["lines", "points"] = "lines"
+
+
+def groups(result: Result) -> Iterator[Group]:
+    """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
+    yield from _signals(result)
+    yield from _trigger(result)
+    yield from _intervals(result)
+    yield from _modes(result)
+
+
+def modes(result: Result, x: Array, x_o: Array) -> Array:
+    """χ = V⁻¹ x̄ with x̄ = (x, x_o − T̂x) (eq. chi), its real part; shape (M, n + n̂).
+
+    Real for a real eigenvalue, as the critical one is; for a complex pair this is one phase of it.
+    """
+    assert result.prediction.V_inv is not None
+    T_hat = transformation(result.assumed, result.actual)
+    x_bar = np.hstack([x, x_o - x @ T_hat.T])
+    return np.ascontiguousarray((x_bar @ result.prediction.V_inv.T).real)
+
+
+def orbit_at(result: Result, orbit: Orbit, t: Array) -> tuple[Array, Array, Array]:
+    """Predicted (X̄, y, u) at times t, the orbit repeated and laid so that a sample falls on the last event.
+
+    The phase is all that is taken from the simulation: the theory does not say when the cycle starts, nor with which
+    sign. Shapes (M, n + 2n̂), (M, n_y), (M, n_u).
+    """
+    events = result.simulation.events
+    start, sign = 0.0, 1.0
+    if len(events):
+        T_hat = transformation(result.assumed, result.actual)
+        last = np.concatenate([events.x[-1], events.x_o[-1] - T_hat @ events.x[-1]])
+        start, sign = float(events.t[-1]), float(np.sign(last @ orbit.x_bar) or 1.0)
+    periods, tau = np.divmod(t - start, orbit.delta)
+    side = sign * np.where(periods % 2 == 0, 1.0, float(orbit.sign))
+    return tuple(  # type: ignore[return-value]
+        side[:, None] * np.column_stack([np.interp(tau, orbit.t, column) for column in values.T])
+        for values in (orbit.X, orbit.y, orbit.u)
+    )
+
+
+def running_interval(simulation: Simulation) -> tuple[Array, Array]:
+    """Time since the last sample, at every event before and after the reset: a sawtooth with vertical falls."""
+    events, end = simulation.events, float(simulation.t[-1])
+    t = np.concatenate([[0.0], np.repeat(events.t, 2), [end]])
+    since = np.concatenate([[0.0], np.column_stack([events.interval, 0 * events.t]).ravel(), [0.0]])
+    since[-1] = end - (events.t[-1] if len(events) else 0.0)
+    return t, since
+
+
+def _signals(result: Result) -> Iterator[Group]:
+    """Outputs, inputs and states: intermittent, continuous and predicted."""
+    simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
+    y_names, u_names = result.actual.outputs, result.actual.inputs
+    y_colours, u_colours = palette.series(len(y_names)), palette.series(len(u_names))
+    if prediction.cycle and prediction.orbit is not None:
+        _, y, u = orbit_at(result, prediction.orbit, simulation.t)
+        for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
+            pale = tuple(palette.pale(colour) for colour in colours)
+            yield Group(f"{where}/orbit", simulation.t, values, tuple(f"{n} orbit" for n in names), pale, 4.0)
+    for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
+        grey = (palette.CONTINUOUS,) * len(names)
+        yield Group(f"{where}/continuous", continuous.t, values, tuple(f"{n} continuous" for n in names), grey, 1.0)
+    yield Group("outputs/intermittent", simulation.t, simulation.y, y_names, y_colours)
+    yield Group("inputs/intermittent", simulation.t, simulation.u, u_names, u_colours)
+    for path, values, names in (
+        ("states/plant", simulation.x, result.actual.states),
+        ("states/observer", simulation.x_o, result.assumed.states),
+        ("states/hold", simulation.x_h, result.assumed.states),
+    ):
+        yield Group(path, simulation.t, values, names, palette.series(len(names)))
+
+
+def _trigger(result: Result) -> Iterator[Group]:
+    """E/q_t² with its threshold and the events on it."""
+    simulation, trigger = result.simulation, result.controller.trigger
+    if not isinstance(trigger, EventTrigger) or not np.isfinite(simulation.E).any():
+        return
+    E = simulation.E / trigger.q_t**2
+    events = simulation.events
+    yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.PREDICTED,), 1.0)
+    yield Group("trigger/E", simulation.t, E[:, None], ("E / q_t²",), (palette.E,))
+    if len(events):
+        at = np.zeros((len(events), 1))
+        yield Group("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
+
+
+def _intervals(result: Result) -> Iterator[Group]:
+    """Open-loop interval as it runs and at events, with Δ_crit."""
+    simulation, prediction = result.simulation, result.prediction
+    if simulation.control == "continuous":
+        return
+    t, since = running_interval(simulation)
+    yield Group("interval/running", t, since[:, None], ("time since the last sample",), (palette.RUNNING,), 1.0)
+    if prediction.delta_crit is not None:
+        name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
+        line = np.full((2, 1), prediction.delta_crit)
+        yield Group("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (palette.PREDICTED,), 1.5)
+    if len(simulation.events):
+        at = simulation.events.interval[:, None]
+        yield Group("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
+
+
+def _modes(result: Result) -> Iterator[Group]:
+    """χ, with ±γ and the critical mode at the events."""
+    simulation, prediction = result.simulation, result.prediction
+    if prediction.V_inv is None:
+        return
+    chi = modes(result, simulation.x, simulation.x_o)
+    others = tuple(f"χ {i + 1}" for i in range(1, chi.shape[1]))
+    if others:
+        grey = (palette.OTHER_MODES,) * len(others)
+        yield Group("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
+    if prediction.gamma is not None:
+        lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
+        yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.PREDICTED,) * 2, 1.0)
+    yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("χ 1, critical",), (palette.CRITICAL,))
+    if len(simulation.events):
+        at = modes(result, simulation.events.x, simulation.events.x_o)[:, :1].copy()
+        yield Group("modes/events", simulation.events.t, at, ("event",), (palette.EVENT,), 3.0, "points")

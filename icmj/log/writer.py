@@ -1,0 +1,135 @@
+"""Writing a log: one ``.rrd`` with everything in it, in whole columns, complete or not at all."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from icmj.errors import LogError
+from icmj.linear_plant import Array
+from icmj.log import archive, signals, summary
+from icmj.log.blueprint import TIMELINE, blueprint
+from icmj.log.figure import write_figures
+from icmj.log.phase import write_phase_plane
+from icmj.result import Result
+
+APPLICATION = "icmj"
+FORMAT = 1
+"""Version of what the archive holds; raised when an older reader could misread a newer log."""
+
+
+def write_log(result: Result, path: Path | str) -> None:
+    """Write ``result`` to ``path`` as a rerun recording.
+
+    It is written beside ``path`` as ``.tmp``, read back for completeness, and renamed: under its name a log is whole.
+    The archive that :func:`icmj.log.read_log` returns carries its own digest, so there is no file beside the log to
+    lose or to forget.
+
+    Raises:
+        LogError: if the result cannot be stored or the file cannot be written.
+    """
+    path = Path(path)
+    part = path.with_name(path.name + ".tmp")
+    tree, arrays = archive.pack(result)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with strictly():
+            _write(result, tree, arrays, part)
+            _verify(part)
+        os.replace(part, path)
+    except (OSError, RuntimeError, ValueError, TypeError) as error:
+        raise LogError(f"{path}: the log cannot be written ({_one_line(error)})") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def time_column(t: Array) -> rr.TimeColumn:
+    """Seconds as rerun's time, to the nearest nanosecond (the archive keeps them exactly)."""
+    nanoseconds = np.rint(np.asarray(t) * 1e9).astype(np.int64)
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
+
+
+@contextmanager
+def strictly() -> Iterator[None]:
+    """rerun raises on a wrong argument, where it would otherwise warn and drop the data."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
+    digest = archive.digest(tree, arrays)
+    # one identity for one content: two versions of a case stay two recordings in the viewer
+    identity = uuid.uuid5(uuid.NAMESPACE_OID, digest)
+    recording = rr.RecordingStream(APPLICATION, recording_id=identity)
+    recording.save(part, default_blueprint=blueprint(result))
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
+    recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
+    for name, facts in summary.properties(result).items():
+        if facts:
+            recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
+    _write_archive(recording, tree, arrays, digest)
+    document = rr.TextDocument(summary.markdown(result), media_type=rr.MediaType.MARKDOWN)
+    recording.log("summary", document, static=True)
+    for group in signals.groups(result):
+        _write_group(recording, group)
+    time = time_column(result.simulation.t)
+    write_phase_plane(recording, result, time)
+    if result.scene is not None:
+        write_figures(recording, result.scene, time)
+    recording.flush(timeout_sec=60.0)
+    recording.disconnect()
+
+
+def _write_group(recording: rr.RecordingStream, group: signals.Group) -> None:
+    colours, names = list(group.colours), list(group.names)
+    style = (
+        rr.SeriesPoints(colors=colours, names=names, marker_sizes=[group.width] * len(names))
+        if group.kind == "points"
+        else rr.SeriesLines(colors=colours, names=names, widths=[group.width] * len(names))
+    )
+    recording.log(group.path, style, static=True)
+    M, w = group.values.shape
+    columns = rr.Scalars.columns(scalars=np.ascontiguousarray(group.values).reshape(-1)).partition(np.full(M, w))
+    recording.send_columns(group.path, [time_column(group.t)], columns)
+
+
+def _write_archive(recording: rr.RecordingStream, tree: str, arrays: archive.Flat, digest: str) -> None:
+    """One static row: the tree, its digest, and every array as a plain list of numbers that other tools read too."""
+    head = {"format": pa.array([FORMAT]), "tree": pa.array([tree]), "sha256": pa.array([digest])}
+    body = {key: pa.array(values) for key, values in arrays.items()}
+    recording.log("archive", _batches(head | body), static=True)
+
+
+def _batches(columns: dict[str, pa.Array]) -> Iterable[rr.DescribedComponentBatch]:
+    return [rr.AnyBatchValue(f"{ARCHIVE}:{key}", values, drop_untyped_nones=False) for key, values in columns.items()]
+
+
+ARCHIVE = "icmj"
+
+
+def _fact(key: str, value: float | int | bool | str) -> rr.AnyBatchValue:
+    return rr.AnyBatchValue(key, pa.array([value]))
+
+
+def _verify(part: Path) -> None:
+    """The file opens, has its manifest, and the archive is in it (a full disk shows only here)."""
+    store = RrdReader(part).store()
+    if "/archive" not in store.summary():
+        raise ValueError("what was written does not read back; is recording switched off by RERUN in the environment?")
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:300]
