@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
+
+if TYPE_CHECKING:
+    from icmj.controller import EventTrigger
+    from icmj.theory.error_system import ErrorSystem
 
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
 
@@ -135,3 +139,77 @@ class Prediction:
     observer_feedback_stable: bool
     locus: Locus
     locus_exact: Locus
+
+
+def predict(
+    system: ErrorSystem, trigger: EventTrigger, *, exact: ErrorSystem | None = None, delta_max: float = 3.0
+) -> Prediction:
+    """The whole linear analysis of one controller on one plant.
+
+    Args:
+        system: the error system of the actual plant.
+        trigger: Q_t, q_t and Δ_min of the event rule.
+        exact: the error system at ρ = 0, where the actual plant is the assumed one; by default that of
+            ``system``'s design with the system-matched hold.
+        delta_max: end of the interval of Δ searched [s].
+
+    Raises:
+        AnalysisError: if ``delta_max`` is not positive and finite, or Q_t does not fit.
+    """
+    from icmj.theory.crossings import search
+    from icmj.theory.eigenstructure import eigenstructure
+    from icmj.theory.error_system import error_system
+    from icmj.theory.flow import flow
+    from icmj.theory.locus import locus
+    from icmj.theory.orbit import orbit as orbit_at
+    from icmj.theory.return_map import jacobian, multipliers
+
+    exact = exact or error_system(system.design.plant, system.design)
+    prepared = flow(system.A_C)
+    found = search(system, delta_max, prepared=prepared)
+    critical, cycle = critical_crossing(found.crossings)
+    orbit, multiplier, verdict, V_inv, condition = None, None, "none", None, float("nan")
+    if critical is not None:
+        sign = 1 if critical.kind == "+1" else -1
+        orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared)
+        structure = eigenstructure(system.T @ prepared.exponential(critical.delta) @ system.T_bar, sign)
+        V_inv, condition = structure.V_inv, structure.condition
+        J = jacobian(system, trigger, orbit, prepared=prepared)
+        multiplier = multipliers(J) if np.isfinite(J).all() else None
+        if not orbit.admissible or multiplier is None:
+            verdict = "not admissible"
+        else:
+            verdict = "attracting" if np.abs(multiplier[0]) < 1 else "repelling"
+    closed_loop = system.T @ system.A_C @ system.T_bar  # φ'(0): plant and observer under continuous control
+    return Prediction(
+        delta_crit=critical.delta if critical else None,
+        eigenvalue=critical.eigenvalue if critical else None,
+        cycle=cycle,
+        period=orbit.period if orbit and cycle else None,
+        gamma=orbit.gamma if orbit else None,
+        amplitude=orbit.y_peak if orbit else None,
+        crossings=found.crossings,
+        delta_max=found.delta_end,
+        orbit=orbit,
+        multipliers=multiplier,
+        verdict=verdict,
+        v_condition=condition,
+        V_inv=V_inv,
+        state_feedback_stable=_stable(system.actual.A - system.actual.B @ system.k),
+        observer_feedback_stable=_stable(closed_loop),
+        locus=locus(system, delta_max, prepared=prepared),
+        locus_exact=locus(exact, delta_max),
+    )
+
+
+def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
+    """The crossing that defines Δ_crit, and whether it predicts a cycle (notes, section 2)."""
+    real = [c for c in crossings if c.kind != "complex"]
+    for c in real:
+        if c.direction == "rising" and c.largest_other < 1:
+            return c, True
+    return (real[0], False) if real else (None, False)
+
+
+def _stable(A: Array) -> bool:
+    return bool(np.linalg.eigvals(A).real.max(initial=-np.inf) < 0)

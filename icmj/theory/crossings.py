@@ -1,0 +1,351 @@
+"""Every Δ at which an eigenvalue of φ(Δ) crosses or touches the unit circle, with none lost between grid points.
+
+Eigenvalues are not smooth where they meet, and all of them start together at φ(0) = I. So the search is for the
+real zeros of three functions that are analytic in Δ, also there and at Δ = 0: with G(Δ) = (φ(Δ) − I)/Δ and its
+eigenvalues g, that is λ = 1 + Δg,
+
+    f₊ = ∏ g_i                              zero where λ = +1
+    f₋ = ∏ (2 + Δ g_i)                      zero where λ = −1
+    f_c = ∏_{i<j} (g_i + g_j + Δ g_i g_j)   zero where λ_i λ_j = 1, so for a complex pair on the circle
+
+As Δ → 0, G tends to the matrix of the continuous controller (plant and observer): the eigenvalues leave +1 inwards
+iff that is stable, and this departure is not a crossing. Each function is represented by Chebyshev interpolants on
+panels, halved until the coefficients have decayed; all their zeros on a panel follow from a colleague matrix.
+Zeros close together are zoomed into until they separate. Then the crossings found must explain the change in the
+number of eigenvalues outside the circle over each panel, or the panel is halved again.
+
+Resolution: two crossings of the same kind further apart than ``resolution`` are told apart. Closer ones, and a branch
+that comes so close to the circle that its crossings would be so, are reported as one of direction ``tangent``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.errors import AnalysisError
+from icmj.linear_plant import Array
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.flow import Flow, flow
+from icmj.theory.prediction import Crossing
+
+Kind = Literal["+1", "-1", "complex"]
+KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
+
+_DEGREE = 16
+_PANELS = 8
+_DEPTH = 14
+_DECAYED = 1e-10  # last Chebyshev coefficients, relative to the largest
+_PLATEAU = 1e-6  # above _DECAYED they may stay below this where halving does not lower them: that is rounding
+_NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
+# With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
+_DROWNED = 1e8
+
+Spectrum = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What was found and how far the search could see.
+
+    Attributes:
+        crossings: by rising Δ.
+        delta_end: end of the interval searched [s]: ``delta_max``, or earlier where φ has grown so large that
+            eigenvalues near the circle drown in its rounding (‖φ‖ > 1e8 in balanced coordinates).
+    """
+
+    crossings: tuple[Crossing, ...]
+    delta_end: float
+
+
+def crossings(
+    system: ErrorSystem,
+    delta_max: float,
+    *,
+    delta_start: float = 0.0,
+    resolution: float = 1e-6,
+    prepared: Flow | None = None,
+) -> tuple[Crossing, ...]:
+    """All unit-circle crossings of φ(Δ) for ``delta_start`` < Δ ≤ ``delta_max``, by rising Δ.
+
+    Args:
+        system: the error system.
+        delta_max: end of the search [s].
+        delta_start: start of the search [s]; the departure from φ(0) = I is never a crossing.
+        resolution: distance below which two crossings of one kind count as a tangency [s].
+        prepared: the flow of ``system``, if at hand.
+
+    Raises:
+        AnalysisError: if the interval is empty or not finite, or the resolution is not positive.
+    """
+    return search(system, delta_max, delta_start=delta_start, resolution=resolution, prepared=prepared).crossings
+
+
+def search(
+    system: ErrorSystem,
+    delta_max: float,
+    *,
+    delta_start: float = 0.0,
+    resolution: float = 1e-6,
+    prepared: Flow | None = None,
+) -> Search:
+    """As :func:`crossings`, and says how far eigenvalues could be told from rounding."""
+    if not (np.isfinite(delta_max) and 0 <= delta_start < delta_max):
+        raise AnalysisError(f"crossings need 0 ≤ start < end, got {delta_start} and {delta_max} s")
+    if not resolution > 0:
+        raise AnalysisError(f"the resolution must be positive, got {resolution} s")
+    return _Finder(system, prepared or flow(system.A_C), resolution).run(delta_start, delta_max)
+
+
+class _Finder:
+    """The search on one system: spectra of G on demand, panels, zeros, crossings."""
+
+    def __init__(self, system: ErrorSystem, prepared: Flow, resolution: float) -> None:
+        self.system, self.flow, self.resolution = system, prepared, resolution
+        self.T, self.T_bar = system.T @ system.A_D, system.T_bar
+
+    def run(self, start: float, end: float) -> Search:
+        width = (end - start) / _PANELS
+        left = start + width * np.arange(_PANELS)
+        tails = np.full(_PANELS, np.inf)
+        found: list[Crossing] = []
+        for depth in range(_DEPTH + 1):
+            g, end = self._panels(left, width, end)
+            again: list[tuple[float, float]] = []
+            for a, tail, spectra in zip(left, tails, g, strict=False):
+                here, tail = self._panel(a, width, spectra, tail, last=depth == _DEPTH)
+                if here is None:
+                    again += [(a, tail), (a + width / 2, tail)]
+                else:
+                    found += here
+            if not again:
+                break
+            width /= 2
+            left, tails = np.array(again).T
+        found = [c for c in found if start < c.delta <= end]
+        return Search(tuple(_distinct(sorted(found, key=lambda c: c.delta), self.resolution)), float(end))
+
+    def _panels(self, left: Array, width: float, end: float) -> tuple[Spectrum, float]:
+        """Spectra of G at the nodes of each panel, shape (panels, 17, n + n̂), up to where φ drowns."""
+        s = (1 + _nodes(_DEGREE)) / 2 * width
+        F_s = self.flow.increment(s) @ self.T_bar
+        with np.errstate(over="ignore", invalid="ignore"):
+            F_a = self.flow.increment(left)
+            F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
+        delta = left[:, None] + s
+        scale = self.flow.scale[: F.shape[-1]]
+        size = np.abs(F * (scale / scale[:, None])).max(axis=(2, 3))
+        drowned = ~(size <= _DROWNED)
+        # a panel is kept if it is clean throughout; at the first that is not, the search ends
+        dirty = drowned.any(axis=1) & (left < end)
+        if dirty.any():
+            end = min(end, float(left[dirty].min()))
+        F, delta = F[left < end], delta[left < end]
+        with np.errstate(invalid="ignore"):
+            G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
+        if len(G) and delta[0, 0] == 0:
+            G[0, 0] = self.T @ self.system.A_C @ self.T_bar
+        return np.linalg.eigvals(G).astype(complex), end
+
+    def _spectrum(self, delta: Array) -> Spectrum:
+        G = self.T @ self.flow.increment(delta) @ self.T_bar
+        return np.linalg.eigvals(G / delta[:, None, None]).astype(complex)
+
+    def _panel(
+        self, a: float, width: float, g: Spectrum, before: float, last: bool
+    ) -> tuple[list[Crossing] | None, float]:
+        """Crossings on one panel, or ``None`` if it must be halved; and how far the coefficients decayed.
+
+        ``before`` is how far they decayed on the panel that this one is half of.
+        """
+        delta = a + (1 + _nodes(_DEGREE)) / 2 * width
+        series = {kind: _coefficients(_DEGREE) @ _test(kind, g, delta) for kind in KINDS}
+        tail = max(float(np.abs(c[-3:]).max() / np.abs(c).max()) for c in series.values())
+        resolved = tail < _DECAYED or (tail < _PLATEAU and tail > before / 4)
+        if not resolved and not last:
+            return None, tail
+        found = [x for kind, c in series.items() for x in self._zeros(kind, c, a + width / 2, width / 2)]
+        outside = _outside(g, delta)
+        explained = sum(_step(c) for c in found if a < c.delta <= a + width)
+        if not last and outside[-1] - outside[0] != explained:
+            return None, tail
+        return found, tail
+
+    def _zeros(self, kind: Kind, c: Array, centre: float, radius: float) -> list[Crossing]:
+        """Crossings from the zeros of one interpolant, those close together by zooming in."""
+        if abs(c[0]) > np.abs(c[1:]).sum():
+            return []
+        z = _roots(c)
+        z = z[(np.abs(z.real) <= 1 + 1e-9) & (np.abs(z.imag) <= _NEAR)]
+        z = z[np.argsort(z.real)]
+        found = []
+        while len(z):
+            near = np.flatnonzero(np.diff(z.real) > _NEAR)
+            group, z = np.split(z, [near[0] + 1 if len(near) else len(z)])
+            middle = centre + radius * group.real.mean()
+            if len(group) == 1:
+                crossing = self._crossing(kind, middle, tangent=False)
+                found += [crossing] if crossing else []
+                continue
+            reach = radius * 10 * _NEAR
+            if reach > self.resolution * 10:
+                found += self._zoom(kind, middle, reach)
+            else:
+                crossing = self._crossing(kind, middle, tangent=len(group) % 2 == 0)
+                found += [crossing] if crossing else []
+        return found
+
+    def _zoom(self, kind: Kind, centre: float, radius: float) -> list[Crossing]:
+        degree = 8
+        low = max(centre - radius, 0.0)
+        centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
+        delta = centre + radius * _nodes(degree)
+        delta[0] = max(delta[0], delta[1] * 1e-3)
+        f = _test(kind, self._spectrum(delta), delta)
+        return self._zeros(kind, _coefficients(degree) @ f, centre, radius)
+
+    def _crossing(self, kind: Kind, delta: float, tangent: bool) -> Crossing | None:
+        """The eigenvalue that a zero belongs to, its Δ polished; ``None`` if the zero is no crossing."""
+        if delta <= 0:
+            return None
+        slope = 0.0
+        for step in range(4):
+            lam, values, dlam = self._eigenvalue(kind, delta)
+            if lam is None:
+                return None
+            slope = float(np.real(dlam / lam)) if np.isfinite(dlam) else 0.0
+            if tangent or slope == 0:
+                break
+            move = -np.log(abs(lam)) / slope
+            # a step that leaves the neighbourhood means a nearly defective eigenvalue; the zero of f stands
+            if abs(move) > 1e-3 * delta:
+                break
+            delta += move
+            if abs(move) < 1e-14 * delta or step == 3:
+                break
+        on = abs(np.log(abs(lam)))
+        if on > (1e-6 if not tangent else 1e-6):
+            return None
+        exact = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": lam / abs(lam)}[kind]
+        exact = complex(exact.real, abs(exact.imag))
+        direction: Literal["rising", "falling", "tangent"] = (
+            "tangent" if tangent or slope == 0 else "rising" if slope > 0 else "falling"
+        )
+        others = np.sort(np.abs(np.delete(values, 0)))
+        return Crossing(float(delta), exact, kind, direction, float(others[-1]) if len(others) else 0.0)
+
+    def _eigenvalue(self, kind: Kind, delta: float) -> tuple[complex | None, Spectrum, complex]:
+        """The eigenvalue nearest to the circle of this kind, all of them with it first, and dλ/dΔ."""
+        from scipy.linalg import eig
+
+        F = self.flow.increment(delta)
+        G = self.T @ F @ self.T_bar / delta
+        g, left, right = eig(G, left=True, right=True)
+        if kind == "complex":
+            upper = np.flatnonzero(g.imag > 0)
+            if not len(upper):
+                return None, g, 0j
+            i = upper[np.abs(2 * g[upper].real + delta * np.abs(g[upper]) ** 2).argmin()]
+        else:
+            target = 0.0 if kind == "+1" else -2.0 / delta
+            i = int(np.abs(g - target).argmin())
+        rest = np.delete(g, i)
+        if kind == "complex":
+            rest = np.delete(rest, np.abs(rest - g[i].conj()).argmin())
+        w, v = left[:, i].conj(), right[:, i]
+        rate = self.T @ (self.system.A_C @ (self.T_bar + F @ self.T_bar))
+        overlap = w @ v
+        dlam = (w @ rate @ v) / overlap if abs(overlap) > 1e-12 else complex("nan")
+        return complex(1 + delta * g[i]), 1 + delta * np.concatenate([[g[i]], rest]), dlam
+
+
+def _test(kind: Kind, g: Spectrum, delta: Array) -> Array:
+    """One test function at the Chebyshev nodes of a panel, times a positive function that flattens it.
+
+    The product of many factors varies by many decades over a panel, and a zero where it is small would be lost.
+    Its logarithm is therefore fitted by a quartic, and the function divided by the exponential of that: this has
+    no zeros and is analytic, so neither zeros nor the decay of the coefficients suffer.
+
+    A factor that vanishes at every node belongs to an eigenvalue that stays on the circle (a mode that neither
+    control nor error moves); it crosses nothing and is left out.
+    """
+    d = delta[:, None]
+    if kind == "+1":
+        factors = g
+    elif kind == "-1":
+        factors = 2 + d * g
+    else:
+        i, j = np.triu_indices(g.shape[1], 1)
+        factors = g[:, i] + g[:, j] + d * g[:, i] * g[:, j]
+    size = np.abs(factors)
+    order = np.argsort(size, axis=1)
+    size = np.take_along_axis(size, order, axis=1)
+    factors = np.take_along_axis(factors, order, axis=1)
+    rounding = 1e-12 * np.maximum(np.abs(g).max(axis=1), 1.0)
+    stuck = int((size <= rounding[:, None]).all(axis=0).sum())
+    factors, size = factors[:, stuck:], size[:, stuck:]
+    if not factors.shape[1]:
+        return np.ones(len(delta))
+    tiny = np.finfo(float).tiny
+    log = np.log(np.maximum(size, tiny)).sum(axis=1)
+    sign = np.prod(factors / np.maximum(size, tiny), axis=1).real
+    degree = len(delta) - 1
+    log -= _flattening(degree) @ log
+    return np.asarray(sign * np.exp(log - log.max()))
+
+
+def _outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
+    """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
+    return np.asarray((2 * g.real + delta[:, None] * np.abs(g) ** 2 > 1e-10).sum(axis=1))
+
+
+def _step(crossing: Crossing) -> int:
+    sign = {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
+    return sign * (2 if crossing.kind == "complex" else 1)
+
+
+def _distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
+    """Without those that two neighbouring panels, or a panel and a zoom, both report."""
+    kept: list[Crossing] = []
+    for c in found:
+        same = [
+            k
+            for k in kept[-8:]
+            if k.kind == c.kind
+            and abs(k.delta - c.delta) < 1e-3 * resolution
+            and abs(k.eigenvalue - c.eigenvalue) < 1e-6
+        ]
+        if not same:
+            kept.append(c)
+    return kept
+
+
+@cache
+def _nodes(degree: int) -> Array:
+    """Chebyshev points of the second kind, rising."""
+    x = -np.cos(np.pi * np.arange(degree + 1) / degree)
+    x.flags.writeable = False
+    return x
+
+
+@cache
+def _coefficients(degree: int) -> Array:
+    """Matrix from values at the nodes to Chebyshev coefficients."""
+    return np.linalg.inv(np.polynomial.chebyshev.chebvander(_nodes(degree), degree))
+
+
+@cache
+def _flattening(degree: int) -> Array:
+    """Matrix from values at the nodes to the values of their quartic Chebyshev part."""
+    return np.polynomial.chebyshev.chebvander(_nodes(degree), 4) @ _coefficients(degree)[:5]
+
+
+def _roots(c: Array) -> Spectrum:
+    size = np.abs(c)
+    keep = np.flatnonzero(size > 1e-15 * size.max())
+    degree = int(keep[-1]) if len(keep) else 0
+    return np.atleast_1d(np.polynomial.chebyshev.chebroots(c[: degree + 1])).astype(complex)

@@ -1,0 +1,132 @@
+"""e^{Ā_C t} for many t at once, and functions along it as polynomials in time.
+
+Everything rests on the increment F(t) = e^{Ā_C t} − I: it is small where t is, so nothing cancels as t → 0, and
+F(s + t) = F(s) + F(t) + F(s)F(t). Short times come from the Taylor series, long ones from doubling, which is
+scaling and squaring with all times of a grid sharing the work. Ā_C is balanced first (a diagonal similarity by
+powers of two, exact), because gains make its rows differ by orders of magnitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import matrix_balance
+
+from icmj.errors import AnalysisError
+from icmj.linear_plant import Array
+
+_TERMS = 18  # 1/19! = 8e-18: the Taylor series to rounding for ‖Ā_C t‖ ≤ 1
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """The flow X̄' = Ā_C X̄, prepared by :func:`flow`.
+
+    Attributes:
+        A_C: Ā_C, shape (N, N).
+        balanced: S⁻¹ Ā_C S, shape (N, N).
+        scale: diagonal of S, shape (N,).
+        series: (S⁻¹ Ā_C S)^k / k! for k = 1 … 18, shape (18, N, N).
+        reach: largest t of one Taylor series [s], where ‖S⁻¹ Ā_C S‖ t = 1.
+    """
+
+    A_C: Array
+    balanced: Array
+    scale: Array
+    series: Array
+    reach: float
+
+    def increment(self, t: ArrayLike) -> Array:
+        """F(t) = e^{Ā_C t} − I for each t ≥ 0, shape (..., N, N)."""
+        t = np.asarray(t, dtype=float)
+        flat = t.reshape(-1)
+        doublings = self._doublings(flat.max(initial=0.0))
+        F = self._short(flat / 2**doublings)
+        for _ in range(doublings):
+            F = 2 * F + F @ F
+        return self._unbalance(F).reshape(*t.shape, *self.A_C.shape)
+
+    def exponential(self, t: ArrayLike) -> Array:
+        """e^{Ā_C t} for each t ≥ 0, shape (..., N, N)."""
+        return self.increment(t) + np.eye(len(self.A_C))
+
+    def ladder(self, t: Array, levels: int) -> list[Array]:
+        """F at t, t/2, … t/2^levels: ``levels`` + 1 stacks, each of shape (len(t), N, N)."""
+        doublings = self._doublings(t.max(initial=0.0) / 2**levels)
+        F = self._short(t / 2 ** (levels + doublings))
+        for _ in range(doublings):
+            F = 2 * F + F @ F
+        stacks = [F]
+        for _ in range(levels):
+            F = 2 * F + F @ F
+            stacks.append(F)
+        return [self._unbalance(F) for F in reversed(stacks)]
+
+    def trajectory(self, X: Array, end: float, points: int) -> tuple[Array, Array]:
+        """X̄ on a uniform grid of at least ``points`` + 1 times from 0 to ``end``, starting at ``X``.
+
+        Returns:
+            times, shape (M,), and states, shape (M, N); M − 1 is the next power of two.
+        """
+        levels = max(int(np.ceil(np.log2(max(points, 2)))), 1)
+        step = end / 2**levels
+        states = X[None, :]
+        F = self.increment(step)
+        for _ in range(levels):
+            states = np.concatenate([states, states + states @ F.T])
+            F = 2 * F + F @ F
+        last = X + F @ X
+        return np.linspace(0.0, end, 2**levels + 1), np.concatenate([states, last[None, :]])
+
+    def polynomials(self, states: Array, h: float) -> Array:
+        """Taylor coefficients of e^{Ā_C h s} X̄ in s ∈ [0, 1] from each state.
+
+        Args:
+            states: start states, shape (M, N).
+            h: length of each cell [s]; at most ``reach``.
+
+        Returns:
+            coefficients by rising power, shape (19, M, N).
+
+        Raises:
+            AnalysisError: if ``h`` is longer than one series reaches.
+        """
+        if h > self.reach * (1 + 1e-12):
+            raise AnalysisError(f"a Taylor cell of {h:.3g} s is longer than the series reaches, {self.reach:.3g} s")
+        z = states / self.scale
+        powers = h ** np.arange(1, _TERMS + 1)
+        tail = np.einsum("kij,mj,k->kmi", self.series, z, powers, optimize=True)
+        return np.concatenate([z[None], tail]) * self.scale
+
+    def _doublings(self, t: float) -> int:
+        return max(0, int(np.ceil(np.log2(max(t / self.reach, 1.0)))))
+
+    def _short(self, t: Array) -> Array:
+        coefficients = t[:, None] ** np.arange(1, _TERMS + 1)
+        N = len(self.A_C)
+        return (coefficients @ self.series.reshape(_TERMS, -1)).reshape(-1, N, N)
+
+    def _unbalance(self, F: Array) -> Array:
+        return F * self.scale[:, None] / self.scale
+
+
+def flow(A_C: Array) -> Flow:
+    """Prepare the flow of Ā_C.
+
+    Raises:
+        AnalysisError: if Ā_C is not a finite square matrix.
+    """
+    A_C = np.asarray(A_C, dtype=float)
+    if A_C.ndim != 2 or A_C.shape[0] != A_C.shape[1] or not np.isfinite(A_C).all():
+        raise AnalysisError(f"the matrix of a flow must be finite and square, got shape {A_C.shape}")
+    balanced, (scale, _) = matrix_balance(A_C, permute=False, separate=True)
+    norm = float(np.linalg.norm(balanced, 2)) or 1.0
+    series = np.empty((_TERMS, *A_C.shape))
+    power = np.eye(len(A_C))
+    for k in range(_TERMS):
+        # scaled by the norm so that powers of a large matrix do not overflow before k! tames them
+        power = power @ balanced / (k + 1)
+        series[k] = power
+    return Flow(A_C, balanced, scale, series, 1.0 / norm)

@@ -1,0 +1,171 @@
+"""The periodic orbit that the linear theory predicts (paper, sections 3.3 and 3.4), with its admissibility."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.controller import EventTrigger
+from icmj.errors import AnalysisError
+from icmj.linear_plant import Array
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.flow import Flow, flow
+from icmj.theory.polynomial import Maxima, maxima
+from icmj.theory.prediction import Orbit
+
+SAMPLES = 256
+# E closer to zero than this (relative to q_t²) counts as reached: an event rule in floating point would fire
+TOUCH = 1e-12
+
+
+def critical_vector(phi: Array, sign: int) -> Array:
+    """V_{k₁}: the eigenvector of φ at the eigenvalue ``sign``, unit norm, largest entry positive, shape (n + n̂,).
+
+    The null vector of φ ∓ I from its singular values; sound also where V as a whole has no usable inverse.
+    """
+    v = np.linalg.svd(phi - sign * np.eye(len(phi)))[2][-1]
+    return v * np.sign(v[np.abs(v).argmax()])
+
+
+def orbit(
+    system: ErrorSystem, trigger: EventTrigger, delta: float, sign: int, *, prepared: Flow | None = None
+) -> Orbit:
+    """The orbit at Δ = ``delta`` where φ has the eigenvalue ``sign``.
+
+    Args:
+        system: the error system.
+        trigger: Q_t, q_t and Δ_min.
+        delta: open-loop interval Δ_crit [s].
+        sign: +1, or −1 for mirrored halves.
+        prepared: the flow of ``system``, if at hand.
+
+    Returns:
+        the orbit; where Q_t does not see it (e_0 = 0) its γ is infinite, its time courses are those of γ = 1,
+        its peaks are infinite, and it is not admissible.
+
+    Raises:
+        AnalysisError: if sign is not ±1, ``delta`` is not positive, or Q_t does not fit.
+    """
+    if sign not in (1, -1):
+        raise AnalysisError(f"an orbit has the eigenvalue +1 or −1, got {sign}")
+    if not (np.isfinite(delta) and delta > 0):
+        raise AnalysisError(f"an orbit's interval must be positive, got {delta}")
+    if trigger.Q_t.shape != (system.n_hat, system.n_hat):
+        raise AnalysisError(f"Q_t has shape {trigger.Q_t.shape}; the hold has {system.n_hat} states")
+    phi_t = prepared or flow(system.A_C)
+    v = critical_vector(system.T @ phi_t.exponential(delta) @ system.T_bar, sign)
+    # cells short enough for one Taylor series each, so that every signal is a polynomial between samples
+    points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
+    t, X = phi_t.trajectory(system.T_bar @ v, delta, points)
+    e = X @ system.T_t.T
+    # relative to its largest value on the way e_0 must not be rounding
+    seen = np.einsum("mi,ij,mj->m", e, trigger.Q_t, e)
+    scale = np.abs(trigger.Q_t).max() * (np.abs(X[:, system.n :]).max() ** 2)
+    unseen = not seen[-1] > 1e-20 * scale
+    e_0 = np.sqrt(max(seen[-1], 0.0))
+    gamma = np.inf if unseen else trigger.q_t / e_0
+    factor = 1.0 if unseen else gamma
+    X = X * factor
+    polynomials = phi_t.polynomials(X[:-1], t[1])
+    E = seen * factor**2 - trigger.q_t**2
+    rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
+    peak, spread = _extremes(polynomials, rows, sign)
+    if unseen:
+        peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
+        reason = "Q_t does not see this orbit: its event error is zero at the event (e_0 = 0)"
+    else:
+        reason = _obstacle(system, trigger, polynomials, t)
+    cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
+    y_peak, u_peak, x_peak = np.split(peak, cuts)
+    y_range, u_range, x_range = np.split(spread, cuts)
+    return Orbit(
+        delta=float(delta),
+        sign=int(sign),
+        period=float(delta if sign > 0 else 2 * delta),
+        gamma=float(gamma),
+        x_bar=v * factor,
+        t=t,
+        X=X,
+        y=X @ system.C_y.T,
+        u=X @ system.C_u.T,
+        e_hp=X @ system.T_t.T,
+        E=E,
+        y_peak=y_peak,
+        u_peak=u_peak,
+        x_peak=x_peak,
+        y_range=y_range,
+        u_range=u_range,
+        x_range=x_range,
+        admissible=not reason,
+        reason=reason,
+    )
+
+
+def event_polynomials(system: ErrorSystem, trigger: EventTrigger, polynomials: Array) -> Array:
+    """E in each cell from the states' Taylor polynomials (d + 1, cells, N), shape (2d + 1, cells, 1).
+
+    E is a square of polynomials, so its product is exact where the states' series are.
+    """
+    values, vectors = np.linalg.eigh(trigger.Q_t)
+    root = np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
+    w = polynomials @ (root @ system.T_t).T
+    d = len(w) - 1
+    E = np.zeros((2 * d + 1, w.shape[1]))
+    for i in range(d + 1):
+        E[i : i + d + 1] += np.einsum("mr,kmr->km", w[i], w)
+    E[0] -= trigger.q_t**2
+    return E[:, :, None]
+
+
+def _extremes(polynomials: Array, rows: Array, sign: int) -> tuple[Array, Array]:
+    """Peak magnitude and peak to peak of each row over the whole orbit, mirrored half included."""
+    signals = polynomials @ rows.T
+    both = maxima(np.concatenate([signals, -signals], axis=2)).value
+    up, down = both[: len(rows)], both[len(rows) :]
+    peak = np.maximum(up, down)
+    return peak, (up + down if sign > 0 else 2 * peak)
+
+
+def _obstacle(system: ErrorSystem, trigger: EventTrigger, polynomials: Array, t: Array) -> str:
+    """Why the orbit is not admissible; empty if E < 0 on [Δ_min, Δ) and E rises through zero at Δ."""
+    delta = t[-1]
+    if not delta > trigger.delta_min:
+        return f"Δ_crit = {delta:.6g} s is not longer than Δ_min = {trigger.delta_min:.6g} s"
+    E = event_polynomials(system, trigger, polynomials)
+    threshold = trigger.q_t**2
+    # in the last cell the zero of E at Δ itself is divided out: E = (s − 1) D, and E < 0 there means D > 0
+    last = -_deflate(E[:, -1, 0])
+    h = t[1]
+    first = min(int(trigger.delta_min / h), len(t) - 2)
+    cut = trigger.delta_min / h - first
+    cells = E.copy()
+    cells[:, first, 0] = _tail(cells[:, first, 0], cut)
+    if first == len(t) - 2:
+        last = _tail(last, cut)
+    if last.sum() >= -TOUCH * threshold:
+        return "E does not rise through zero at Δ_crit: the event there is a graze, or comes from above"
+    before: Maxima | None = maxima(cells[:, first:-1]) if first < len(t) - 2 else None
+    if before is not None and before.value[0] >= -TOUCH * threshold:
+        cell = int(before.cell[0])
+        s = before.s[0] if cell else cut + (1 - cut) * before.s[0]
+        return _earlier((first + cell + s) * h, before.value[0] / threshold)
+    in_last = maxima(last[:, None, None])
+    if in_last.value[0] >= 0:
+        return _earlier((len(t) - 2 + in_last.s[0]) * h, 0.0)
+    return ""
+
+
+def _earlier(tau: float, height: float) -> str:
+    return f"the event function is not negative before Δ_crit: E/q_t² reaches {height:.3g} at τ = {tau:.6g} s"
+
+
+def _deflate(p: Array) -> Array:
+    """Quotient of p by (s − 1), by synthetic division; the remainder (p(1), rounding at an event) is dropped."""
+    return np.cumsum(p[::-1])[:-1][::-1]
+
+
+def _tail(p: Array, cut: float) -> Array:
+    """p on [cut, 1], as a polynomial on [0, 1]."""
+    shifted = np.polynomial.polynomial.Polynomial(p)(np.polynomial.polynomial.Polynomial([cut, 1 - cut]))
+    q = np.zeros_like(p)
+    q[: len(shifted.coef)] = shifted.coef
+    return q

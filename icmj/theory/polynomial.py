@@ -1,0 +1,90 @@
+"""Guaranteed maxima of many polynomials on [0, 1], by Bernstein bounds.
+
+A polynomial lies between its smallest and largest Bernstein coefficient. Cells whose bound cannot beat the best
+value found are dropped, the others halved, so that no extremum is missed however short it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.special import comb
+
+from icmj.linear_plant import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Maxima:
+    """Largest value of each group of polynomials.
+
+    Attributes:
+        value: shape (G,).
+        cell: index of the polynomial that attains it, shape (G,).
+        s: where on [0, 1] in that cell, shape (G,).
+    """
+
+    value: Array
+    cell: np.ndarray
+    s: Array
+
+
+@cache
+def _to_bernstein(degree: int) -> Array:
+    i, k = np.ogrid[: degree + 1, : degree + 1]
+    return np.where(k <= i, comb(i, k) / comb(degree, k), 0.0)
+
+
+@cache
+def _halves(degree: int) -> tuple[Array, Array]:
+    i, k = np.ogrid[: degree + 1, : degree + 1]
+    left = np.where(k <= i, comb(i, k) * 0.5**i, 0.0)
+    return left, left[::-1, ::-1].copy()
+
+
+def bernstein(coefficients: Array) -> Array:
+    """Bernstein coefficients on [0, 1] from powers; the first axis is the degree, shape (d + 1, ...)."""
+    d = len(coefficients) - 1
+    return np.tensordot(_to_bernstein(d), coefficients, axes=(1, 0))
+
+
+def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
+    """Maximum over all cells of each group.
+
+    Args:
+        coefficients: by rising power of s ∈ [0, 1], shape (d + 1, cells, groups).
+        tolerance: gap between bound and value at which to stop, relative to the largest coefficient of the group.
+
+    Returns:
+        for each group the largest value, its cell and its place.
+    """
+    b = bernstein(coefficients)
+    d, cells, groups = b.shape[0] - 1, b.shape[1], b.shape[2]
+    slack = tolerance * np.abs(b).max(axis=(0, 1))
+    ends = np.concatenate([b[0], b[-1]])  # exact values at both ends of every cell
+    at = ends.argmax(axis=0)
+    value = ends[at, np.arange(groups)]
+    cell, s = at % cells, (at >= cells).astype(float)
+    group = np.broadcast_to(np.arange(groups), (cells, groups)).reshape(-1)
+    index = np.broadcast_to(np.arange(cells)[:, None], (cells, groups)).reshape(-1)
+    b = b.reshape(d + 1, -1)
+    start, width = np.zeros(b.shape[1]), 1.0
+    left, right = _halves(d)
+    for _ in range(60):
+        open_ = b.max(axis=0) > value[group] + slack[group]
+        if not open_.any():
+            break
+        b, group, index, start = b[:, open_], group[open_], index[open_], start[open_]
+        b = np.concatenate([left @ b, right @ b], axis=1)
+        width /= 2
+        start = np.concatenate([start, start + width])
+        group, index = np.tile(group, 2), np.tile(index, 2)
+        middle = b[0]
+        # ascending order, so that the last write to a group is its best
+        order = np.argsort(middle, kind="stable")
+        better = order[middle[order] > value[group[order]]]
+        value[group[better]] = middle[better]
+        cell[group[better]] = index[better]
+        s[group[better]] = start[better]
+    return Maxima(value, cell, s)

@@ -1,0 +1,41 @@
+"""The return map of the event-driven rule, linearised at an orbit: is the orbit attracting? (notes, section 3)
+
+From one sample to the next x̄ ↦ φ(Δ(x̄)) x̄, with Δ(x̄) given by E = 0. On a mirrored orbit (λ = −1) the map takes
+x̄* to −x̄*; it is odd, so its derivative at −x̄* is the same J, and two intervals have J². The multipliers given are
+those of J, for one interval, in both cases: the orbit is attracting iff every one is inside the unit circle. One is
+always zero, because the state after a sample lies on the image of the surface E = 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.controller import EventTrigger
+from icmj.linear_plant import Array
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.flow import Flow, flow
+from icmj.theory.prediction import Orbit
+
+
+def jacobian(system: ErrorSystem, trigger: EventTrigger, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+    """J = φ − (𝔗A_D Ā_C X⁻)(2X⁻ᵀM e^{Ā_CΔ}𝔗̄)/(2X⁻ᵀM Ā_C X⁻), with M = 𝔗_tᵀQ_t𝔗_t, shape (n + n̂, n + n̂).
+
+    NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
+    """
+    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta)
+    X = e_A @ (system.T_bar @ orbit.x_bar)
+    gradient = X @ system.T_t.T @ trigger.Q_t @ system.T_t
+    velocity = system.A_C @ X
+    slope = gradient @ velocity
+    if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):
+        return np.full((system.n + system.n_hat,) * 2, np.nan)
+    jump = system.T @ system.A_D
+    flight = e_A @ system.T_bar
+    return jump @ flight - np.outer(jump @ velocity, gradient @ flight) / slope
+
+
+def multipliers(J: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of J by falling magnitude, shape (n + n̂,)."""
+    values = np.linalg.eigvals(J).astype(complex)
+    return values[np.lexsort((-values.imag, -np.abs(values)))]
