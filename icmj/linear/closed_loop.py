@@ -1,0 +1,138 @@
+"""The closed loop between samples as one linear system in z = (x, d, e), plus the disturbance.
+
+d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error. With e as a state the reset x_h := x_o is e := 0,
+and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays exact (no round-off of x leaks
+into d), so that the interval can grow without bound as it should.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from icmj.controller import Continuous, Controller
+from icmj.disturbance import Disturbance
+from icmj.errors import SimulationError
+from icmj.linear.flow import Flow
+from icmj.linear_plant import Array, LinearPlant, transformation
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """Plant, observer and hold between samples: ż = M z + disturbance, z = (x, d, e) (eqs. sys, obs, hold).
+
+    Attributes:
+        plant: the actual plant.
+        controller: design, hold and trigger. Under continuous control e stays zero.
+        T_hat: T̂, states of the same name matched, shape (n̂, n).
+        M: shape (n + 2n̂, n + 2n̂).
+    """
+
+    plant: LinearPlant
+    controller: Controller
+    T_hat: Array
+    M: Array
+
+    @property
+    def n(self) -> int:
+        """Number of states of the actual plant."""
+        return self.plant.n
+
+    @property
+    def n_hat(self) -> int:
+        """Number of states of the assumed plant."""
+        return self.controller.design.plant.n
+
+    def state(self, x: Array, x_o: Array, x_h: Array) -> Array:
+        """z from (x, x_o, x_h)."""
+        return np.concatenate([x, x_o - self.T_hat @ x, x_h - x_o])
+
+    def x(self, Z: Array) -> Array:
+        """Plant state, last axis; any leading shape."""
+        return Z[..., : self.n]
+
+    def x_o(self, Z: Array) -> Array:
+        """Observer state."""
+        return Z[..., self.n : self.n + self.n_hat] + self.x(Z) @ self.T_hat.T
+
+    def e(self, Z: Array) -> Array:
+        """Hold error e_hp = x_h − x_o."""
+        return Z[..., self.n + self.n_hat : self.n + 2 * self.n_hat]
+
+    def x_h(self, Z: Array) -> Array:
+        """Hold state."""
+        return self.x_o(Z) + self.e(Z)
+
+
+def closed_loop(plant: LinearPlant, controller: Controller) -> ClosedLoop:
+    """Build the closed loop of ``plant`` under ``controller``; their orders may differ.
+
+    Raises:
+        SimulationError: if inputs or outputs of plant and assumed plant differ in number.
+    """
+    design, assumed = controller.design, controller.design.plant
+    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
+        raise SimulationError(
+            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+    k, L, T = design.k, design.L, transformation(assumed, plant)
+    B_k, B_tilde_k = plant.B @ k, (assumed.B - T @ plant.B) @ k
+    C_tilde = assumed.C @ T - plant.C
+    plant_row = np.hstack([plant.A - B_k @ T, -B_k, -B_k])
+    observer_row = np.hstack(
+        [assumed.A @ T - T @ plant.A - B_tilde_k @ T - L @ C_tilde, design.A_o - B_tilde_k, -B_tilde_k]
+    )
+    if isinstance(controller.trigger, Continuous):
+        error_row = np.zeros((assumed.n, plant.n + 2 * assumed.n))
+    else:
+        # e' = A_h x_h − x_o'; the first difference is exactly zero for the system-matched hold
+        A_h = controller.hold.A_h
+        H = A_h - design.A_c
+        error_row = np.hstack([H @ T + L @ C_tilde, H + L @ assumed.C, A_h + assumed.B @ k])
+    return ClosedLoop(plant, controller, T, np.vstack([plant_row, observer_row, error_row]))
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of time in which the same terms of the disturbance act.
+
+    Attributes:
+        start, end: [s].
+        flow: of z followed by two oscillator states for each acting term, a cos(ωt + φ) and a sin(ωt + φ).
+        amplitude, omega, phase: of these terms.
+    """
+
+    start: float
+    end: float
+    flow: Flow
+    amplitude: Array
+    omega: Array
+    phase: Array
+
+    def augmented(self, z: Array, t: float) -> Array:
+        """z with the oscillators' states at ``t``."""
+        angle = self.omega * t + self.phase
+        return np.concatenate([z, self.amplitude * np.cos(angle), self.amplitude * np.sin(angle)])
+
+
+def stretches(loop: ClosedLoop, disturbance: Disturbance, duration: float) -> list[Stretch]:
+    """The run from 0 to ``duration`` cut where the disturbance switches; its terms become oscillators."""
+    size = len(loop.M)
+    edges = [0.0, *(float(t) for t in disturbance.edges if t < duration), duration]
+    result = []
+    for start, end in pairwise(edges):
+        acting = np.nonzero((disturbance.start <= start) & (start < disturbance.end))[0]
+        omega, count = disturbance.omega[acting], len(acting)
+        M = np.zeros((size + 2 * count, size + 2 * count))
+        M[:size, :size] = loop.M
+        into = loop.plant.B[:, disturbance.input[acting]]
+        # the observer does not know of the disturbance: x_o is not driven, hence d = x_o − T̂x is
+        M[: loop.n, size : size + count] = into
+        M[loop.n : loop.n + loop.n_hat, size : size + count] = -loop.T_hat @ into
+        M[size : size + count, size + count :] = -np.diag(omega)
+        M[size + count :, size : size + count] = np.diag(omega)
+        result.append(Stretch(start, end, Flow(M), disturbance.amplitude[acting], omega, disturbance.phase[acting]))
+    return result

@@ -1,0 +1,139 @@
+"""Watching a flow: where the event function, a limit or divergence ends it, and how far the outputs go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from icmj.controller import EventTrigger
+from icmj.linear.bernstein import first_root, largest, square
+from icmj.linear.closed_loop import ClosedLoop
+from icmj.linear.flow import Flow
+from icmj.linear_plant import Array
+
+DIVERGED = 1e12
+_LANDING = 1e-12  # an event this close after the end of a piece [s] is at its end
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of the flow, at most one block of steps long.
+
+    Attributes:
+        kind: why it ended; ``end`` is the end of the block or of the time asked for.
+        length: [s].
+        complete: whether it covers all the time asked for.
+        Z: state at the start of each step, shape (steps, m).
+        z: state at the end, shape (m,).
+        y_max, y_min: extremes of the outputs over the piece, shape (n_y,).
+    """
+
+    kind: Literal["end", "event", "fell", "diverged"]
+    length: float
+    complete: bool
+    Z: Array
+    z: Array
+    y_max: Array
+    y_min: Array
+
+
+class Watch:
+    """Advances a flow and looks for its end on every step by certified bounds.
+
+    The curve R e(θ) with RᵀR = Q_t stays within the largest norm of its control points, so a step whose control
+    points are all shorter than q_t holds no event; only the others are looked at more closely.
+    """
+
+    def __init__(self, loop: ClosedLoop, flow: Flow, positions: Array, limit: float) -> None:
+        self.flow = flow
+        n, n_hat, n_y, size = loop.n, loop.n_hat, loop.plant.n_y, len(flow.M)
+        trigger = loop.controller.trigger
+        Q_t = trigger.Q_t if isinstance(trigger, EventTrigger) else np.zeros((n_hat, n_hat))
+        self.q_t = trigger.q_t if isinstance(trigger, EventTrigger) else np.inf
+        values, vectors = np.linalg.eigh(Q_t)
+        kept = values > 1e-15 * max(values[-1], 1e-300)
+        R = (np.sqrt(values[kept])[:, None] * vectors[:, kept].T).reshape(-1, n_hat)
+        rows = np.zeros((len(R) + len(positions) + n_y, size))
+        rows[: len(R), n + n_hat : n + 2 * n_hat] = R
+        rows[len(R) + np.arange(len(positions)), positions] = 1 / limit
+        rows[len(R) + len(positions) :, :n] = loop.plant.C
+        cuts = [len(R), len(R) + len(positions)]
+        self._error, self._position, self._output = np.split(np.arange(len(rows)), cuts)
+        self._rows = rows
+        self._powers = flow.powers_of(rows)
+        self._controls = flow.controls_of(rows).reshape(-1, size)
+        self._shape = (flow.degree + 1, len(rows))
+
+    def advance(self, z: Array, length: float, armed: bool) -> Piece:
+        """The flow from ``z`` for ``length`` seconds or one block, whichever is shorter, or until something ends it.
+
+        Args:
+            z: state at the start, shape (m,).
+            length: time asked for [s].
+            armed: whether the event function is watched.
+        """
+        h = self.flow.h
+        steps = int(min(np.ceil(length / h * (1 - 1e-14)), self.flow.block)) or 1
+        complete = steps * h >= length * (1 - 1e-14)
+        last = min((length - (steps - 1) * h) / h, 1.0) if complete else 1.0
+        Z = self.flow.states(z)[: steps + 1]
+        controls = (Z[:-1] @ self._controls.T).reshape(steps, *self._shape)
+        kind, step, theta = self._first_end(Z, controls, last, armed)
+        Z = Z[: step + 1]
+        end = self.flow.within(Z[-1:], np.array([theta]))[0]
+        span = length if complete and kind == "end" else min((step + theta) * h, length)
+        y_max, y_min = self._extremes(Z, end, controls[: step + 1], theta)
+        return Piece(kind, span, complete, Z, end, y_max, y_min)
+
+    def _first_end(
+        self, Z: Array, controls: Array, last: float, armed: bool
+    ) -> tuple[Literal["end", "event", "fell", "diverged"], int, float]:
+        steps = len(controls)
+        grown = np.nonzero(~(np.abs(Z[1:]).max(axis=1) <= DIVERGED))[0]
+        until = grown[0] + 1 if len(grown) else steps
+        suspect = np.abs(controls[:until, :, self._position]).max(axis=(1, 2), initial=0) >= 1
+        if armed:
+            norms = np.square(controls[:until, :, self._error]).sum(axis=2).max(axis=1)
+            suspect |= norms >= self.q_t**2 * (1 - 1e-12)
+        for step in np.nonzero(suspect)[0]:
+            longest = min(last + _LANDING / self.flow.h, 1.0) if step == steps - 1 else 1.0
+            kind, theta = self._root(Z[step], armed)
+            if theta <= longest:
+                return kind, int(step), min(theta, last) if step == steps - 1 else theta
+        return ("diverged", int(until - 1), 1.0) if len(grown) else ("end", steps - 1, last)
+
+    def _root(self, z: Array, armed: bool) -> tuple[Literal["event", "fell"], float]:
+        """First time on the step from ``z`` at which it falls or has an event; infinity if it does neither."""
+        powers = self._powers @ z
+        kind: Literal["event", "fell"] = "fell"
+        first = np.inf
+        for column in self._position:
+            for sign in (1, -1):
+                distance = sign * powers[:, column]
+                distance[0] -= 1
+                theta = first_root(distance)
+                first = min(first, np.inf if theta is None else theta)
+        if armed:
+            E = square(powers[:, self._error] / self.q_t)
+            E[0] -= 1
+            theta = first_root(E)
+            if theta is not None and theta < first:
+                kind, first = "event", theta
+        return kind, first
+
+    def _extremes(self, Z: Array, end: Array, controls: Array, theta: float) -> tuple[Array, Array]:
+        rows = self._rows[self._output]
+        ends = np.vstack([Z @ rows.T, rows @ end])
+        extremes = []
+        for sign in (1, -1):
+            values = sign * ends
+            reached = values.max(axis=0)
+            bounds = (sign * controls[:, :, self._output]).max(axis=1)
+            for step, output in np.argwhere(bounds > reached + 1e-15 * np.abs(reached)):
+                if bounds[step, output] > reached[output]:
+                    powers = sign * (self._powers[:, self._output[output]] @ Z[step])
+                    reached[output] = max(reached[output], largest(powers, theta if step == len(Z) - 1 else 1.0))
+            extremes.append(sign * reached)
+        return extremes[0], extremes[1]
