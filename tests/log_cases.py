@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from icmj.controller import Continuous, Controller, EventTrigger, output_weight, system_matched
+from icmj.controller import Controller, EventTrigger, output_weight, system_matched
 from icmj.design import Design, design_lq
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import Deviation
@@ -41,7 +41,7 @@ def run_events(
     M = system.T_t.T @ trigger.Q_t @ system.T_t
     t = np.arange(0, duration + step / 2, step)
     X = system.T_bar @ np.concatenate([x_0, -system.T_hat @ x_0])
-    start, last, rows, times, before = X, 0.0, [], [], []
+    start, last, rows, sampled, times, before = X, 0.0, [], [], [], []
 
     def E(at: float) -> float:
         Z = expm(system.A_C * (at - last)) @ start
@@ -56,10 +56,14 @@ def run_events(
                 X_event = expm(system.A_C * (at - last)) @ start
                 times.append(at)
                 before.append(X_event)
+                rows.append(X_event)
+                sampled.append(at)
                 last, start = at, system.T_bar @ (system.T @ system.A_D @ X_event)
                 X_next = expm(system.A_C * (now - at)) @ start
             X = X_next
         rows.append(X)
+        sampled.append(now)
+    t = np.array(sampled)
     Z, K = system.to_original(np.array(rows)), len(times)
     n, m = system.n, system.n_hat
     W = system.to_original(np.array(before).reshape(K, n + 2 * m))

@@ -1,71 +1,82 @@
-"""How the replay opens: the figures and the phase plane at the left, what happens over time beside them, the summary."""
+"""How the replay opens: figures and phase plane at the left, the run over time in the middle, summary at the right."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from icmj.log.columns import TIMELINE
+from icmj.log.phase import WIDE
 from icmj.result import Result
 
-TIMELINE = "time"
-BACKGROUND = (24, 27, 31, 255)
+BACKGROUND = (52, 58, 66, 255)
+HISTORY, AHEAD = 6.0, 2.0  # intervals shown before and after the cursor where a whole run would be a smear
 
 
 def blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``; views of what it does not have are left out."""
-    left: list[Any] = []
-    if result.scene is not None:
-        left.append(_figures(result))
+    control = result.simulation.control
+    window = _window(result)
+    left: list[Any] = [_figures(result)] if result.scene is not None else []
     left.append(_phase_plane())
-    middle: list[Any] = [
-        _plot("Outputs y [rad]", "outputs"),
-        _plot("Inputs u [N m]", "inputs"),
-        rrb.Tabs(
-            _plot("Hold state x_h", "states/hold"),
-            _plot("Observer state x_o", "states/observer"),
-            _plot("Plant state x", "states/plant"),
-            active_tab=0,
-        ),
+    states = [
+        _plot("Hold state x_h", "states/hold", window),
+        _plot("Observer state x_o", "states/observer", window),
+        _plot("Plant state x", "states/plant", window),
+    ]
+    if control == "event":
+        states.insert(0, _plot("Event function E / q_t²", "trigger", window))
+    middle = [
+        _plot("Outputs y [rad]", "outputs", window),
+        _plot("Inputs u [N m]", "inputs", window),
+        rrb.Tabs(*states, active_tab=0),
     ]
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
-    over_time: list[Any] = []
-    if result.simulation.control != "continuous":
-        over_time.append(_plot("Open-loop interval [s]", "interval"))
-    if result.simulation.control == "event":
-        over_time.append(_plot("Event function E / q_t²", "trigger"))
+    if control != "continuous":
+        right.append(_plot("Open-loop interval [s], whole run", "interval"))
     if result.prediction.V_inv is not None:
-        over_time.append(_plot("Eigenvector analysis χ", "modes"))
+        right.append(_plot("Eigenvector analysis χ", "modes", window))
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(*left, row_shares=[3, 2][: len(left)]),
             rrb.Vertical(*middle),
-            rrb.Vertical(*over_time) if over_time else rrb.Vertical(*right),
-            *(right if over_time else ()),
-            column_shares=[5, 5, 5, 3] if over_time else [5, 5, 3],
+            rrb.Vertical(*right, row_shares=[4, 3, 3][: len(right)]),
+            column_shares=[6, 5, 5],
         ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _plot(name: str, origin: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(
-        name=name,
-        origin=origin,
-        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+def _window(result: Result) -> rrb.TimeAxis:
+    """A time axis that follows the cursor, wide enough for some intervals."""
+    simulation, interval = result.simulation, result.measurement.interval
+    if interval is None or not np.isfinite(interval) or interval <= 0:
+        interval = result.prediction.delta_crit or float(simulation.t[-1]) / 10
+    interval = min(interval, float(simulation.t[-1]) / 10)
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.cursor_relative(seconds=-HISTORY * interval),
+            end=rr.TimeRangeBoundary.cursor_relative(seconds=AHEAD * interval),
+        )
     )
+
+
+def _plot(name: str, origin: str, axis: rrb.TimeAxis | None = None) -> rrb.TimeSeriesView:
+    # the legend stands where the least happens: on the past, or under the intervals that have settled
+    corner = rrb.Corner2D.RightBottom if axis is None else rrb.Corner2D.LeftTop
+    return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis, plot_legend=rrb.PlotLegend(corner=corner))
 
 
 def _figures(result: Result) -> rrb.Spatial3DView:
     assert result.scene is not None
-    com = result.scene.com[0]
-    height = max(float(com[2]), 0.3)
+    height = max(float(result.scene.com[0, 2]), 0.3)
     return rrb.Spatial3DView(
         name="Body, and its sway magnified",
         origin="scene",
@@ -73,7 +84,7 @@ def _figures(result: Result) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=(0.9 * height, -3.6 * height, 1.25 * height),
+            position=(0.35 * height, -2.75 * height, 1.25 * height),
             look_target=(0.0, 0.0, 0.88 * height),
             eye_up=(0.0, 0.0, 1.0),
         ),
@@ -85,6 +96,6 @@ def _phase_plane() -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="Phase plane: outputs against their rates",
         origin="phase",
-        background=BACKGROUND,
-        visual_bounds=rrb.VisualBounds2D(x_range=[-1.5, 1.5], y_range=[-1.5, 1.5]),
+        background=(24, 27, 31, 255),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.5, 1.35]),
     )

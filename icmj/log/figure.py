@@ -6,23 +6,34 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
 from icmj.log import palette
+from icmj.log.columns import time_column
 from icmj.result import Geom, Scene
 
 ROOT = "scene"
-FLOOR_COLOUR = (70, 74, 80, 255)
+FLOOR_COLOUR = (150, 156, 164, 255)
+FRAME = 0.02  # s between two poses: a screen shows no more
 
 
-def write_figures(recording: rr.RecordingStream, scene: Scene, time: rr.TimeColumn) -> None:
-    """Write both figures with centre of mass and its path; ``time`` holds the times of the poses."""
+def frames(t: Array) -> NDArray[np.intp]:
+    """Indices of the samples to show as frames, one in every ``FRAME`` seconds, and the last."""
+    picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
+    return np.union1d(picked, len(t) - 1)
+
+
+def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None:
+    """Write both figures with centre of mass and its path; ``t`` holds the times of the poses [s], shape (N,)."""
+    shown = frames(t)
+    time = time_column(t[shown])
     height = float(scene.com[0, 2] - _floor(scene))
     apart = 0.62 * max(height, 0.3)
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)
     figures = (
-        ("true", "true size", -apart, scene.xpos, scene.xquat, scene.com),
+        ("true", "true sway", -apart, scene.xpos, scene.xquat, scene.com),
         (
             "magnified",
             f"sway × {scene.magnification:g}",
@@ -35,16 +46,13 @@ def write_figures(recording: rr.RecordingStream, scene: Scene, time: rr.TimeColu
     for name, label, x, xpos, xquat, com in figures:
         root = f"{ROOT}/{name}"
         recording.log(root, rr.Transform3D(translation=[x, 0.0, 0.0]), static=True)
-        _write_bodies(recording, root, scene, xpos, xquat, time)
-        _write_com(recording, root, com, time)
-        top = _top(scene)
+        _write_bodies(recording, root, scene, xpos[shown], xquat[shown], time)
+        _write_com(recording, root, scene, com[shown], time)
         recording.log(
             f"{root}/label",
-            rr.Points3D([[0, 0, top]], labels=[label], colors=[palette.WHITE], radii=[0.0], show_labels=True),
+            rr.Points3D([[0, 0, _top(scene)]], labels=[label], colors=[palette.WHITE], radii=[0.0], show_labels=True),
             static=True,
         )
-        plumb = [[[0, 0, _floor(scene)], [0, 0, top]]]
-        recording.log(f"{root}/vertical", rr.LineStrips3D(plumb, colors=[palette.GREY], radii=[-0.75]), static=True)
 
 
 def _write_bodies(
@@ -93,15 +101,22 @@ def _z_axis(quat: Array) -> Array:
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
 
 
-def _write_com(recording: rr.RecordingStream, root: str, com: Array, time: rr.TimeColumn) -> None:
-    """The centre of mass: where it is, and its path over the whole run, in front of the body so as to be seen."""
-    recording.log(
-        f"{root}/com",
-        rr.Points3D.from_fields(colors=[palette.YELLOW], radii=[0.022]),
-        static=True,
-    )
-    recording.send_columns(f"{root}/com", [time], rr.Points3D.columns(positions=com))
-    recording.log(f"{root}/com_path", rr.LineStrips3D([com], colors=[palette.VERMILION], radii=[-1.5]), static=True)
+def _write_com(recording: rr.RecordingStream, root: str, scene: Scene, com: Array, time: rr.TimeColumn) -> None:
+    """The centre of mass and its path, with the vertical of the operating point, all drawn in front of the body."""
+    root = f"{root}/centre_of_mass"
+    recording.log(root, rr.Transform3D(translation=[0.0, -_half_width(scene) - 0.06, 0.0]), static=True)
+    point = rr.Points3D.from_fields(colors=[palette.YELLOW], radii=[0.028])
+    recording.log(f"{root}/point", point, static=True)
+    recording.send_columns(f"{root}/point", [time], rr.Points3D.columns(positions=com))
+    recording.log(f"{root}/path", rr.LineStrips3D([com], colors=[palette.VERMILION], radii=[-2.0]), static=True)
+    plumb = [[[0, 0, _floor(scene)], [0, 0, _top(scene) - 0.08]]]
+    recording.log(f"{root}/vertical", rr.LineStrips3D(plumb, colors=[palette.WHITE], radii=[-0.75]), static=True)
+
+
+def _half_width(scene: Scene) -> float:
+    """How far the body reaches sideways (y) at the start."""
+    reach = [abs(scene.xpos[0, g.body, 1] + g.pos[1]) + float(g.size.min()) for g in scene.geoms if g.type != "plane"]
+    return max(reach, default=0.0)
 
 
 def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> None:

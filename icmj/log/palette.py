@@ -30,7 +30,7 @@ def series(count: int) -> tuple[Colour, ...]:
     return tuple(_CYCLE[i % len(_CYCLE)] for i in range(count))
 
 
-def pale(colour: Colour) -> Colour:
-    """The same hue, held back: for a prediction drawn under its measurement."""
-    r, g, b, _ = colour
-    return (r, g, b, 80)
+def dim(colour: Colour) -> Colour:
+    """The same hue, held back towards the dark ground: a prediction under its measurement, the approach to a cycle."""
+    r, g, b, a = colour
+    return (r * 2 // 5 + 12, g * 2 // 5 + 12, b * 2 // 5 + 12, a)

@@ -1,7 +1,7 @@
 """The phase plane: every output against its rate, the run over the predicted orbit, in a frame with ticks.
 
-rerun's 2D views have equal axes and y downwards, so the values are scaled to the unit square by round numbers that
-the ticks name.
+rerun's 2D views have equal axes and y downwards, so the values are scaled to a frame of fixed shape by round
+numbers that the ticks name.
 """
 
 from __future__ import annotations
@@ -11,15 +11,18 @@ import rerun as rr
 
 from icmj.linear_plant import Array
 from icmj.log import palette
+from icmj.log.columns import time_column
+from icmj.log.figure import frames
 from icmj.log.signals import orbit_at
 from icmj.result import Result
 
 ROOT = "phase"
+WIDE = 1.6  # width of the frame over its height
 SETTLED = 0.5  # the last part of a run, drawn bright; before it is the approach, drawn dim
 
 
-def write_phase_plane(recording: rr.RecordingStream, result: Result, time: rr.TimeColumn) -> None:
-    """Write the phase plane of ``result``; ``time`` holds the times of its samples."""
+def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
+    """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and where it is now."""
     simulation, orbit = result.simulation, result.prediction.orbit
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
     cycle = orbit if result.prediction.cycle else None
@@ -32,7 +35,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result, time: rr.Ti
     scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
 
     def placed(y: Array, rate: Array) -> Array:
-        return np.column_stack([y / scale_y, -rate / scale_rate])
+        return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
     _write_frame(recording, scale_y, scale_rate)
     colours = palette.series(result.actual.n_y)
@@ -41,15 +44,15 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result, time: rr.Ti
     events = events[events < len(simulation.t)]
     for i, (name, colour) in enumerate(zip(result.actual.outputs, colours, strict=True)):
         root = f"{ROOT}/{name}"
-        strips = [clipped for clipped in _inside(placed(y[approach, i], rate[approach, i]))]
+        strips = _inside(placed(y[approach, i], rate[approach, i]))
         if strips:
-            dim = (*colour[:3], 45)
-            recording.log(f"{root}/approach", rr.LineStrips2D(strips, colors=[dim], radii=[-0.5]), static=True)
+            faint = palette.dim(palette.dim(colour))
+            recording.log(f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5]), static=True)
         if cycle is not None:
             line = placed(y_orbit[:, i], rate_orbit[:, i])
             recording.log(
                 f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[(*palette.PREDICTED[:3], 150)], radii=[-2.5], draw_order=1.0),
+                rr.LineStrips2D([line], colors=[palette.dim(palette.PREDICTED)], radii=[-2.5], draw_order=1.0),
                 static=True,
             )
         line = placed(y[late, i], rate[late, i])
@@ -59,14 +62,16 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result, time: rr.Ti
         if len(events):
             at = placed(y[events, i], rate[events, i])
             recording.log(
-                f"{root}/events", rr.Points2D(at, colors=[palette.EVENT], radii=[-2.5], draw_order=3.0), static=True
+                f"{root}/events", rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=3.0), static=True
             )
-        recording.log(
-            f"{root}/now",
-            rr.Points2D.from_fields(colors=[colour], radii=[-6.0], labels=[name], show_labels=True, draw_order=4.0),
-            static=True,
-        )
-        recording.send_columns(f"{root}/now", [time], rr.Points2D.columns(positions=placed(y[:, i], rate[:, i])))
+    shown = frames(simulation.t)
+    now = np.stack([placed(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
+    style = rr.Points2D.from_fields(
+        colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=4.0
+    )
+    recording.log(f"{ROOT}/now", style, static=True)
+    positions = rr.Points2D.columns(positions=now.reshape(-1, 2)).partition(np.full(len(shown), result.actual.n_y))
+    recording.send_columns(f"{ROOT}/now", [time_column(simulation.t[shown])], positions)
 
 
 def output_rate(result: Result, x: Array, u: Array) -> Array:
@@ -83,9 +88,9 @@ def round_up(value: float) -> float:
     return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9)))
 
 
-def _inside(line: Array, reach: float = 1.35) -> list[Array]:
+def _inside(line: Array, reach: float = 1.2) -> list[Array]:
     """The parts of a line that stay within the frame."""
-    inside = np.abs(line).max(axis=1) <= reach
+    inside = np.abs(line / [WIDE, 1.0]).max(axis=1) <= reach
     cuts = np.flatnonzero(np.diff(inside.astype(int))) + 1
     return [
         part
@@ -95,11 +100,11 @@ def _inside(line: Array, reach: float = 1.35) -> list[Array]:
 
 
 def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float) -> None:
-    axes = [[[-1.25, 0], [1.25, 0]], [[0, -1.25], [0, 1.25]]]
+    axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
     recording.log(
         f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
     )
-    ticks = [[-1, 0], [1, 0], [0, -1], [0, 1]]
+    ticks = [[-WIDE, 0], [WIDE, 0], [0, -1], [0, 1]]
     labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
     recording.log(
         f"{ROOT}/ticks",
@@ -109,7 +114,7 @@ def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: floa
     recording.log(
         f"{ROOT}/names",
         rr.Points2D(
-            [[1.2, 0.13], [0.0, -1.35]],
+            [[1.15 * WIDE, -0.16], [0.0, -1.3]],
             labels=["y [rad]", "dy/dt [rad/s]"],
             colors=[palette.WHITE],
             radii=[0.0],

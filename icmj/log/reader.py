@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from icmj.errors import IcmjError, LogError
 from icmj.log import archive
@@ -72,7 +71,9 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
     if not path.is_file():
         raise LogError(f"{path}: no such log")
     try:
-        stream = RrdReader(path).store().stream().filter(content=content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without an end, which is an error here anyway
+            stream = RrdReader(path).store().stream().filter(content=content)
         return [
             (
                 chunk.entity_path,
@@ -88,5 +89,5 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
         reason = " ".join(str(error).split())[:200]
         raise LogError(
-            f"{path}: not a complete rerun recording ({reason}); `icmj replay` shows what can be salvaged of a log cut short"
+            f"{path}: not a complete rerun recording ({reason}); if it was cut short, `icmj replay` salvages what it can"
         ) from error

@@ -41,6 +41,11 @@ class Group:
     width: float = 1.5
     kind: Literal["lines", "points"] = "lines"
 
+    @property
+    def aggregation(self) -> Literal["Off", "MinMax"]:
+        """How the viewer draws more samples than pixels: a sawtooth is kept as it is, smooth curves by extremes."""
+        return "Off" if len(self.t) < 3000 else "MinMax"
+
 
 def groups(result: Result) -> Iterator[Group]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
@@ -75,7 +80,7 @@ def orbit_at(result: Result, orbit: Orbit, t: Array) -> tuple[Array, Array, Arra
         start, sign = float(events.t[-1]), float(np.sign(last @ orbit.x_bar) or 1.0)
     periods, tau = np.divmod(t - start, orbit.delta)
     side = sign * np.where(periods % 2 == 0, 1.0, float(orbit.sign))
-    return tuple(  # type: ignore[return-value]
+    return tuple(
         side[:, None] * np.column_stack([np.interp(tau, orbit.t, column) for column in values.T])
         for values in (orbit.X, orbit.y, orbit.u)
     )
@@ -91,20 +96,20 @@ def running_interval(simulation: Simulation) -> tuple[Array, Array]:
 
 
 def _signals(result: Result) -> Iterator[Group]:
-    """Outputs, inputs and states: intermittent, continuous and predicted."""
+    """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
     y_colours, u_colours = palette.series(len(y_names)), palette.series(len(u_names))
     if prediction.cycle and prediction.orbit is not None:
         _, y, u = orbit_at(result, prediction.orbit, simulation.t)
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
-            pale = tuple(palette.pale(colour) for colour in colours)
-            yield Group(f"{where}/orbit", simulation.t, values, tuple(f"{n} orbit" for n in names), pale, 4.0)
+            dim = tuple(palette.dim(colour) for colour in colours)
+            yield Group(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
     for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
         grey = (palette.CONTINUOUS,) * len(names)
-        yield Group(f"{where}/continuous", continuous.t, values, tuple(f"{n} continuous" for n in names), grey, 1.0)
-    yield Group("outputs/intermittent", simulation.t, simulation.y, y_names, y_colours)
-    yield Group("inputs/intermittent", simulation.t, simulation.u, u_names, u_colours)
+        yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
+    yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
+    yield Group("inputs/run", simulation.t, simulation.u, u_names, u_colours)
     for path, values, names in (
         ("states/plant", simulation.x, result.actual.states),
         ("states/observer", simulation.x_o, result.assumed.states),
@@ -133,7 +138,7 @@ def _intervals(result: Result) -> Iterator[Group]:
     if simulation.control == "continuous":
         return
     t, since = running_interval(simulation)
-    yield Group("interval/running", t, since[:, None], ("time since the last sample",), (palette.RUNNING,), 1.0)
+    yield Group("interval/running", t, since[:, None], ("time since last event",), (palette.RUNNING,), 1.0)
     if prediction.delta_crit is not None:
         name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
         line = np.full((2, 1), prediction.delta_crit)
@@ -149,14 +154,14 @@ def _modes(result: Result) -> Iterator[Group]:
     if prediction.V_inv is None:
         return
     chi = modes(result, simulation.x, simulation.x_o)
-    others = tuple(f"χ {i + 1}" for i in range(1, chi.shape[1]))
-    if others:
+    if chi.shape[1] > 1:
+        others = ("other modes",) * (chi.shape[1] - 1)
         grey = (palette.OTHER_MODES,) * len(others)
         yield Group("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
     if prediction.gamma is not None:
         lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
         yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.PREDICTED,) * 2, 1.0)
-    yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("χ 1, critical",), (palette.CRITICAL,))
+    yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (palette.CRITICAL,))
     if len(simulation.events):
         at = modes(result, simulation.events.x, simulation.events.x_o)[:, :1].copy()
         yield Group("modes/events", simulation.events.t, at, ("event",), (palette.EVENT,), 3.0, "points")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +15,9 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from icmj.errors import LogError
-from icmj.linear_plant import Array
 from icmj.log import archive, signals, summary
-from icmj.log.blueprint import TIMELINE, blueprint
+from icmj.log.blueprint import blueprint
+from icmj.log.columns import time_column
 from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
 from icmj.result import Result
@@ -51,12 +52,6 @@ def write_log(result: Result, path: Path | str) -> None:
         part.unlink(missing_ok=True)
 
 
-def time_column(t: Array) -> rr.TimeColumn:
-    """Seconds as rerun's time, to the nearest nanosecond (the archive keeps them exactly)."""
-    nanoseconds = np.rint(np.asarray(t) * 1e9).astype(np.int64)
-    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
-
-
 @contextmanager
 def strictly() -> Iterator[None]:
     """rerun raises on a wrong argument, where it would otherwise warn and drop the data."""
@@ -72,7 +67,10 @@ def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
     digest = archive.digest(tree, arrays)
     # one identity for one content: two versions of a case stay two recordings in the viewer
     identity = uuid.uuid5(uuid.NAMESPACE_OID, digest)
-    recording = rr.RecordingStream(APPLICATION, recording_id=identity)
+    # every chunk straight to the file, in this order: of a log cut short the summary and the archive come first
+    recording = rr.RecordingStream(
+        APPLICATION, recording_id=identity, batcher_config=rr.ChunkBatcherConfig(flush_num_rows=1)
+    )
     recording.save(part, default_blueprint=blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
@@ -80,15 +78,14 @@ def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
     for name, facts in summary.properties(result).items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
-    _write_archive(recording, tree, arrays, digest)
     document = rr.TextDocument(summary.markdown(result), media_type=rr.MediaType.MARKDOWN)
     recording.log("summary", document, static=True)
+    _write_archive(recording, tree, arrays, digest)
     for group in signals.groups(result):
         _write_group(recording, group)
-    time = time_column(result.simulation.t)
-    write_phase_plane(recording, result, time)
+    write_phase_plane(recording, result)
     if result.scene is not None:
-        write_figures(recording, result.scene, time)
+        write_figures(recording, result.scene, result.simulation.t)
     recording.flush(timeout_sec=60.0)
     recording.disconnect()
 
@@ -98,7 +95,9 @@ def _write_group(recording: rr.RecordingStream, group: signals.Group) -> None:
     style = (
         rr.SeriesPoints(colors=colours, names=names, marker_sizes=[group.width] * len(names))
         if group.kind == "points"
-        else rr.SeriesLines(colors=colours, names=names, widths=[group.width] * len(names))
+        else rr.SeriesLines(
+            colors=colours, names=names, widths=[group.width] * len(names), aggregation_policy=group.aggregation
+        )
     )
     recording.log(group.path, style, static=True)
     M, w = group.values.shape
@@ -113,14 +112,14 @@ def _write_archive(recording: rr.RecordingStream, tree: str, arrays: archive.Fla
     recording.log("archive", _batches(head | body), static=True)
 
 
-def _batches(columns: dict[str, pa.Array]) -> Iterable[rr.DescribedComponentBatch]:
+def _batches(columns: dict[str, pa.Array]) -> list[Any]:
     return [rr.AnyBatchValue(f"{ARCHIVE}:{key}", values, drop_untyped_nones=False) for key, values in columns.items()]
 
 
 ARCHIVE = "icmj"
 
 
-def _fact(key: str, value: float | int | bool | str) -> rr.AnyBatchValue:
+def _fact(key: str, value: float | int | bool | str) -> Any:
     return rr.AnyBatchValue(key, pa.array([value]))
 
 

@@ -1,0 +1,228 @@
+"""The replay: a log in rerun's viewer, on the screen, in a browser on this machine, or as a picture.
+
+The viewer is the program inside the rerun wheel, never one found on PATH, and listens on the loopback address only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time as clock
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO
+from urllib.parse import quote
+
+from icmj.errors import LogError
+from icmj.log.reader import read_summary
+from icmj.log.salvage import salvage
+
+LOOPBACK = "127.0.0.1"
+PATIENCE = 60.0  # s; a software renderer on a busy machine is slow to start
+SETTLE = 0.4  # s between two looks at the viewer
+NO_RENDERER = (
+    "no graphics adapter; install a software renderer (Debian: apt-get install mesa-vulkan-drivers libvulkan1)"
+)
+Say = Callable[[str], None]
+
+
+def say_to_stderr(message: str) -> None:
+    """Default of ``say``: one line on standard error."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def replay(
+    path: Path | str,
+    *,
+    web: bool = False,
+    screenshot: Path | str | None = None,
+    time: float | None = None,
+    size: tuple[int, int] = (1920, 1200),
+    say: Say = say_to_stderr,
+) -> None:
+    """Show a log as it was arranged; returns when the viewer is closed, or the picture is written.
+
+    Args:
+        path: the log. One that was cut short is salvaged first, into a temporary copy, and ``say`` is told.
+        web: serve it to a browser on this machine (until interrupted) and say the address.
+        screenshot: render without a screen to this PNG file, which appears only when complete.
+        time: instant to show in the screenshot [s]; nine tenths into the run if ``None``.
+        size: of the screenshot, in points; on most renderers a picture has two pixels to the point.
+        say: takes messages for people.
+
+    Raises:
+        LogError: if there is no such log, nothing can be salvaged, or the viewer cannot run here.
+    """
+    path = Path(path)
+    with _sound(path, say) as log:
+        if screenshot is not None:
+            _screenshot(log, Path(screenshot), time, size)
+        elif web:
+            _serve(log, say)
+        else:
+            _view(log)
+
+
+def viewer() -> Path:
+    """The viewer's program in the rerun wheel.
+
+    Raises:
+        LogError: if rerun-sdk is not installed, or without its viewer.
+    """
+    spec = importlib.util.find_spec("rerun_cli")
+    if spec is not None and spec.origin is not None:
+        for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
+            if (program := Path(spec.origin).parent / name).is_file():
+                return program
+    raise LogError("rerun's viewer is not installed; reinstall it with: pip install --force-reinstall rerun-sdk")
+
+
+@contextlib.contextmanager
+def _sound(path: Path, say: Say) -> Iterator[Path]:
+    """``path`` itself if it reads, else a salvaged temporary copy."""
+    try:
+        read_summary(path)
+    except LogError as error:
+        if not path.is_file() or "not a log of icmj" in str(error):
+            raise
+        with tempfile.TemporaryDirectory(prefix="icmj-") as folder:
+            copy = Path(folder) / path.name
+            say(salvage(path, copy))
+            yield copy
+    else:
+        yield path
+
+
+def _view(log: Path) -> None:
+    """The viewer in a window, until it is closed."""
+    with _running([*_base(_free_port()), str(log)]) as (process, messages):
+        _await_end(process)
+        if process.returncode not in (0, -2, -15):
+            raise LogError(f"the viewer cannot open a window ({_reason(messages)}); try --web or --screenshot PNG")
+
+
+def _serve(log: Path, say: Say) -> None:
+    """The viewer's web page and the log behind it, on the loopback address, until interrupted."""
+    port, web_port = _free_port(), _free_port()
+    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port), str(log)]
+    with _running(command) as (process, messages):
+        for each in (port, web_port):
+            _await_port(each, process, messages)
+        data = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
+        say(f"serving {log.name} at http://{LOOPBACK}:{web_port}/?url={data} (stop with Ctrl-C)")
+        _await_end(process)
+        if process.returncode not in (0, -2, -15):
+            raise LogError(f"the web viewer stopped ({_reason(messages)})")
+
+
+def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, int]) -> None:
+    """Render ``log`` at ``time`` without a screen."""
+    if not target.parent.is_dir():
+        raise LogError(f"{target}: no such folder {target.parent}")
+    outcome = read_summary(log).get("outcome", {})
+    end = float(outcome.get("time", 0.0))
+    at = 0.9 * end if time is None else time
+    if not 0 <= at <= end:
+        raise LogError(f"{log}: no instant {at:g} s in this log; it runs from 0 to {end:g} s")
+    port = _free_port()
+    command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}", str(log)]
+    with _running(command) as (process, messages):
+        _await_port(port, process, messages)
+        try:
+            picture = _picture(port, at)
+        except (RuntimeError, OSError, TimeoutError) as error:
+            raise LogError(f"{log}: no picture ({' '.join(str(error).split())[:200]})") from error
+    if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
+        raise LogError(f"{log}: the viewer gave no complete picture")
+    part = target.with_name(target.name + ".tmp")
+    try:
+        part.write_bytes(picture)
+        os.replace(part, target)
+    except OSError as error:
+        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _picture(port: int, at: float) -> bytes:
+    """Drive the viewer to an instant and take its picture, once two in a row are the same."""
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+    deadline = clock.monotonic() + PATIENCE
+    while True:
+        state = client.get_state()
+        if state.recordings and state.recordings[0].timelines and state.views and not state.loading:
+            break
+        if clock.monotonic() > deadline:
+            raise TimeoutError("the viewer did not finish loading")
+        clock.sleep(SETTLE)
+    client.set_time("time", duration=at, play_state="paused")
+    before = b""
+    while clock.monotonic() < deadline:
+        clock.sleep(SETTLE)
+        picture = client.take_screenshot()
+        if picture == before:
+            return picture
+        before = picture
+    return before
+
+
+def _base(port: int) -> list[str]:
+    return [str(viewer()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
+
+
+@contextlib.contextmanager
+def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
+    """The viewer as a child that does not outlive the block; its messages go to a temporary file."""
+    # errors only: every warning would be drawn over the picture as a notification
+    environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
+    with tempfile.TemporaryFile() as messages:
+        process = subprocess.Popen(command, stdout=messages, stderr=messages, env=environment)
+        try:
+            yield process, messages
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                try:
+                    process.wait(5)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+
+def _await_port(port: int, process: subprocess.Popen[bytes], messages: IO[bytes]) -> None:
+    deadline = clock.monotonic() + PATIENCE
+    while clock.monotonic() < deadline:
+        if process.poll() is not None:
+            raise LogError(f"rerun's viewer stopped at once: {_reason(messages)}")
+        with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1):
+            return
+        clock.sleep(0.1)
+    raise LogError(f"rerun's viewer did not answer within {PATIENCE:g} s")
+
+
+def _await_end(process: subprocess.Popen[bytes]) -> None:
+    with contextlib.suppress(KeyboardInterrupt):
+        process.wait()
+
+
+def _reason(messages: IO[bytes]) -> str:
+    """Why the viewer stopped, in one line."""
+    messages.seek(0)
+    text = messages.read().decode(errors="replace")
+    if "adapter" in text.lower() or "vulkan" in text.lower():
+        return NO_RENDERER
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[-1][:200] if lines else "no message"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
