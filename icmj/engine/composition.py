@@ -2,7 +2,7 @@
 
 The composed model is the plant's, with two elements more, both named ``icmj_controller``:
 
-* an actuator without force (``gainprm="0"``, on the plant's first joint) with ``dyntype="user"`` and ``actdim`` 2n̂. Its
+* an actuator without force (``gainprm="0"``, on the first joint) with ``dyntype="user"`` and ``actdim`` 2n̂. Its
   activations are a = (x_o, x_h), so that MuJoCo's integrator takes plant, observer and hold through the same stages, and
   save, restore, roll-out and finite differences see them;
 * a ``<numeric>`` that holds the controller, so that a callback needs nothing but the model it is called on.

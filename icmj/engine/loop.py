@@ -121,6 +121,15 @@ def simulate(
     )
 
 
+def implementation(native: bool) -> tuple[Any, Any, Any]:
+    """The loop's class and the callbacks that go with it."""
+    if native:
+        from icmj.engine.native import NativeLoop, callbacks
+
+        return NativeLoop, *callbacks()
+    return reference.ReferenceLoop, reference.control, reference.act_dyn
+
+
 def make_schedule(
     plant: MujocoPlant,
     controller: Controller,
@@ -163,14 +172,13 @@ def _run(
     native: bool,
     progress: Callable[[float], None] | None,
 ) -> _Run:
-    control: Any = reference.control
-    act_dyn: Any = reference.act_dyn
+    make, control, act_dyn = implementation(native)
     y_0 = plant.linearisation.y
     width = 1 + model.nq + model.nv + model.na + model.nsensordata
     record = recording(CHUNK, model.nsensordata, width)
     status, steps, interrupted = Status.RUNNING, 0, False
     with installed(control, act_dyn):
-        loop: Loop = reference.ReferenceLoop(model, data, schedule, plant.linearisation.point.qpos)
+        loop: Loop = make(model, data, schedule, plant.linearisation.point.qpos)
         first = np.concatenate([[data.time], data.qpos, data.qvel, data.act, data.sensordata])
         samples, events = [first[None, :]], [np.empty((0, width))]
         tracker = ExtremesTracker(data.time, data.sensordata - y_0)
