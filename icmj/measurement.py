@@ -5,9 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from icmj.linear_plant import Array
+from icmj.recurrence import Trend, closure, separation, trend
+from icmj.simulation import Simulation
 
 MotionKind = Literal["cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "too short", "no events"]
+
+
+MANY = 60  # events from which on an open motion is called quasi-periodic or irregular
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,3 +45,210 @@ class Measurement:
     amplitude: Array
     residual: float
     words: str
+
+
+@dataclass(frozen=True)
+class _Return:
+    """The return of the event sequence after ``q`` events with sign ``sign``."""
+
+    q: int
+    sign: int
+    residuals: Array
+
+    @property
+    def p(self) -> int:
+        return self.q if self.sign > 0 else 2 * self.q
+
+    @property
+    def residual(self) -> float:
+        """Largest closure error of the last period."""
+        return float(self.residuals[-self.p :].max())
+
+
+def measure(
+    simulation: Simulation, *, T_hat: Array, max_period: int = 8, tolerance: float = 1e-6, floor: float = 1e-11
+) -> Measurement:
+    """What ``simulation`` did, from the states x̄ = (x, x_o − T̂x) and the intervals at its events.
+
+    A *cycle* is a return of x̄ and of the interval after p events, three times seen, within ``tolerance`` of where
+    it is heading: while the closure error still falls geometrically, what is left of it (r/(1 − ratio)) must be
+    below ``tolerance``; while it clearly grows the motion is leaving the cycle. The smallest p that closes is taken.
+
+    Args:
+        simulation: linear or MuJoCo, event- or clock-driven.
+        T_hat: T̂, shape (n̂, n).
+        max_period: largest number of events per period that is looked for.
+        tolerance: relative closure error that counts as settled.
+        floor: closure error that is taken for round-off, so that its trend means nothing.
+    """
+    events, K = simulation.events, len(simulation.events)
+    states = reduced_states(simulation, T_hat)
+    size = np.linalg.norm(states, axis=1)
+    if simulation.outcome.kind in ("fell", "diverged"):
+        return _other(simulation, "growth", f"The motion grew: the run {simulation.outcome.message}.")
+    if K == 0:
+        return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s.")
+    if _homoclinic(simulation, states):
+        last = ", ".join(f"{d:.3g}" for d in events.interval[-4:])
+        return _other(
+            simulation,
+            "homoclinic",
+            f"No limit cycle: the open-loop interval grows without bound (last {last} s) and the state decays.",
+        )
+    silence = simulation.outcome.t - events.t[-1]
+    running = silence <= 1.5 * events.interval[-max_period:].max()
+    returns = [
+        _Return(q, sign, closure(states, events.interval, q, sign))
+        for q in range(1, max_period + 1)
+        for sign in (1, -1)
+        if q * (1 if sign > 0 else 2) <= max_period and 3 * q * (1 if sign > 0 else 2) <= K
+    ]
+    returns.sort(key=lambda r: r.p)
+    for candidate in returns if running else []:
+        if candidate.residual < tolerance:
+            return _closed(simulation, candidate, tolerance, floor)
+    return _open(simulation, size, states, returns, running, tolerance)
+
+
+def reduced_states(simulation: Simulation, T_hat: Array) -> Array:
+    """x̄ = (x, x_o − T̂x) at the events, shape (K, n + n̂); a reset does not change it."""
+    x, x_o = simulation.events.x, simulation.events.x_o
+    return np.hstack([x, x_o - x @ np.asarray(T_hat, float).T])
+
+
+def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat: Array) -> float:
+    """γ = |χ_k1| at the events, the mean of the last two (eq. gamma); NaN with fewer than two events.
+
+    Args:
+        simulation: a run that has settled on the predicted cycle.
+        V_inv: rows map x̄ to χ, the critical one first, shape (n + n̂, n + n̂).
+        T_hat: T̂, shape (n̂, n).
+    """
+    states = reduced_states(simulation, T_hat)
+    return float(np.abs(states[-2:] @ V_inv[0]).mean()) if len(states) >= 2 else float("nan")
+
+
+def _homoclinic(simulation: Simulation, states: Array) -> bool:
+    """Whether each of the last four intervals is at least 1.3 times the one before, and nothing grows."""
+    interval = simulation.events.interval
+    if simulation.control != "event" or len(interval) < 4:
+        return False
+    still = simulation.outcome.t - simulation.events.t[-1]
+    growing = np.all(interval[-3:] >= 1.3 * interval[-4:-1])
+    size = np.linalg.norm(states[-4:], axis=1)
+    longest = max(interval[-1], still)
+    return bool(growing and size[-1] <= 2 * size[0] and longest >= 5 * np.median(interval))
+
+
+def _closed(simulation: Simulation, found: _Return, tolerance: float, floor: float) -> Measurement:
+    """A cycle, unless the closure error shows that the motion still approaches or already leaves it."""
+    recent = found.residuals[-max(3 * found.p, 8) :]
+    fit = trend(recent)
+    p, residual = found.p, found.residual
+    name = _name(p, found.sign)
+    if residual > floor and fit.clear and fit.ratio > 1.01:
+        words = f"Too short to tell: close to a {name} cycle but leaving it, by a factor {fit.ratio:.3f} per event."
+        return _other(simulation, "too short", words)
+    if residual > floor and fit.clear and fit.ratio < 1 and residual / (1 - fit.ratio) > tolerance:
+        return _other(simulation, "too short", _approach(simulation, name, residual, fit.ratio, tolerance))
+    intervals = simulation.events.interval[-p:]
+    period = float(intervals.sum())
+    rhythm = f"{intervals.mean():.6g} s" if np.ptp(intervals) < 1e-5 * period else _list(intervals)
+    return Measurement(
+        kind="cycle",
+        p=p,
+        mirrored=found.sign < 0,
+        interval=float(intervals.mean()),
+        intervals=intervals,
+        period=period,
+        amplitude=_amplitude(simulation, p),
+        residual=residual,
+        words=f"Settled on a {name} cycle of {period:.6g} s, open-loop interval {rhythm}; it closes to {residual:.1e}.",
+    )
+
+
+def _open(
+    simulation: Simulation, size: Array, states: Array, returns: list[_Return], running: bool, tolerance: float
+) -> Measurement:
+    """What a motion is that has not closed."""
+    K = len(size)
+    if not running:
+        silence = simulation.outcome.t - simulation.events.t[-1]
+        words = f"Too short to tell: no event in the last {silence:.3g} s, longer than any interval before."
+        return _other(simulation, "too short", words)
+    overall = trend(size[K // 2 :])
+    lasting = overall.clear and abs(np.log(overall.ratio)) * (K - K // 2) > np.log(3)
+    if lasting and overall.ratio > 1:
+        return _other(simulation, "growth", f"The motion grows by a factor {overall.ratio:.4g} per event.")
+    if lasting and overall.ratio < 1:
+        return _other(simulation, "decay", f"The motion decays by a factor {overall.ratio:.4g} per event.")
+    approaching = []
+    for candidate in returns:
+        recent = candidate.residuals[-max(K // 3, 3 * candidate.p) :]
+        fit = trend(recent)
+        if fit.clear and fit.ratio < 0.999 and candidate.residual < 0.3:
+            approaching.append((candidate, fit))
+    if approaching:
+        candidate, fit = min(approaching, key=lambda item: (item[0].residual > 1.5 * _best(approaching), item[0].p))
+        words = _approach(simulation, _name(candidate.p, candidate.sign), candidate.residual, fit.ratio, tolerance)
+        return _other(simulation, "too short", words)
+    if K < MANY:
+        words = f"Too short to tell: {K} events, no return within {tolerance:g} among them."
+        return _other(simulation, "too short", words)
+    growth = separation(states[-2 * K // 3 :])
+    if growth < 1.03:
+        return _other(
+            simulation,
+            "quasi-periodic",
+            "Quasi-periodic: bounded, neighbouring motions stay neighbours, but no return within "
+            f"{tolerance:g} after up to {max(r.p for r in returns)} events.",
+        )
+    return _other(
+        simulation,
+        "irregular",
+        f"Irregular: bounded, but neighbouring motions part by a factor {growth:.3f} per event.",
+    )
+
+
+def _best(approaching: list[tuple[_Return, Trend]]) -> float:
+    return min(item[0].residual for item in approaching)
+
+
+def _approach(simulation: Simulation, name: str, residual: float, ratio: float, tolerance: float) -> str:
+    left = max(np.log(tolerance * (1 - ratio) / residual) / np.log(ratio), 1.0)
+    more = left * float(simulation.events.interval[-10:].mean())
+    return (
+        f"Too short to tell: approaching a {name} cycle, closure error {residual:.1e} falling by a factor {ratio:.3f} "
+        f"per event; about {more:.2g} s more would settle it."
+    )
+
+
+def _other(simulation: Simulation, kind: MotionKind, words: str) -> Measurement:
+    interval = simulation.events.interval
+    return Measurement(
+        kind=kind,
+        p=None,
+        mirrored=False,
+        interval=float(interval[-10:].mean()) if len(interval) else None,
+        intervals=np.zeros(0),
+        period=None,
+        amplitude=_amplitude(simulation, 10),
+        residual=float("nan"),
+        words=words,
+    )
+
+
+def _amplitude(simulation: Simulation, last: int) -> Array:
+    """Peak of every output over the last intervals; over the second half of the samples without events."""
+    events = simulation.events
+    if len(events) == 0:
+        return np.abs(simulation.y[len(simulation.y) // 2 :]).max(axis=0)
+    return np.maximum(np.abs(events.y_max[-last:]), np.abs(events.y_min[-last:])).max(axis=0)
+
+
+def _name(p: int, sign: int) -> str:
+    return f"mirrored period-{p}" if sign < 0 else f"period-{p}"
+
+
+def _list(intervals: Array) -> str:
+    return "s " + ", ".join(f"{d:.6g}" for d in intervals) + " s"

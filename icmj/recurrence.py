@@ -1,0 +1,72 @@
+"""Recurrence in a sequence of states: closure after q steps, its trend, and whether neighbours part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.linear_plant import Array
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A fit of log r_i = a + i·log(ratio).
+
+    Attributes:
+        ratio: factor per step.
+        clear: whether the fit explains more than 80 % of the variance.
+    """
+
+    ratio: float
+    clear: bool
+
+
+def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
+    """Relative closure error after q steps, max(|s_i − sign·s_{i−q}| / |s_i|, |Δ_i − Δ_{i−q}| / Δ_i); shape (K − q,).
+
+    Args:
+        states: shape (K, m).
+        intervals: shape (K,).
+        q: steps, at least 1.
+        sign: +1, or −1 for a mirrored return.
+    """
+    size = np.linalg.norm(states[q:], axis=1)
+    gap = np.linalg.norm(states[q:] - sign * states[:-q], axis=1)
+    state = np.divide(gap, size, out=np.full(len(size), np.inf), where=size > 0)
+    return np.maximum(state, np.abs(intervals[q:] - intervals[:-q]) / np.maximum(intervals[q:], 1e-300))
+
+
+def trend(values: Array) -> Trend:
+    """Geometric trend of positive values; zeros count as the smallest normal number."""
+    if len(values) < 3:
+        return Trend(1.0, False)
+    logs = np.log(np.maximum(values, np.finfo(float).tiny))
+    steps = np.arange(len(logs)) - (len(logs) - 1) / 2
+    slope = steps @ logs / (steps @ steps)
+    variance = ((logs - logs.mean()) ** 2).sum()
+    explained = slope**2 * (steps @ steps) / variance if variance > 0 else 0.0
+    return Trend(float(np.exp(np.clip(slope, -700, 700))), bool(explained > 0.8))
+
+
+def separation(states: Array, ahead: int = 12, apart: int = 9) -> float:
+    """Growth factor per step of the distance between neighbouring states (the largest Lyapunov exponent's e-power).
+
+    Close to 1 on a quasi-periodic motion, clearly above 1 on an irregular one (Rosenstein, Collins & De Luca 1993).
+
+    Args:
+        states: shape (K, m), K > ahead + apart.
+        ahead: steps over which the distance is followed.
+        apart: least number of steps between neighbours.
+    """
+    count = len(states) - ahead
+    distance = np.linalg.norm(states[:count, None] - states[None, :count], axis=2)
+    near_in_time = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) < apart
+    distance[near_in_time] = np.inf
+    neighbour = distance.argmin(axis=1)
+    # the closest pairs have most room to part before they are as far apart as the motion is wide
+    closest = np.argsort(distance[np.arange(count), neighbour])[: max(count // 3, 5)]
+    steps = np.arange(ahead + 1)
+    gaps = np.linalg.norm(states[closest[:, None] + steps] - states[neighbour[closest][:, None] + steps], axis=2)
+    typical = np.median(np.log(np.maximum(gaps, 1e-300)), axis=0)
+    return float(np.exp(np.polyfit(steps, typical, 1)[0]))
