@@ -1,0 +1,126 @@
+"""Building the page: draw the panels, fill the templates, put the files in place when they are complete."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from icmj import __version__
+from icmj.errors import ReportError
+from icmj.report import sections, style
+from icmj.report.pairing import CaseRuns, paired
+from icmj.report.sections import Picture, Section
+from icmj.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Limit cycles of event-driven intermittent control"
+SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
+
+
+def build_report(results: Sequence[Result], out: Path, *, figures: Path | None = None) -> None:
+    """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
+
+    Args:
+        results: runs as read from logs; normally one of the linear plant and one of MuJoCo for each case. Their
+            outputs are taken to be angles [rad] and drawn in degrees.
+        out: the page.
+        figures: folder of the single figures, ``<stem>_figures`` beside the page if ``None``.
+
+    Raises:
+        ReportError: if there are no results, two of the same run, or the files cannot be written. Nothing is left
+            under the page's name then, unless it was there before.
+    """
+    cases = paired(results)
+    out = Path(out)
+    figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as scratch:
+            staged = Path(scratch)
+            page = render(cases, staged)
+            (staged / out.name).write_text(page, encoding="utf-8")
+            figures.mkdir(parents=True, exist_ok=True)
+            for path in sorted(staged.iterdir()):
+                if path.name != out.name:
+                    _place(path, figures / path.name)
+            _place(staged / out.name, out)
+    except OSError as error:
+        raise ReportError(f"{error.filename or out}: the report cannot be written: {error.strerror}") from error
+
+
+def render(cases: Sequence[CaseRuns], folder: Path) -> str:
+    """Draw every figure into ``folder`` and return the page's HTML."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    panels, laws = _draw(cases, folder)
+    parts: list[Section | None] = [
+        sections.summary(cases),
+        sections.statements(cases),
+        sections.figures(cases, panels),
+        sections.law(cases, laws, first_number=len(cases) + 1),
+        sections.designs(cases),
+        sections.settings(cases),
+    ]
+    environment = Environment(
+        loader=PackageLoader("icmj.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2").render(
+        title=TITLE,
+        subtitle=SUBTITLE,
+        abstract=sections.abstract(cases),
+        sections=[part for part in parts if part is not None],
+        version=__version__,
+    )
+
+
+def _draw(cases: Sequence[CaseRuns], folder: Path) -> tuple[dict[str, dict[str, Picture]], dict[str, Picture]]:
+    from icmj.report.law import law_figure
+    from icmj.report.panels import PANELS
+
+    panels: dict[str, dict[str, Picture]] = {}
+    laws: dict[str, Picture] = {}
+    with style.applied():
+        for case in cases:
+            title = case.first.run.case.title
+            panels[case.name] = {
+                letter: _save(panel(case), folder, f"{case.name}_{letter}", f"{title}, panel ({letter})")
+                for letter, panel in PANELS.items()
+            }
+            law = next((r.law for r in reversed(case.runs.values()) if r.law is not None), None)
+            if law is not None:
+                laws[case.name] = _save(law_figure(law), folder, f"{case.name}_law", f"{title}, amplitude law")
+    return panels, laws
+
+
+def _save(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
+    svg = style.save(figure, "svg")
+    (folder / f"{name}.svg").write_bytes(svg)
+    (folder / f"{name}.pdf").write_bytes(style.save(figure, "pdf"))
+    return Picture(name, f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}", alt)
+
+
+def _place(staged: Path, target: Path) -> None:
+    """Move a finished file to its name, also across file systems, whole or not at all."""
+    with _beside(target) as temporary:
+        temporary.write_bytes(staged.read_bytes())
+        os.replace(temporary, target)
+
+
+@contextmanager
+def _beside(target: Path) -> Iterator[Path]:
+    temporary = target.with_name(f".{target.name}.tmp")
+    try:
+        yield temporary
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,38 @@
+"""The figure of the amplitude law: departures from the linear prediction against the threshold."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.report import style
+from icmj.result import AmplitudeLaw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def law_figure(law: AmplitudeLaw) -> Figure:
+    """Relative errors of interval and amplitude against q_t on logarithmic axes, with the fitted lines."""
+    figure, (axes,) = style.new_figure()
+    for values, slope, name, colour, marker in (
+        (law.interval_error, law.interval_slope, "interval", "#0072b2", "o"),
+        (law.amplitude_error, law.amplitude_slope, "amplitude", "#d55e00", "s"),
+    ):
+        size = np.abs(values)
+        known = np.isfinite(size) & (size > 0)
+        if not known.any():
+            continue
+        q_t, size = law.q_t[known], size[known]
+        # the fitted line has the given slope and passes through the points' centre
+        level = np.exp(np.mean(np.log(size)) - slope * np.mean(np.log(q_t)))
+        span = np.geomspace(q_t.min() / 1.5, q_t.max() * 1.5, 2)
+        axes.loglog(span, level * span**slope, color=colour, linewidth=0.8, linestyle=(0, (5, 1.5)))
+        axes.loglog(
+            q_t, size, marker, markersize=4, color=colour, markerfacecolor="white", markeredgewidth=1.0,
+            label=f"{name}, slope {slope:.3f}",
+        )  # fmt: skip
+    axes.set(xlabel="$q_t$ (rad)", ylabel="relative error")
+    style.legend(figure, axes)
+    return figure

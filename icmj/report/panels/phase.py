@@ -1,0 +1,74 @@
+"""Panel (d): velocity against position for the latter part of the run, over the predicted orbit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.linear_plant import Array
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+from icmj.report.panels.window import DEGREES, latter_part, orbit_sign
+from icmj.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INTERVALS = 8
+
+
+def phase_panel(case: CaseRuns) -> Figure:
+    """(d) Velocity against position of every output, with the states at events marked."""
+    outputs = case.last.actual.outputs
+    figure, (axes,) = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT)
+    prediction = case.prediction
+    for i, name in enumerate(outputs):
+        if prediction.orbit is not None and prediction.cycle:
+            orbit, sign = prediction.orbit, orbit_sign(case.last)
+            y, v = orbit.y[:, i], velocity(case.first, orbit.X[:, : case.first.actual.n], orbit.u)[:, i]
+            y, v = (sign * DEGREES * np.concatenate([s, orbit.sign * s]) for s in (y, v))
+            axes.plot(y, v, label="predicted" if i == 0 else None, **style.PREDICTED)
+        for plant, result in case.runs.items():
+            simulation = result.simulation
+            start, end = latter_part(result, INTERVALS)
+            late = (simulation.t >= start) & (simulation.t <= end)
+            v = velocity(result, simulation.x[late], simulation.u[late])[:, i] * DEGREES
+            y = simulation.y[late, i] * DEGREES
+            axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
+            if result is case.last and len(outputs) > 1 and len(y):
+                n = int(np.argmax(y))
+                axes.annotate(name, (y[n], v[n]), xytext=(3, 2), textcoords="offset points", style="italic")
+        _mark_events(axes, case.last, i)
+    axes.set(xlabel="position $x_2$ (deg)", ylabel="velocity $x_1$ (deg/s)")
+    if len(outputs) > 1:
+        axes.set(xlabel="segment angle (deg)", ylabel="segment velocity (deg/s)")
+    axes.margins(0.08)
+    style.letter(figure, "(d)")
+    style.legend(figure, axes)
+    return figure
+
+
+def velocity(result: Result, x: Array, u: Array) -> Array:
+    """ẏ = CAx + CBu of the actual plant, shape (N, n_y); with positions as outputs these are their velocities."""
+    plant = result.actual
+    return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
+
+
+def _mark_events(axes, result: Result, output: int) -> None:  # type: ignore[no-untyped-def]
+    events = result.simulation.events
+    start, end = latter_part(result, INTERVALS)
+    late = (events.t >= start) & (events.t <= end)
+    if not late.any():
+        return
+    x = events.x[late]
+    u = -events.x_h[late] @ result.controller.design.k.T
+    y, v = (x @ result.actual.C.T)[:, output] * DEGREES, velocity(result, x, u)[:, output] * DEGREES
+    if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
+        for n in range(-min(result.measurement.p or 0, 2), 0):
+            axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
+            axes.axhline(v[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
+    axes.plot(
+        y, v, "o", markersize=3.2, markerfacecolor="white", markeredgecolor="#222222", markeredgewidth=0.8,
+        label="at events" if output == 0 else None, zorder=5,
+    )  # fmt: skip

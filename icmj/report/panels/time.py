@@ -1,0 +1,72 @@
+"""Panels (c) and (e): outputs and open-loop intervals against time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+from icmj.report.panels.window import DEGREES, orbit_sign
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def output_panel(case: CaseRuns) -> Figure:
+    """(c) Outputs under the intermittent and the continuous controller against time, with events dotted."""
+    top = case.last
+    outputs = top.actual.outputs
+    figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
+    orbit = case.prediction.orbit if case.prediction.cycle else None
+    for i, (axes, name) in enumerate(zip(stack, outputs, strict=True)):
+        style.event_lines(axes, top.simulation.events.t)
+        if orbit is not None:
+            sign = orbit_sign(top)
+            both = np.concatenate([orbit.y[:, i], orbit.sign * orbit.y[:, i]]) * sign * DEGREES
+            for n, extreme in enumerate((both.min(), both.max())):
+                axes.axhline(extreme, label="predicted extremes" if n == 0 else None, **style.PREDICTED)
+        reach = 0.0
+        for plant, result in case.runs.items():
+            y = result.simulation.y[:, i] * DEGREES
+            reach = max(reach, float(np.nanmax(np.abs(y))))
+            axes.plot(result.simulation.t, y, label=f"$y$, {style.NAME[plant]}", **style.RUN[plant])
+        y_c = top.continuous.y[:, i] * DEGREES
+        # an unstable continuous controller would flatten everything else
+        inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
+        axes.plot(top.continuous.t, inside, label="$y_c$, continuous", **style.CONTINUOUS)
+        axes.set_ylim(-1.12 * reach, 1.12 * reach)
+        axes.margins(x=0)
+        axes.set_ylabel(f"{name} (deg)" if len(outputs) > 1 else "$y$ (deg)")
+    stack[-1].set_xlabel("$t$ (s)")
+    figure.align_ylabels(stack)
+    style.letter(figure, "(c)")
+    style.legend(figure, stack[0])
+    return figure
+
+
+def interval_panel(case: CaseRuns) -> Figure:
+    """(e) Open-loop interval at each event against time, Δ_crit dotted."""
+    figure, (axes,) = style.new_figure()
+    delta_crit = case.prediction.delta_crit
+    largest = 0.0 if delta_crit is None else delta_crit
+    for plant, result in case.runs.items():
+        events = result.simulation.events
+        if len(events):
+            largest = max(largest, float(events.interval.max()))
+        axes.plot(
+            events.t, events.interval, **{**style.RUN[plant], "linewidth": 0.6}, **style.MARK[plant],
+            label=style.NAME[plant],
+        )  # fmt: skip
+    if delta_crit is not None:
+        axes.axhline(delta_crit, label=rf"$\Delta_{{crit}}={delta_crit:.4g}$ s", **style.CRITICAL)
+    axes.set(
+        xlim=(0, float(case.last.simulation.t[-1])),
+        ylim=(0, 1.15 * largest or 1.0),
+        xlabel="$t$ (s)",
+        ylabel=r"$\Delta_{ol}$ (s)",
+    )
+    style.letter(figure, "(e)")
+    style.legend(figure, axes)
+    return figure

@@ -1,0 +1,143 @@
+"""How figures look: one size, one typeface, colours that colour-blind readers can tell apart (Okabe–Ito)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1 / 25.4
+WIDTH = 85.0  # mm: one column of a journal page
+HEIGHT = 58.0
+TALL = 84.0  # mm: panels that stack one axes for each output
+
+# Where curves coincide, the later is thinner, so that each stays visible: predicted, linear, MuJoCo.
+PREDICTED: dict[str, Any] = {"color": "#d9d4c3", "linewidth": 4.0, "solid_capstyle": "round"}
+LINEAR: dict[str, Any] = {"color": "#56b4e9", "linewidth": 1.9}
+MUJOCO: dict[str, Any] = {"color": "#a03c00", "linewidth": 0.75}
+CONTINUOUS: dict[str, Any] = {"color": "#009e73", "linewidth": 0.9, "linestyle": (0, (5, 1.5))}
+EXACT: dict[str, Any] = {"color": "#009e73", "linewidth": 1.1, "linestyle": (0, (5, 1.5))}
+ACTUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.4}
+CRITICAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.9, "linestyle": (0, (1, 1.6))}
+EVENT: dict[str, Any] = {"colors": "#8a8a8a", "linewidths": 0.45, "linestyles": [(0, (1, 2.2))]}
+RUN = {"linear": LINEAR, "mujoco": MUJOCO}
+MARK = {
+    "linear": {"marker": "o", "markersize": 5.2, "markerfacecolor": "#56b4e9", "markeredgecolor": "#1f7fb8"},
+    "mujoco": {"marker": "x", "markersize": 4.0, "markeredgecolor": "#a03c00", "markeredgewidth": 1.0},
+}
+NAME = {"linear": "linear plant", "mujoco": "MuJoCo"}
+
+RC: dict[str, Any] = {
+    "font.family": "STIXGeneral",  # shipped with matplotlib, so the page looks the same on every machine
+    "mathtext.fontset": "stix",
+    "font.size": 8.5,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 8.5,
+    "xtick.labelsize": 7.8,
+    "ytick.labelsize": 7.8,
+    "legend.fontsize": 7.6,
+    "axes.linewidth": 0.55,
+    "axes.edgecolor": "#333333",
+    "axes.labelcolor": "#111111",
+    "axes.labelpad": 2.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "xtick.major.size": 2.4,
+    "ytick.major.size": 2.4,
+    "xtick.minor.size": 1.4,
+    "ytick.minor.size": 1.4,
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+    "lines.solid_joinstyle": "round",
+    "legend.frameon": False,
+    "legend.handlelength": 1.9,
+    "legend.handletextpad": 0.5,
+    "legend.columnspacing": 1.1,
+    "legend.borderaxespad": 0.1,
+    "legend.labelspacing": 0.25,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.12,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "icmj",
+    "pdf.fonttype": 42,  # editable text in the PDF
+    "figure.dpi": 100,
+}
+
+
+@contextmanager
+def applied() -> Iterator[None]:
+    """This style for the length of a ``with`` block; matplotlib's own settings come back after it."""
+    import matplotlib
+
+    with matplotlib.rc_context(RC):
+        yield
+
+
+def new_figure(height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
+    """A figure of ``width`` × ``height`` mm with ``rows`` axes one above the other, which share the abscissa.
+
+    Margins are fixed in millimetres, so that the axes of neighbouring panels line up.
+    """
+    from matplotlib.figure import Figure
+
+    left, right, bottom, top, gap = 12.5, 2.5, 9.0, 7.0, 3.0
+    figure = Figure(figsize=(width * MM, height * MM))
+    each = (height - bottom - top - gap * (rows - 1)) / rows
+    axes: list[Axes] = []
+    for row in range(rows):
+        low = bottom + (rows - 1 - row) * (each + gap)
+        box = (left / width, low / height, (width - left - right) / width, each / height)
+        axes.append(figure.add_axes(box, sharex=axes[0] if axes else None))
+        if row < rows - 1:
+            axes[-1].tick_params(labelbottom=False)
+    return figure, axes
+
+
+def letter(figure: Figure, text: str) -> None:
+    """The panel's letter, top left."""
+    height = figure.get_size_inches()[1] / MM
+    figure.text(1.0 / (figure.get_size_inches()[0] / MM), 1 - 1.2 / height, text, va="top", weight="bold", size=9.5)
+
+
+def legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
+    """One legend line above the axes, right of the letter, where it hides no data."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        width, height = figure.get_size_inches() / MM
+        figure.legend(
+            handles,
+            labels,
+            loc="upper right",
+            bbox_to_anchor=(1 - 1.5 / width, 1 - 1.0 / height),
+            ncols=min(columns, len(handles)),
+        )
+
+
+def event_lines(axes: Axes, times: Any) -> None:
+    """Dotted vertical lines at event times (over the height of the axes)."""
+    times = np.asarray(times)
+    if len(times):
+        axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), zorder=0.5, **EVENT)
+
+
+def save(figure: Figure, kind: str) -> bytes:
+    """The figure as ``svg`` or ``pdf``; the same bytes whenever it is drawn."""
+    stream = BytesIO()
+    metadata = {"Date": None} if kind == "svg" else {"CreationDate": None}
+    figure.savefig(stream, format=kind, metadata=metadata)
+    return stream.getvalue()
