@@ -36,11 +36,15 @@ from icmj.theory.prediction import Crossing
 Kind = Literal["+1", "-1", "complex"]
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
 
-_DEGREE = 16
+_DEGREE = 24
 _PANELS = 8
 _DEPTH = 14
 _DECAYED = 1e-10  # last Chebyshev coefficients, relative to the largest
 _PLATEAU = 1e-6  # above _DECAYED they may stay below this where halving does not lower them: that is rounding
+_FLOOR = (
+    0.3  # fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
+)
+_ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
@@ -114,23 +118,31 @@ class _Finder:
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
         for depth in range(_DEPTH + 1):
-            g, end = self._panels(left, width, end)
-            again: list[tuple[float, float]] = []
-            for a, tail, spectra in zip(left, tails, g, strict=False):
-                here, tail = self._panel(a, width, spectra, tail, last=depth == _DEPTH)
-                if here is None:
-                    again += [(a, tail), (a + width / 2, tail)]
-                else:
+            delta, g, end = self._panels(left, width, end)
+            series = {kind: _test(kind, g, delta) @ _coefficients(_DEGREE).T for kind in KINDS}
+            tail = np.max([np.abs(c[:, -3:]).max(axis=1) / np.abs(c).max(axis=1) for c in series.values()], axis=0)
+            before = tails[: len(tail)]
+            resolved = (tail < _DECAYED) | ((tail < _PLATEAU) & (tail > before / 4)) | (depth == _DEPTH)
+            outside = _outside(g[:, [0, -1]], delta[:, [0, -1]])
+            for m in np.flatnonzero(resolved):
+                centre = left[m] + width / 2
+                here = [x for kind, c in series.items() for x in self._zeros(kind, c[m], centre, width / 2)]
+                explained = sum(_step(c) for c in here if abs(c.delta - centre) <= width / 2)
+                if depth == _DEPTH or outside[m, 1] - outside[m, 0] == explained:
                     found += here
-            if not again:
+                else:
+                    resolved[m] = False
+            halve = left[: len(tail)][~resolved]
+            if not len(halve):
                 break
             width /= 2
-            left, tails = np.array(again).T
+            left = np.column_stack([halve, halve + width]).reshape(-1)
+            tails = np.repeat(tail[~resolved], 2)
         found = [c for c in found if start < c.delta <= end]
         return Search(tuple(_distinct(sorted(found, key=lambda c: c.delta), self.resolution)), float(end))
 
-    def _panels(self, left: Array, width: float, end: float) -> tuple[Spectrum, float]:
-        """Spectra of G at the nodes of each panel, shape (panels, 17, n + n̂), up to where φ drowns."""
+    def _panels(self, left: Array, width: float, end: float) -> tuple[Array, Spectrum, float]:
+        """Nodes and spectra of G of each panel, shapes (P, nodes) and (P, nodes, n + n̂), up to where φ drowns."""
         s = (1 + _nodes(_DEGREE)) / 2 * width
         F_s = self.flow.increment(s) @ self.T_bar
         with np.errstate(over="ignore", invalid="ignore"):
@@ -149,31 +161,11 @@ class _Finder:
             G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
         if len(G) and delta[0, 0] == 0:
             G[0, 0] = self.T @ self.system.A_C @ self.T_bar
-        return np.linalg.eigvals(G).astype(complex), end
+        return delta, np.linalg.eigvals(G).astype(complex), end
 
     def _spectrum(self, delta: Array) -> Spectrum:
         G = self.T @ self.flow.increment(delta) @ self.T_bar
         return np.linalg.eigvals(G / delta[:, None, None]).astype(complex)
-
-    def _panel(
-        self, a: float, width: float, g: Spectrum, before: float, last: bool
-    ) -> tuple[list[Crossing] | None, float]:
-        """Crossings on one panel, or ``None`` if it must be halved; and how far the coefficients decayed.
-
-        ``before`` is how far they decayed on the panel that this one is half of.
-        """
-        delta = a + (1 + _nodes(_DEGREE)) / 2 * width
-        series = {kind: _coefficients(_DEGREE) @ _test(kind, g, delta) for kind in KINDS}
-        tail = max(float(np.abs(c[-3:]).max() / np.abs(c).max()) for c in series.values())
-        resolved = tail < _DECAYED or (tail < _PLATEAU and tail > before / 4)
-        if not resolved and not last:
-            return None, tail
-        found = [x for kind, c in series.items() for x in self._zeros(kind, c, a + width / 2, width / 2)]
-        outside = _outside(g, delta)
-        explained = sum(_step(c) for c in found if a < c.delta <= a + width)
-        if not last and outside[-1] - outside[0] != explained:
-            return None, tail
-        return found, tail
 
     def _zeros(self, kind: Kind, c: Array, centre: float, radius: float) -> list[Crossing]:
         """Crossings from the zeros of one interpolant, those close together by zooming in."""
@@ -228,7 +220,7 @@ class _Finder:
             if abs(move) < 1e-14 * delta or step == 3:
                 break
         on = abs(np.log(abs(lam)))
-        if on > (1e-6 if not tangent else 1e-6):
+        if on > _ON:
             return None
         exact = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": lam / abs(lam)}[kind]
         exact = complex(exact.real, abs(exact.imag))
@@ -264,43 +256,63 @@ class _Finder:
 
 
 def _test(kind: Kind, g: Spectrum, delta: Array) -> Array:
-    """One test function at the Chebyshev nodes of a panel, times a positive function that flattens it.
+    """One test function at the Chebyshev nodes of each panel, times a positive function that flattens it.
 
     The product of many factors varies by many decades over a panel, and a zero where it is small would be lost.
-    Its logarithm is therefore fitted by a quartic, and the function divided by the exponential of that: this has
-    no zeros and is analytic, so neither zeros nor the decay of the coefficients suffer.
+    Its logarithm, with zeros filled in, is therefore fitted by a parabola, and the function divided by the exponential
+    of that: this has no zeros and is analytic, so neither zeros nor the decay of the coefficients suffer.
 
     A factor that vanishes at every node belongs to an eigenvalue that stays on the circle (a mode that neither
     control nor error moves); it crosses nothing and is left out.
+
+    Args:
+        kind: which function.
+        g: eigenvalues of G, shape (..., nodes, n + n̂).
+        delta: Δ at the nodes [s], shape (..., nodes).
     """
-    d = delta[:, None]
+    d = delta[..., None]
     if kind == "+1":
         factors = g
     elif kind == "-1":
         factors = 2 + d * g
     else:
-        i, j = np.triu_indices(g.shape[1], 1)
-        factors = g[:, i] + g[:, j] + d * g[:, i] * g[:, j]
+        i, j = _pairs(g.shape[-1])
+        g_i, g_j = g[..., i], g[..., j]
+        factors = g_i + g_j + d * g_i * g_j
+    if not factors.shape[-1]:
+        return np.ones(delta.shape)
     size = np.abs(factors)
-    order = np.argsort(size, axis=1)
-    size = np.take_along_axis(size, order, axis=1)
-    factors = np.take_along_axis(factors, order, axis=1)
-    rounding = 1e-12 * np.maximum(np.abs(g).max(axis=1), 1.0)
-    stuck = int((size <= rounding[:, None]).all(axis=0).sum())
-    factors, size = factors[:, stuck:], size[:, stuck:]
-    if not factors.shape[1]:
-        return np.ones(len(delta))
+    rounding = 1e-12 * np.maximum(np.abs(g).max(axis=-1), 1.0)
+    smallest = size.min(axis=-1)
+    if (smallest <= rounding).all(axis=-1).any():
+        factors = _without_stuck(factors, size, rounding)
+        size = np.abs(factors)
     tiny = np.finfo(float).tiny
-    log = np.log(np.maximum(size, tiny)).sum(axis=1)
-    sign = np.prod(factors / np.maximum(size, tiny), axis=1).real
-    degree = len(delta) - 1
-    log -= _flattening(degree) @ log
-    return np.asarray(sign * np.exp(log - log.max()))
+    size = np.maximum(size, tiny)
+    sign = np.prod(factors / size, axis=-1).real
+    floor = _FLOOR * size.max(axis=-2, keepdims=True)
+    trend = np.log(size**2 + floor**2).sum(axis=-1) / 2
+    log = np.log(size).sum(axis=-1) - trend @ _parabola(delta.shape[-1] - 1).T
+    return np.asarray(sign * np.exp(log - log.max(axis=-1, keepdims=True)))
+
+
+def _without_stuck(factors: Spectrum, size: Array, rounding: Array) -> Spectrum:
+    """Factors with those that vanish at every node of a panel set to one."""
+    order = np.argsort(size, axis=-1)
+    factors = np.take_along_axis(factors, order, axis=-1)
+    size = np.take_along_axis(size, order, axis=-1)
+    stuck = (size <= rounding[..., None]).all(axis=-2, keepdims=True)
+    return np.where(stuck, 1.0 + 0j, factors)
+
+
+@cache
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.triu_indices(count, 1)
 
 
 def _outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
     """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
-    return np.asarray((2 * g.real + delta[:, None] * np.abs(g) ** 2 > 1e-10).sum(axis=1))
+    return np.asarray((2 * g.real + delta[..., None] * np.abs(g) ** 2 > 1e-10).sum(axis=-1))
 
 
 def _step(crossing: Crossing) -> int:
@@ -339,9 +351,9 @@ def _coefficients(degree: int) -> Array:
 
 
 @cache
-def _flattening(degree: int) -> Array:
-    """Matrix from values at the nodes to the values of their quartic Chebyshev part."""
-    return np.polynomial.chebyshev.chebvander(_nodes(degree), 4) @ _coefficients(degree)[:5]
+def _parabola(degree: int) -> Array:
+    """Matrix from values at the nodes to the values of their quadratic Chebyshev part."""
+    return np.asarray(np.polynomial.chebyshev.chebvander(_nodes(degree), 2) @ _coefficients(degree)[:3])
 
 
 def _roots(c: Array) -> Spectrum:
