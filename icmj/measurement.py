@@ -60,9 +60,26 @@ class _Return:
         return self.q if self.sign > 0 else 2 * self.q
 
     @property
+    def name(self) -> str:
+        return f"mirrored period-{self.p}" if self.sign < 0 else f"period-{self.p}"
+
+    @property
     def residual(self) -> float:
         """Largest closure error of the last period."""
         return float(self.residuals[-self.p :].max())
+
+    @property
+    def fit(self) -> Trend:
+        """Trend per period of the largest closure error in each of the last periods, three to ten of them."""
+        periods = min(max(len(self.residuals) // (2 * self.p), 3), 10, len(self.residuals) // self.p)
+        return trend(self.residuals[-periods * self.p :].reshape(periods, self.p).max(axis=1))
+
+    def settled(self, tolerance: float, floor: float) -> bool:
+        """Whether what is still to come of the closure error is below ``tolerance``, and it does not grow."""
+        fit = self.fit
+        if self.residual <= floor or not fit.clear:
+            return True
+        return fit.ratio < 1 and self.residual / (1 - fit.ratio) <= tolerance
 
 
 def measure(
@@ -83,7 +100,6 @@ def measure(
     """
     events, K = simulation.events, len(simulation.events)
     states = reduced_states(simulation, T_hat)
-    size = np.linalg.norm(states, axis=1)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"The motion grew: the run {simulation.outcome.message}.")
     if K == 0:
@@ -105,9 +121,9 @@ def measure(
     ]
     returns.sort(key=lambda r: r.p)
     for candidate in returns if running else []:
-        if candidate.residual < tolerance:
-            return _closed(simulation, candidate, tolerance, floor)
-    return _open(simulation, size, states, returns, running, tolerance)
+        if candidate.residual < tolerance and candidate.settled(tolerance, floor):
+            return _cycle(simulation, candidate)
+    return _open(simulation, states, returns, running, tolerance, floor)
 
 
 def reduced_states(simulation: Simulation, T_hat: Array) -> Array:
@@ -140,17 +156,8 @@ def _homoclinic(simulation: Simulation, states: Array) -> bool:
     return bool(growing and size[-1] <= 2 * size[0] and longest >= 5 * np.median(interval))
 
 
-def _closed(simulation: Simulation, found: _Return, tolerance: float, floor: float) -> Measurement:
-    """A cycle, unless the closure error shows that the motion still approaches or already leaves it."""
-    recent = found.residuals[-max(3 * found.p, 8) :]
-    fit = trend(recent)
-    p, residual = found.p, found.residual
-    name = _name(p, found.sign)
-    if residual > floor and fit.clear and fit.ratio > 1.01:
-        words = f"Too short to tell: close to a {name} cycle but leaving it, by a factor {fit.ratio:.3f} per event."
-        return _other(simulation, "too short", words)
-    if residual > floor and fit.clear and fit.ratio < 1 and residual / (1 - fit.ratio) > tolerance:
-        return _other(simulation, "too short", _approach(simulation, name, residual, fit.ratio, tolerance))
+def _cycle(simulation: Simulation, found: _Return) -> Measurement:
+    p, residual, name = found.p, found.residual, found.name
     intervals = simulation.events.interval[-p:]
     period = float(intervals.sum())
     rhythm = f"{intervals.mean():.6g} s" if np.ptp(intervals) < 1e-5 * period else _list(intervals)
@@ -168,58 +175,51 @@ def _closed(simulation: Simulation, found: _Return, tolerance: float, floor: flo
 
 
 def _open(
-    simulation: Simulation, size: Array, states: Array, returns: list[_Return], running: bool, tolerance: float
+    simulation: Simulation, states: Array, returns: list[_Return], running: bool, tolerance: float, floor: float
 ) -> Measurement:
     """What a motion is that has not closed."""
-    K = len(size)
+    K = len(states)
     if not running:
         silence = simulation.outcome.t - simulation.events.t[-1]
         words = f"Too short to tell: no event in the last {silence:.3g} s, longer than any interval before."
         return _other(simulation, "too short", words)
-    overall = trend(size[K // 2 :])
-    lasting = overall.clear and abs(np.log(overall.ratio)) * (K - K // 2) > np.log(3)
-    if lasting and overall.ratio > 1:
-        return _other(simulation, "growth", f"The motion grows by a factor {overall.ratio:.4g} per event.")
-    if lasting and overall.ratio < 1:
-        return _other(simulation, "decay", f"The motion decays by a factor {overall.ratio:.4g} per event.")
-    approaching = []
+    size = np.linalg.norm(states[K // 2 :], axis=1)
+    overall = trend(size)
+    if overall.clear and abs(np.log(overall.ratio)) * len(size) > np.log(3):
+        kind: MotionKind = "growth" if overall.ratio > 1 else "decay"
+        verb = "grows" if overall.ratio > 1 else "decays"
+        return _other(simulation, kind, f"The motion {verb} by a factor {overall.ratio:.4g} per event.")
     for candidate in returns:
-        recent = candidate.residuals[-max(K // 3, 3 * candidate.p) :]
-        fit = trend(recent)
-        if fit.clear and fit.ratio < 0.999 and candidate.residual < 0.3:
-            approaching.append((candidate, fit))
-    if approaching:
-        candidate, fit = min(approaching, key=lambda item: (item[0].residual > 1.5 * _best(approaching), item[0].p))
-        words = _approach(simulation, _name(candidate.p, candidate.sign), candidate.residual, fit.ratio, tolerance)
-        return _other(simulation, "too short", words)
+        fit = candidate.fit
+        if fit.clear and candidate.residual < 0.1:
+            if fit.ratio < 0.999:
+                return _other(simulation, "too short", _approach(simulation, candidate, tolerance))
+            if fit.ratio > 1.001 and candidate.residual > floor:
+                words = (
+                    f"Too short to tell: it leaves a {candidate.name} cycle, by a factor {fit.ratio:.3f} per period."
+                )
+                return _other(simulation, "too short", words)
     if K < MANY:
         words = f"Too short to tell: {K} events, no return within {tolerance:g} among them."
         return _other(simulation, "too short", words)
     growth = separation(states[-2 * K // 3 :])
     if growth < 1.03:
-        return _other(
-            simulation,
-            "quasi-periodic",
+        words = (
             "Quasi-periodic: bounded, neighbouring motions stay neighbours, but no return within "
-            f"{tolerance:g} after up to {max(r.p for r in returns)} events.",
+            f"{tolerance:g} after up to {returns[-1].p} events."
         )
-    return _other(
-        simulation,
-        "irregular",
-        f"Irregular: bounded, but neighbouring motions part by a factor {growth:.3f} per event.",
-    )
+        return _other(simulation, "quasi-periodic", words)
+    words = f"Irregular: bounded, but neighbouring motions part by a factor {growth:.3f} per event."
+    return _other(simulation, "irregular", words)
 
 
-def _best(approaching: list[tuple[_Return, Trend]]) -> float:
-    return min(item[0].residual for item in approaching)
-
-
-def _approach(simulation: Simulation, name: str, residual: float, ratio: float, tolerance: float) -> str:
-    left = max(np.log(tolerance * (1 - ratio) / residual) / np.log(ratio), 1.0)
-    more = left * float(simulation.events.interval[-10:].mean())
+def _approach(simulation: Simulation, candidate: _Return, tolerance: float) -> str:
+    residual, ratio = candidate.residual, candidate.fit.ratio
+    periods = max(np.log(tolerance * (1 - ratio) / residual) / np.log(ratio), 1.0)
+    more = periods * float(simulation.events.interval[-candidate.p :].sum())
     return (
-        f"Too short to tell: approaching a {name} cycle, closure error {residual:.1e} falling by a factor {ratio:.3f} "
-        f"per event; about {more:.2g} s more would settle it."
+        f"Too short to tell: approaching a {candidate.name} cycle, closure error {residual:.1e} falling by a factor "
+        f"{ratio:.3f} per period; about {more:.2g} s more would settle it."
     )
 
 
@@ -246,9 +246,5 @@ def _amplitude(simulation: Simulation, last: int) -> Array:
     return np.maximum(np.abs(events.y_max[-last:]), np.abs(events.y_min[-last:])).max(axis=0)
 
 
-def _name(p: int, sign: int) -> str:
-    return f"mirrored period-{p}" if sign < 0 else f"period-{p}"
-
-
 def _list(intervals: Array) -> str:
-    return "s " + ", ".join(f"{d:.6g}" for d in intervals) + " s"
+    return ", ".join(f"{d:.6g}" for d in intervals) + " s"
