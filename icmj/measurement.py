@@ -181,14 +181,20 @@ def _open(
     K = len(states)
     if not running:
         silence = simulation.outcome.t - simulation.events.t[-1]
-        words = f"Too short to tell: no event in the last {silence:.3g} s, longer than any interval before."
-        return _other(simulation, "too short", words)
+        left = np.linalg.norm(simulation.x[-1]) / max(np.linalg.norm(simulation.events.x[-1]), 1e-300)
+        what = f"no event in the last {silence:.3g} s, longer than any interval before"
+        if left < 1e-3:
+            words = f"The motion decays: {what}, and the state has fallen to {left:.1e} of what it was at the last."
+            return _other(simulation, "decay", words)
+        return _other(simulation, "too short", f"Too short to tell: {what}.")
     size = np.linalg.norm(states[K // 2 :], axis=1)
     overall = trend(size)
-    if overall.clear and abs(np.log(overall.ratio)) * len(size) > np.log(3):
-        kind: MotionKind = "growth" if overall.ratio > 1 else "decay"
-        verb = "grows" if overall.ratio > 1 else "decays"
-        return _other(simulation, kind, f"The motion {verb} by a factor {overall.ratio:.4g} per event.")
+    lasting = overall.clear and abs(np.log(overall.ratio)) * len(size) > np.log(3)
+    if lasting and overall.ratio > 1:
+        return _other(simulation, "growth", f"The motion grows by a factor {overall.ratio:.4g} per event.")
+    # the event rule keeps the state about the size of the threshold: there a fall is a transient, not a decay
+    if lasting and simulation.control != "event":
+        return _other(simulation, "decay", f"The motion decays by a factor {overall.ratio:.4g} per event.")
     for candidate in returns:
         fit = candidate.fit
         if fit.clear and candidate.residual < 0.1:
