@@ -114,7 +114,7 @@ class _Finder:
 
     def run(self, start: float, end: float) -> Search:
         width = (end - start) / _PANELS
-        left = start + width * np.arange(_PANELS)
+        left: Array = np.asarray(start + width * np.arange(_PANELS), dtype=float)
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
         for depth in range(_DEPTH + 1):
@@ -204,11 +204,12 @@ class _Finder:
         """The eigenvalue that a zero belongs to, its Δ polished; ``None`` if the zero is no crossing."""
         if delta <= 0:
             return None
-        slope = 0.0
+        slope, lam, values = 0.0, 1 + 0j, np.empty(0, complex)
         for step in range(4):
-            lam, values, dlam = self._eigenvalue(kind, delta)
-            if lam is None:
+            values, dlam = self._eigenvalue(kind, delta)
+            if not len(values):
                 return None
+            lam = complex(values[0])
             slope = float(np.real(dlam / lam)) if np.isfinite(dlam) else 0.0
             if tangent or slope == 0:
                 break
@@ -219,19 +220,21 @@ class _Finder:
             delta += move
             if abs(move) < 1e-14 * delta or step == 3:
                 break
-        on = abs(np.log(abs(lam)))
-        if on > _ON:
+        if abs(np.log(abs(lam))) > _ON or (kind != "complex" and abs(lam - int(kind)) > 1e-3):
             return None
         exact = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": lam / abs(lam)}[kind]
         exact = complex(exact.real, abs(exact.imag))
         direction: Literal["rising", "falling", "tangent"] = (
             "tangent" if tangent or slope == 0 else "rising" if slope > 0 else "falling"
         )
-        others = np.sort(np.abs(np.delete(values, 0)))
+        others = np.sort(np.abs(values[1:]))
         return Crossing(float(delta), exact, kind, direction, float(others[-1]) if len(others) else 0.0)
 
-    def _eigenvalue(self, kind: Kind, delta: float) -> tuple[complex | None, Spectrum, complex]:
-        """The eigenvalue nearest to the circle of this kind, all of them with it first, and dλ/dΔ."""
+    def _eigenvalue(self, kind: Kind, delta: float) -> tuple[Spectrum, complex]:
+        """Eigenvalues of φ, the one of this kind nearest to the circle first, and dλ/dΔ of that.
+
+        Of a complex pair the lower one is left out; where there is no complex pair, there are none.
+        """
         from scipy.linalg import eig
 
         F = self.flow.increment(delta)
@@ -240,7 +243,7 @@ class _Finder:
         if kind == "complex":
             upper = np.flatnonzero(g.imag > 0)
             if not len(upper):
-                return None, g, 0j
+                return np.empty(0, complex), 0j
             i = upper[np.abs(2 * g[upper].real + delta * np.abs(g[upper]) ** 2).argmin()]
         else:
             target = 0.0 if kind == "+1" else -2.0 / delta
@@ -252,7 +255,7 @@ class _Finder:
         rate = self.T @ (self.system.A_C @ (self.T_bar + F @ self.T_bar))
         overlap = w @ v
         dlam = (w @ rate @ v) / overlap if abs(overlap) > 1e-12 else complex("nan")
-        return complex(1 + delta * g[i]), 1 + delta * np.concatenate([[g[i]], rest]), dlam
+        return np.asarray(1 + delta * np.concatenate([[g[i]], rest]), complex), complex(dlam)
 
 
 def _test(kind: Kind, g: Spectrum, delta: Array) -> Array:
@@ -347,7 +350,7 @@ def _nodes(degree: int) -> Array:
 @cache
 def _coefficients(degree: int) -> Array:
     """Matrix from values at the nodes to Chebyshev coefficients."""
-    return np.linalg.inv(np.polynomial.chebyshev.chebvander(_nodes(degree), degree))
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(_nodes(degree), degree)))
 
 
 @cache

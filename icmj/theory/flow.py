@@ -52,33 +52,25 @@ class Flow:
         """e^{Ā_C t} for each t ≥ 0, shape (..., N, N)."""
         return self.increment(t) + np.eye(len(self.A_C))
 
-    def ladder(self, t: Array, levels: int) -> list[Array]:
-        """F at t, t/2, … t/2^levels: ``levels`` + 1 stacks, each of shape (len(t), N, N)."""
-        doublings = self._doublings(t.max(initial=0.0) / 2**levels)
-        F = self._short(t / 2 ** (levels + doublings))
-        for _ in range(doublings):
-            F = 2 * F + F @ F
-        stacks = [F]
-        for _ in range(levels):
-            F = 2 * F + F @ F
-            stacks.append(F)
-        return [self._unbalance(F) for F in reversed(stacks)]
-
     def trajectory(self, X: Array, end: float, points: int) -> tuple[Array, Array]:
-        """X̄ on a uniform grid of at least ``points`` + 1 times from 0 to ``end``, starting at ``X``.
+        """e^{Ā_C t} X on a uniform grid of at least ``points`` + 1 times from 0 to ``end``.
+
+        Args:
+            X: a state, shape (N,), or several as columns, shape (N, c).
+            end: last time [s].
+            points: how many steps at least; the next power of two is taken.
 
         Returns:
-            times, shape (M,), and states, shape (M, N); M − 1 is the next power of two.
+            times, shape (M,), and states, shape (M, N) or (M, N, c).
         """
         levels = max(int(np.ceil(np.log2(max(points, 2)))), 1)
-        step = end / 2**levels
-        states = X[None, :]
-        F = self.increment(step)
+        states = X.reshape(1, len(X), -1)
+        F = self.increment(end / 2**levels)
         for _ in range(levels):
-            states = np.concatenate([states, states + states @ F.T])
+            states = np.concatenate([states, states + F @ states])
             F = 2 * F + F @ F
-        last = X + F @ X
-        return np.linspace(0.0, end, 2**levels + 1), np.concatenate([states, last[None, :]])
+        states = np.concatenate([states, states[:1] + F @ states[:1]])
+        return np.linspace(0.0, end, 2**levels + 1), states.reshape(len(states), *X.shape)
 
     def polynomials(self, states: Array, h: float) -> Array:
         """Taylor coefficients of e^{Ā_C h s} X̄ in s ∈ [0, 1] from each state.
@@ -95,10 +87,11 @@ class Flow:
         """
         if h > self.reach * (1 + 1e-12):
             raise AnalysisError(f"a Taylor cell of {h:.3g} s is longer than the series reaches, {self.reach:.3g} s")
-        z = states / self.scale
-        powers = h ** np.arange(1, _TERMS + 1)
-        tail = np.einsum("kij,mj,k->kmi", self.series, z, powers, optimize=True)
-        return np.concatenate([z[None], tail]) * self.scale
+        terms = [states / self.scale]
+        step = (self.balanced * h).T
+        for k in range(1, _TERMS + 1):
+            terms.append(terms[-1] @ step / k)
+        return np.array(terms) * self.scale
 
     def _doublings(self, t: float) -> int:
         return max(0, int(np.ceil(np.log2(max(t / self.reach, 1.0)))))
@@ -126,7 +119,6 @@ def flow(A_C: Array) -> Flow:
     series = np.empty((_TERMS, *A_C.shape))
     power = np.eye(len(A_C))
     for k in range(_TERMS):
-        # scaled by the norm so that powers of a large matrix do not overflow before k! tames them
         power = power @ balanced / (k + 1)
         series[k] = power
     return Flow(A_C, balanced, scale, series, 1.0 / norm)

@@ -12,10 +12,19 @@ from icmj.theory.flow import Flow, flow
 from icmj.theory.prediction import Locus
 
 POINTS = 256
+_HALVINGS = 4
+_CLEAR = 0.3  # an eigenvalue is followed safely if it moves less than this part of the way to its neighbour
+_NEGLIGIBLE = 1e-3  # moves below this are not worth a finer grid
 
 
 def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
-    """The eigenvalue branches on (0, ``delta_max``], at least ``points`` of them.
+    """The eigenvalue branches on (0, ``delta_max``] at equal steps, followed on a finer grid where needed.
+
+    Args:
+        system: the error system.
+        delta_max: end of the range [s].
+        points: how many steps at least; the next power of two is taken.
+        prepared: the flow of ``system``, if at hand.
 
     Raises:
         AnalysisError: if ``delta_max`` is not positive and finite.
@@ -23,9 +32,22 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
     if not (np.isfinite(delta_max) and delta_max > 0):
         raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
     phi_t = prepared or flow(system.A_C)
-    delta = delta_max * np.arange(1, points + 1) / points
-    values = spectra(system, phi_t, delta)
-    return Locus(delta, follow(values))
+    delta, states = phi_t.trajectory(system.T_bar, delta_max, points)
+    delta, points = delta[1:], len(delta) - 1
+    values = np.linalg.eigvals(system.T @ states[1:]).astype(complex)
+    wanted = np.ones(points, dtype=bool)
+    check = np.arange(points - 1)  # steps not known to be clear yet
+    for _ in range(_HALVINGS):
+        unclear = check[_unclear(values[check], values[check + 1])]
+        if not len(unclear):
+            break
+        middle = (delta[unclear] + delta[unclear + 1]) / 2
+        delta = np.insert(delta, unclear + 1, middle)
+        values = np.insert(values, unclear + 1, spectra(system, phi_t, middle), axis=0)
+        wanted = np.insert(wanted, unclear + 1, False)
+        moved = unclear + np.arange(len(unclear))
+        check = np.column_stack([moved, moved + 1]).reshape(-1)
+    return Locus(delta[wanted], follow(delta, values)[wanted])
 
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:
@@ -34,13 +56,54 @@ def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.com
     return np.linalg.eigvals(phi).astype(complex)
 
 
-def follow(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Rows re-ordered so that each column is one branch."""
+def follow(delta: Array, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Rows re-ordered so that each column is one branch.
+
+    Where each eigenvalue has an unmistakable successor, that is it; elsewhere the assignment with the least total
+    distance from a linear prediction. Where two branches meet (and leave the real axis), which is which afterwards
+    is a convention.
+
+    Args:
+        delta: Δ, rising, shape (M,).
+        values: eigenvalues in any order, shape (M, N).
+    """
     from scipy.optimize import linear_sum_assignment
 
+    order = np.arange(values.shape[1])
     ordered = values.copy()
-    for m in range(1, len(values)):
-        predicted = ordered[m - 1] if m == 1 else 2 * ordered[m - 1] - ordered[m - 2]
-        _, columns = linear_sum_assignment(np.abs(predicted[:, None] - values[m]))
-        ordered[m] = values[m, columns]
+    nearest, clear = _successors(values)
+    for m in range(len(values) - 1):
+        if clear[m]:
+            order = nearest[m][order]
+        else:
+            here = ordered[m]
+            ahead = here
+            if m:
+                ahead = here + (here - ordered[m - 1]) * ((delta[m + 1] - delta[m]) / (delta[m] - delta[m - 1]))
+            order = linear_sum_assignment(np.abs(ahead[:, None] - values[m + 1]))[1]
+        ordered[m + 1] = values[m + 1, order]
     return ordered
+
+
+def _successors(values: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Nearest eigenvalue in the next row for each in this one, and whether all of them are unmistakable."""
+    distance = np.abs(values[:-1, :, None] - values[1:, None, :])
+    nearest = distance.argmin(axis=2)
+    moved = distance.min(axis=2)
+    onto = np.sort(nearest, axis=1)
+    one_to_one = (onto == np.arange(values.shape[1])).all(axis=1)
+    return nearest, one_to_one & (moved < _CLEAR * _separation(values)[:-1]).all(axis=1)
+
+
+def _unclear(before: NDArray[np.complex128], after: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Steps that a finer grid would make clearer: an eigenvalue of some size moves too far for its neighbours."""
+    distance = np.abs(before[:, :, None] - after[:, None, :]).min(axis=2)
+    far = (distance > _CLEAR * _separation(before)) & (distance > _NEGLIGIBLE)
+    return np.asarray(far.any(axis=1))
+
+
+def _separation(values: NDArray[np.complex128]) -> Array:
+    """Distance of each eigenvalue to its nearest neighbour in the same row."""
+    between = np.abs(values[:, :, None] - values[:, None, :])
+    between += np.where(np.eye(values.shape[1], dtype=bool), np.inf, 0.0)
+    return np.asarray(between.min(axis=2))

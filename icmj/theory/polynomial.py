@@ -43,12 +43,6 @@ def _halves(degree: int) -> tuple[Array, Array]:
     return left, left[::-1, ::-1].copy()
 
 
-def bernstein(coefficients: Array) -> Array:
-    """Bernstein coefficients on [0, 1] from powers; the first axis is the degree, shape (d + 1, ...)."""
-    d = len(coefficients) - 1
-    return np.tensordot(_to_bernstein(d), coefficients, axes=(1, 0))
-
-
 def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
     """Maximum over all cells of each group.
 
@@ -59,16 +53,16 @@ def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
     Returns:
         for each group the largest value, its cell and its place.
     """
-    b = bernstein(coefficients)
-    d, cells, groups = b.shape[0] - 1, b.shape[1], b.shape[2]
-    slack = tolerance * np.abs(b).max(axis=(0, 1))
-    ends = np.concatenate([b[0], b[-1]])  # exact values at both ends of every cell
+    d, cells, groups = coefficients.shape[0] - 1, coefficients.shape[1], coefficients.shape[2]
+    ends = np.concatenate([coefficients[0], coefficients.sum(axis=0)])  # values at both ends of every cell
     at = ends.argmax(axis=0)
     value = ends[at, np.arange(groups)]
     cell, s = at % cells, (at >= cells).astype(float)
-    group = np.broadcast_to(np.arange(groups), (cells, groups)).reshape(-1)
-    index = np.broadcast_to(np.arange(cells)[:, None], (cells, groups)).reshape(-1)
-    b = b.reshape(d + 1, -1)
+    size = np.abs(coefficients)
+    slack = tolerance * size.max(axis=(0, 1))
+    # most cells fall to this cheap bound, before any Bernstein coefficient is computed
+    index, group = np.nonzero(coefficients[0] + size[1:].sum(axis=0) > value + slack)
+    b = _to_bernstein(d) @ coefficients[:, index, group]
     start, width = np.zeros(b.shape[1]), 1.0
     left, right = _halves(d)
     for _ in range(60):

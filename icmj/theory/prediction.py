@@ -168,7 +168,8 @@ def predict(
     prepared = flow(system.A_C)
     found = search(system, delta_max, prepared=prepared)
     critical, cycle = critical_crossing(found.crossings)
-    orbit, multiplier, verdict, V_inv, condition = None, None, "none", None, float("nan")
+    orbit, multiplier, V_inv, condition = None, None, None, float("nan")
+    verdict: Verdict = "none"
     if critical is not None:
         sign = 1 if critical.kind == "+1" else -1
         orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared)
