@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from icmj.linear_plant import Array, transformation
-from icmj.measurement import Measurement
+from icmj.measurement import Measurement, measured_gamma
 from icmj.result import Result
 from icmj.theory.prediction import Prediction
 
@@ -91,8 +91,9 @@ def compare(result: Result) -> Comparison:
     prediction, measurement = result.prediction, result.measurement
     converged = settled_on_prediction(prediction, measurement)
     gamma = None
-    if prediction.cycle and measurement.kind == "cycle":
-        gamma = measured_gamma(result)
+    if prediction.cycle and prediction.V_inv is not None and measurement.kind == "cycle":
+        T_hat = transformation(result.assumed, result.actual)
+        gamma = finite(measured_gamma(result.simulation, prediction.V_inv, T_hat))
     predicted = Predicted(
         delta_crit=finite(prediction.delta_crit),
         eigenvalue=prediction.eigenvalue,
@@ -154,7 +155,7 @@ def verdict_in_words(result: Result, converged: bool) -> str:
     if converged:
         mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
         return f"Settles on the predicted cycle (period is {mirror})."
-    ended = _how_it_ended(measurement)
+    ended = _how_it_ended(measurement, prediction.cycle)
     if outcome.kind in ("fell", "diverged", "interrupted"):
         ended = f"the run {'was interrupted' if outcome.kind == 'interrupted' else outcome.kind} at {outcome.t:.3g} s"
     elif outcome.kind == "sliding":
@@ -179,16 +180,6 @@ def finite(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def measured_gamma(result: Result) -> float | None:
-    """Mean |χ_k1| at the events of the last period (eq. chi), or ``None`` where χ is not defined."""
-    events, V_inv = result.simulation.events, result.prediction.V_inv
-    if V_inv is None or not len(events) or not result.measurement.p:
-        return None
-    T_hat = transformation(result.assumed, result.actual)
-    x_bar = np.hstack([events.x, events.x_o - events.x @ T_hat.T])[-result.measurement.p :]
-    return finite(float(np.mean(np.abs(x_bar @ V_inv[0]))))
-
-
 def _why_no_cycle(prediction: Prediction) -> str:
     parts = []
     others = [c.largest_other for c in prediction.crossings if c.delta == prediction.delta_crit]
@@ -205,14 +196,16 @@ def _multiplier(prediction: Prediction) -> str:
     return f"largest multiplier {np.abs(prediction.multipliers).max():.2f}"
 
 
-def _how_it_ended(measurement: Measurement) -> str:
+def _how_it_ended(measurement: Measurement, predicted: bool) -> str:
     interval = "" if measurement.interval is None else f"{measurement.interval:.3g} s"
     match measurement.kind:
         case "homoclinic":
             return "the intervals grow without bound"
         case "cycle":
-            mirrored = ", mirrored" if measurement.mirrored else ""
-            return f"settles on another cycle of {measurement.p} events{mirrored}, mean interval {interval}"
+            which = "another" if predicted else "a"
+            mirrored = "mirrored " if measurement.mirrored else ""
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"it settles on {which} {mirrored}cycle of {events}, mean interval {interval}"
         case "quasi-periodic" | "irregular":
             return f"the motion stays {measurement.kind}, mean interval {interval}"
         case "growth":

@@ -17,6 +17,7 @@ MM = 1 / 25.4
 WIDTH = 85.0  # mm: one column of a journal page
 HEIGHT = 58.0
 TALL = 84.0  # mm: panels that stack one axes for each output
+CROWDED = 45  # events in one axes beyond which their lines and marks are drawn smaller
 
 # Where curves coincide, the later is thinner, so that each stays visible: predicted, linear, MuJoCo.
 PREDICTED: dict[str, Any] = {"color": "#d9d4c3", "linewidth": 4.0, "solid_capstyle": "round"}
@@ -26,13 +27,32 @@ CONTINUOUS: dict[str, Any] = {"color": "#009e73", "linewidth": 0.9, "linestyle":
 EXACT: dict[str, Any] = {"color": "#009e73", "linewidth": 1.1, "linestyle": (0, (5, 1.5))}
 ACTUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.4}
 CRITICAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.9, "linestyle": (0, (1, 1.6))}
-EVENT: dict[str, Any] = {"colors": "#8a8a8a", "linewidths": 0.45, "linestyles": [(0, (1, 2.2))]}
+EVENT: dict[str, Any] = {"colors": "#8a8a8a", "linestyles": [(0, (1, 2.2))]}
+BAND: dict[str, Any] = {"color": "#e9e5d8", "linewidth": 0, "zorder": 0.3}
 RUN = {"linear": LINEAR, "mujoco": MUJOCO}
-MARK = {
+MARK: dict[str, dict[str, Any]] = {
     "linear": {"marker": "o", "markersize": 5.2, "markerfacecolor": "#56b4e9", "markeredgecolor": "#1f7fb8"},
     "mujoco": {"marker": "x", "markersize": 4.0, "markeredgecolor": "#a03c00", "markeredgewidth": 1.0},
 }
-NAME = {"linear": "linear plant", "mujoco": "MuJoCo"}
+EIGENVALUE: dict[str, Any] = {
+    "marker": "o",
+    "linestyle": "none",
+    "markersize": 3.6,
+    "markerfacecolor": "white",
+    "markeredgecolor": "#222222",
+    "markeredgewidth": 0.8,
+    "zorder": 4,
+}
+CRITICAL_EIGENVALUE: dict[str, Any] = {
+    "marker": "D",
+    "linestyle": "none",
+    "markersize": 5,
+    "markerfacecolor": "#d55e00",
+    "markeredgecolor": "white",
+    "markeredgewidth": 0.6,
+    "zorder": 5,
+}
+NAME = {"linear": "linear", "mujoco": "MuJoCo"}
 
 RC: dict[str, Any] = {
     "font.family": "STIXGeneral",  # shipped with matplotlib, so the page looks the same on every machine
@@ -95,7 +115,7 @@ def new_figure(height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH) -
     """
     from matplotlib.figure import Figure
 
-    left, right, bottom, top, gap = 12.5, 2.5, 9.0, 7.0, 3.0
+    left, right, bottom, top, gap = 12.5, 3.5, 9.0, 7.0, 3.0
     figure = Figure(figsize=(width * MM, height * MM))
     each = (height - bottom - top - gap * (rows - 1)) / rows
     axes: list[Axes] = []
@@ -132,7 +152,8 @@ def event_lines(axes: Axes, times: Any) -> None:
     """Dotted vertical lines at event times (over the height of the axes)."""
     times = np.asarray(times)
     if len(times):
-        axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), zorder=0.5, **EVENT)
+        width = 0.45 if len(times) <= CROWDED else 0.25
+        axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), zorder=0.5, linewidths=width, **EVENT)
 
 
 def save(figure: Figure, kind: str) -> bytes:

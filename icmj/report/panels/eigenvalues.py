@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
+from icmj.theory.error_system import error_system
+from icmj.theory.locus import locus
 from icmj.theory.prediction import Locus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Spectrum = NDArray[np.complex128]
+
+POINTS = 512
 SHADES = 14  # steps of the colour scale of Δ_ol along a locus
 REACH = 1.3  # half height of panel (b): the unit circle and its surroundings
 
@@ -22,36 +28,29 @@ REACH = 1.3  # half height of panel (b): the unit circle and its surroundings
 def modulus_panel(case: CaseRuns) -> Figure:
     """(a) Largest |λ| of φ against Δ_ol for ρ = 0 and ρ = 1, and the growth measured under the clock."""
     prediction = case.prediction
+    actual, exact = shown_locus(case, case.first.actual), shown_locus(case, case.first.assumed)
     figure, (axes,) = style.new_figure()
     axes.axhline(1, **style.CRITICAL)
-    axes.plot(prediction.locus.delta, prediction.locus.largest, label=r"$\rho=1$", **style.ACTUAL)
-    axes.plot(prediction.locus_exact.delta, prediction.locus_exact.largest, label=r"$\rho=0$", **style.EXACT)
+    axes.plot(actual.delta, actual.largest, label=r"$\rho=1$", **style.ACTUAL)
+    axes.plot(exact.delta, exact.largest, label=r"$\rho=0$", **style.EXACT)
     for plant, result in case.runs.items():
         if result.growth is not None:
-            axes.plot(
-                result.growth.delta,
-                result.growth.measured,
-                linestyle="none",
-                label=f"measured, {style.NAME[plant]}",
-                **style.MARK[plant],
-            )
-    end = float(prediction.locus.delta[-1])
-    top = 1.6
+            growth = result.growth
+            axes.plot(growth.delta, growth.measured, linestyle="none", label=style.NAME[plant], **style.MARK[plant])
     if prediction.delta_crit is not None:
         axes.axvline(prediction.delta_crit, **style.CRITICAL)
-        right = prediction.delta_crit > 0.8 * end
         axes.annotate(
             rf"$\Delta_{{crit}}={prediction.delta_crit:.4g}$ s",
-            (prediction.delta_crit, 0.06),
+            (prediction.delta_crit, 0.93),
             xycoords=axes.get_xaxis_transform(),
-            xytext=(-3 if right else 3, 0),
+            xytext=(-4, 0),
             textcoords="offset points",
-            ha="right" if right else "left",
+            ha="right",
+            va="center",
         )
-    else:
-        largest = float(prediction.locus.largest.max())
-        top = max(1.15, min(1.6, 1.1 * largest))
-    axes.set(xlim=(0, end), ylim=(0, top), xlabel=r"$\Delta_{ol}$ (s)", ylabel=r"$\max_j\,|\lambda_j(\varphi)|$")
+    top = max(1.15, min(1.6, 1.1 * float(actual.largest.max())))
+    axes.set(xlim=(0, actual.delta[-1]), ylim=(0, top))
+    axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel=r"$\max_j\,|\lambda_j(\varphi)|$")
     style.letter(figure, "(a)")
     style.legend(figure, axes)
     return figure
@@ -59,95 +58,88 @@ def modulus_panel(case: CaseRuns) -> Figure:
 
 def locus_panel(case: CaseRuns) -> Figure:
     """(b) Eigenvalues of φ in the complex plane as Δ_ol grows, about the unit circle."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     prediction = case.prediction
-    locus = prediction.locus
+    shown = shown_locus(case, case.first.actual)
     figure, (axes,) = style.new_figure()
     box = axes.get_position()
     axes.set_position((box.x0, box.y0, box.width * 0.84, box.height))
-    colours = _shades()
-    chunks = np.array_split(np.arange(len(locus.delta)), SHADES)
-    for branch in locus.eigenvalues.T:
-        for chunk, colour in zip(chunks, colours, strict=True):
-            part = branch[chunk[0] : chunk[-1] + 2]
-            part = np.where(np.maximum(abs(part.real), abs(part.imag)) < 4, part, np.nan)
+    shades = _shades()
+    chunks = np.array_split(np.arange(len(shown.delta)), SHADES)
+    for branch in shown.eigenvalues.T:
+        near = np.where(np.maximum(abs(branch.real), abs(branch.imag)) < 4, branch, np.nan)
+        for chunk, shade in zip(chunks, shades, strict=True):
+            part = near[chunk[0] : chunk[-1] + 2]
             if np.isfinite(part).any():
-                axes.plot(part.real, part.imag, color=colour, linewidth=1.2)
-        _arrow(axes, branch, colours, chunks)
+                axes.plot(part.real, part.imag, color=shade, linewidth=1.2)
+        _arrow(axes, branch, shades, chunks)
     angle = np.linspace(0, 2 * np.pi, 181)
     axes.plot(np.cos(angle), np.sin(angle), color="#333333", linewidth=0.6, zorder=1)
     axes.axhline(0, color="#cccccc", linewidth=0.4, zorder=0)
     axes.axvline(0, color="#cccccc", linewidth=0.4, zorder=0)
     if prediction.delta_crit is not None and prediction.eigenvalue is not None:
-        at = eigenvalues_at(locus, prediction.delta_crit)
-        axes.plot(
-            at.real, at.imag, "o", markersize=3.6, markerfacecolor="white", markeredgecolor="#222222", linestyle="none",
-            markeredgewidth=0.8, label=r"all $\lambda_j$ at $\Delta_{crit}$",
-        )  # fmt: skip
-        critical = prediction.eigenvalue
-        axes.plot(
-            critical.real, critical.imag, "D", markersize=5, markerfacecolor="#d55e00", markeredgecolor="white",
-            markeredgewidth=0.6, linestyle="none", label=rf"$\lambda_{{crit}}={critical.real:+.0f}$", zorder=5,
-        )  # fmt: skip
+        at = _eigenvalues_at(case, prediction.delta_crit)
+        all_name, name = r"all $\lambda_j$ at $\Delta_{crit}$", rf"$\lambda_{{crit}}={prediction.eigenvalue.real:+.0f}$"
+        axes.plot(at.real, at.imag, label=all_name, **style.EIGENVALUE)
+        axes.plot(prediction.eigenvalue.real, prediction.eigenvalue.imag, label=name, **style.CRITICAL_EIGENVALUE)
     width, height = axes.get_window_extent().size
-    reach = REACH * width / height
-    axes.set(
-        xlim=(-reach, reach), ylim=(-REACH, REACH), xlabel=r"$\mathrm{Re}\,\lambda$", ylabel=r"$\mathrm{Im}\,\lambda$"
-    )
-    axes.set_xticks([-1, 0, 1])
-    axes.set_yticks([-1, 0, 1])
-    bar = figure.add_axes((box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height))
-    norm = BoundaryNorm(np.linspace(locus.delta[0], locus.delta[-1], SHADES + 1), SHADES)
-    scale = figure.colorbar(ScalarMappable(norm, ListedColormap(colours)), cax=bar)
-    from matplotlib.ticker import MaxNLocator
-
-    ticks = MaxNLocator(4).tick_values(float(locus.delta[0]), float(locus.delta[-1]))
-    scale.set_ticks([tick for tick in ticks if locus.delta[0] <= tick <= locus.delta[-1]])
-    scale.ax.tick_params(which="minor", length=0)
-    scale.ax.minorticks_off()
-    scale.outline.set_linewidth(0.4)
-    scale.set_label(r"$\Delta_{ol}$ (s)", labelpad=2)
+    axes.set(xlim=(-REACH * width / height, REACH * width / height), ylim=(-REACH, REACH))
+    axes.set(xlabel=r"$\mathrm{Re}\,\lambda$", ylabel=r"$\mathrm{Im}\,\lambda$", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    _scale(figure, (box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height), shown, shades)
     style.letter(figure, "(b)")
     style.legend(figure, axes)
     return figure
 
 
-def eigenvalues_at(locus: Locus, delta: float) -> Array:
-    """Eigenvalues at Δ, interpolated along each branch; complex, shape (n + n̂,)."""
-    return np.array([np.interp(delta, locus.delta, branch) for branch in locus.eigenvalues.T])
+def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
+    """The eigenvalues with ``plant`` in the loop, from Δ = 0 to somewhat beyond Δ_crit."""
+    prediction, controller = case.prediction, case.first.controller
+    end = prediction.delta_max
+    if prediction.delta_crit is not None:
+        end = min(end, 1.6 * prediction.delta_crit)
+    found = locus(error_system(plant, controller.design, controller.hold), end, points=POINTS)
+    # φ(0) is the identity
+    eigenvalues = np.vstack([np.ones((1, found.eigenvalues.shape[1])), found.eigenvalues])
+    return Locus(np.append(0.0, found.delta), eigenvalues)
 
 
-def _shades() -> list[tuple[float, float, float, float]]:
+def _eigenvalues_at(case: CaseRuns, delta: float) -> Spectrum:
+    controller = case.first.controller
+    phi = error_system(case.first.actual, controller.design, controller.hold).phi(delta)
+    return np.linalg.eigvals(phi).astype(complex)
+
+
+def _shades() -> list[tuple[float, ...]]:
     from matplotlib import colormaps
 
-    return [tuple(colour) for colour in colormaps["cividis"](np.linspace(0.92, 0.0, SHADES))]
+    return [tuple(shade) for shade in colormaps["cividis"](np.linspace(0.9, 0.0, SHADES))]
 
 
-def _arrow(axes: Axes, branch: Array, colours: list[tuple[float, float, float, float]], chunks: list[Array]) -> None:
-    """A head on the branch where it runs longest in view, pointing to growing Δ."""
+def _scale(figure: Figure, box: tuple[float, ...], shown: Locus, shades: list[tuple[float, ...]]) -> None:
+    """The colour scale of Δ_ol."""
+    from matplotlib.ticker import MaxNLocator
+
+    end = float(shown.delta[-1])
+    bar = figure.add_axes(box)
+    step = end / SHADES
+    bar.bar(0, step * 1.02, width=1, bottom=step * np.arange(SHADES), color=shades, linewidth=0)
+    bar.set(xlim=(-0.5, 0.5), ylim=(0, end), xticks=[])
+    bar.set_ylabel(r"$\Delta_{ol}$ (s)", labelpad=2)
+    bar.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    bar.yaxis.tick_right()
+    bar.yaxis.set_label_position("right")
+    bar.spines[:].set_visible(False)
+
+
+def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks: list[NDArray[Any]]) -> None:
+    """A head on the branch half-way along what is in view, pointing to growing Δ."""
     step = np.abs(np.diff(branch))
-    seen = (np.abs(branch.imag[:-1]) < REACH) & (np.abs(branch.real[:-1]) < 1.5 * REACH) & (step < 0.5)
-    if not seen.any() or step[seen].sum() < 0.15:
-        return
+    seen = (np.abs(branch.imag[:-1]) < REACH) & (np.abs(branch.real[:-1]) < 1.3 * REACH) & (step < 0.3)
     travelled = np.cumsum(np.where(seen, step, 0))
+    if travelled[-1] < 0.25:
+        return
     i = int(np.searchsorted(travelled, 0.5 * travelled[-1]))
     direction = branch[i + 1] - branch[i]
-    if abs(direction) == 0:
-        return
     head = branch[i] + 0.02 * direction / abs(direction)
-    shade = next(n for n, chunk in enumerate(chunks) if i <= chunk[-1])
-    axes.annotate(
-        "",
-        (head.real, head.imag),
-        (branch[i].real, branch[i].imag),
-        arrowprops={
-            "arrowstyle": "-|>",
-            "color": colours[shade],
-            "lw": 0.8,
-            "mutation_scale": 6.5,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-    )
+    shade = shades[next(n for n, chunk in enumerate(chunks) if i <= chunk[-1])]
+    look = {"arrowstyle": "-|>", "color": shade, "lw": 0.8, "mutation_scale": 6.5, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (head.real, head.imag), (branch[i].real, branch[i].imag), arrowprops=look)

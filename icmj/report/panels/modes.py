@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from icmj.linear_plant import Array, transformation
 from icmj.report import style
@@ -44,7 +45,7 @@ def mode_panel(case: CaseRuns) -> Figure:
         chi = _chi(result, x_bar_of(result)[late])
         critical.plot(simulation.t[late], chi[:, 0].real, label=style.NAME[plant], **style.RUN[plant])
         others.plot(simulation.t[late], np.linalg.norm(chi[:, 1:], axis=1), **style.RUN[plant])
-    if case.prediction.gamma is not None and case.prediction.cycle:
+    if case.prediction.gamma is not None:
         for n, sign in enumerate((1, -1)):
             critical.axhline(sign * case.prediction.gamma, label=r"$\pm\gamma$" if n == 0 else None, **style.CRITICAL)
     critical.set_xlim(start, end)
@@ -65,7 +66,7 @@ def x_bar_of(result: Result) -> Array:
     return np.hstack([simulation.x, simulation.x_o - simulation.x @ T_hat.T])
 
 
-def _chi(result: Result, x_bar: Array) -> Array:
+def _chi(result: Result, x_bar: Array) -> NDArray[np.complex128]:
     """χ = V⁻¹x̄ (eq. chi), complex, shape (N, n + n̂)."""
     V_inv = result.prediction.V_inv
     assert V_inv is not None

@@ -13,6 +13,7 @@ from icmj.report.panels.window import DEGREES, latter_part, orbit_sign
 from icmj.result import Result
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INTERVALS = 8
@@ -24,11 +25,12 @@ def phase_panel(case: CaseRuns) -> Figure:
     figure, (axes,) = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT)
     prediction = case.prediction
     for i, name in enumerate(outputs):
-        if prediction.orbit is not None and prediction.cycle:
+        if prediction.orbit is not None:
             orbit, sign = prediction.orbit, orbit_sign(case.last)
             y, v = orbit.y[:, i], velocity(case.first, orbit.X[:, : case.first.actual.n], orbit.u)[:, i]
             y, v = (sign * DEGREES * np.concatenate([s, orbit.sign * s]) for s in (y, v))
-            axes.plot(y, v, label="predicted" if i == 0 else None, **style.PREDICTED)
+            label = "predicted" if prediction.verdict == "attracting" else f"predicted, {prediction.verdict}"
+            axes.plot(y, v, label=label if i == 0 else None, **style.PREDICTED)
         for plant, result in case.runs.items():
             simulation = result.simulation
             start, end = latter_part(result, INTERVALS)
@@ -37,8 +39,7 @@ def phase_panel(case: CaseRuns) -> Figure:
             y = simulation.y[late, i] * DEGREES
             axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
             if result is case.last and len(outputs) > 1 and len(y):
-                n = int(np.argmax(y))
-                axes.annotate(name, (y[n], v[n]), xytext=(3, 2), textcoords="offset points", style="italic")
+                _label(axes, name, float(y[np.argmax(v)]), float(v.max()))
         _mark_events(axes, case.last, i)
     axes.set(xlabel="position $x_2$ (deg)", ylabel="velocity $x_1$ (deg/s)")
     if len(outputs) > 1:
@@ -55,7 +56,11 @@ def velocity(result: Result, x: Array, u: Array) -> Array:
     return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
 
 
-def _mark_events(axes, result: Result, output: int) -> None:  # type: ignore[no-untyped-def]
+def _label(axes: Axes, name: str, y: float, v: float) -> None:
+    axes.annotate(name, (y, v), xytext=(0, 4), textcoords="offset points", ha="center", style="italic")
+
+
+def _mark_events(axes: Axes, result: Result, output: int) -> None:
     events = result.simulation.events
     start, end = latter_part(result, INTERVALS)
     late = (events.t >= start) & (events.t <= end)
@@ -65,7 +70,7 @@ def _mark_events(axes, result: Result, output: int) -> None:  # type: ignore[no-
     u = -events.x_h[late] @ result.controller.design.k.T
     y, v = (x @ result.actual.C.T)[:, output] * DEGREES, velocity(result, x, u)[:, output] * DEGREES
     if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
-        for n in range(-min(result.measurement.p or 0, 2), 0):
+        for n in range(-min(result.measurement.p or 0, len(y)), 0):
             axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
             axes.axhline(v[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
     axes.plot(

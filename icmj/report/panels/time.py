@@ -25,17 +25,16 @@ def output_panel(case: CaseRuns) -> Figure:
         if orbit is not None:
             sign = orbit_sign(top)
             both = np.concatenate([orbit.y[:, i], orbit.sign * orbit.y[:, i]]) * sign * DEGREES
-            for n, extreme in enumerate((both.min(), both.max())):
-                axes.axhline(extreme, label="predicted extremes" if n == 0 else None, **style.PREDICTED)
+            axes.axhspan(both.min(), both.max(), label="predicted range", **style.BAND)
         reach = 0.0
         for plant, result in case.runs.items():
             y = result.simulation.y[:, i] * DEGREES
             reach = max(reach, float(np.nanmax(np.abs(y))))
-            axes.plot(result.simulation.t, y, label=f"$y$, {style.NAME[plant]}", **style.RUN[plant])
+            axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
         y_c = top.continuous.y[:, i] * DEGREES
         # an unstable continuous controller would flatten everything else
         inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
-        axes.plot(top.continuous.t, inside, label="$y_c$, continuous", **style.CONTINUOUS)
+        axes.plot(top.continuous.t, inside, label="$y_c$", **style.CONTINUOUS)
         axes.set_ylim(-1.12 * reach, 1.12 * reach)
         axes.margins(x=0)
         axes.set_ylabel(f"{name} (deg)" if len(outputs) > 1 else "$y$ (deg)")
@@ -55,10 +54,10 @@ def interval_panel(case: CaseRuns) -> Figure:
         events = result.simulation.events
         if len(events):
             largest = max(largest, float(events.interval.max()))
-        axes.plot(
-            events.t, events.interval, **{**style.RUN[plant], "linewidth": 0.6}, **style.MARK[plant],
-            label=style.NAME[plant],
-        )  # fmt: skip
+        look = {**style.RUN[plant], **style.MARK[plant], "linewidth": 0.6 if len(events) <= style.CROWDED else 0.3}
+        if len(events) > style.CROWDED:
+            look["markersize"] *= 0.6
+        axes.plot(events.t, events.interval, label=style.NAME[plant], **look)
     if delta_crit is not None:
         axes.axhline(delta_crit, label=rf"$\Delta_{{crit}}={delta_crit:.4g}$ s", **style.CRITICAL)
     axes.set(
