@@ -9,11 +9,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from icmj.log.columns import TIMELINE
+from icmj.log.figure import eye
 from icmj.log.phase import WIDE
 from icmj.result import Result
 
 BACKGROUND = (52, 58, 66, 255)
-HISTORY, AHEAD = 6.0, 2.0  # intervals shown before and after the cursor where a whole run would be a smear
+HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a whole run would be a smear
 
 
 def blueprint(result: Result) -> rrb.Blueprint:
@@ -29,14 +30,14 @@ def blueprint(result: Result) -> rrb.Blueprint:
     ]
     if control == "event":
         states.insert(0, _plot("Event function E / q_t²", "trigger", window))
-    middle = [
+    middle: list[Any] = [
         _plot("Outputs y [rad]", "outputs", window),
         _plot("Inputs u [N m]", "inputs", window),
         rrb.Tabs(*states, active_tab=0),
     ]
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
-        right.append(_plot("Open-loop interval [s], whole run", "interval"))
+        right.append(_plot("Open-loop interval [s], whole run", "interval", _whole(result), rrb.Corner2D.RightBottom))
     if result.prediction.V_inv is not None:
         right.append(_plot("Eigenvector analysis χ", "modes", window))
     return rrb.Blueprint(
@@ -68,15 +69,25 @@ def _window(result: Result) -> rrb.TimeAxis:
     )
 
 
-def _plot(name: str, origin: str, axis: rrb.TimeAxis | None = None) -> rrb.TimeSeriesView:
-    # the legend stands where the least happens: on the past, or under the intervals that have settled
-    corner = rrb.Corner2D.RightBottom if axis is None else rrb.Corner2D.LeftTop
-    return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis, plot_legend=rrb.PlotLegend(corner=corner))
+def _whole(result: Result) -> rrb.TimeAxis:
+    """A time axis over the whole run."""
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(seconds=0.0),
+            end=rr.TimeRangeBoundary.absolute(seconds=float(result.simulation.t[-1])),
+        )
+    )
+
+
+def _plot(
+    name: str, origin: str, axis: rrb.TimeAxis, legend: rrb.Corner2D = rrb.Corner2D.LeftTop
+) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis, plot_legend=rrb.PlotLegend(corner=legend))
 
 
 def _figures(result: Result) -> rrb.Spatial3DView:
     assert result.scene is not None
-    height = max(float(result.scene.com[0, 2]), 0.3)
+    position, target = eye(result.scene)
     return rrb.Spatial3DView(
         name="Body, and its sway magnified",
         origin="scene",
@@ -84,8 +95,8 @@ def _figures(result: Result) -> rrb.Spatial3DView:
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=(0.35 * height, -2.75 * height, 1.25 * height),
-            look_target=(0.0, 0.0, 0.88 * height),
+            position=position,
+            look_target=target,
             eye_up=(0.0, 0.0, 1.0),
         ),
         spatial_information=rrb.SpatialInformation(target_frame="tf#/scene", show_axes=False, show_bounding_box=False),

@@ -28,8 +28,7 @@ def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None
     """Write both figures with centre of mass and its path; ``t`` holds the times of the poses [s], shape (N,)."""
     shown = frames(t)
     time = time_column(t[shown])
-    height = float(scene.com[0, 2] - _floor(scene))
-    apart = 0.62 * max(height, 0.3)
+    apart = 0.36 * height(scene)
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)
     figures = (
@@ -50,7 +49,13 @@ def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None
         _write_com(recording, root, scene, com[shown], time)
         recording.log(
             f"{root}/label",
-            rr.Points3D([[0, 0, _top(scene)]], labels=[label], colors=[palette.WHITE], radii=[0.0], show_labels=True),
+            rr.Points3D(
+                [[0, 0, _top(scene) + 0.03 * height(scene)]],
+                labels=[label],
+                colors=[palette.WHITE],
+                radii=[0.0],
+                show_labels=True,
+            ),
             static=True,
         )
 
@@ -109,7 +114,7 @@ def _write_com(recording: rr.RecordingStream, root: str, scene: Scene, com: Arra
     recording.log(f"{root}/point", point, static=True)
     recording.send_columns(f"{root}/point", [time], rr.Points3D.columns(positions=com))
     recording.log(f"{root}/path", rr.LineStrips3D([com], colors=[palette.VERMILION], radii=[-2.0]), static=True)
-    plumb = [[[0, 0, _floor(scene)], [0, 0, _top(scene) - 0.08]]]
+    plumb = [[[0, 0, _floor(scene)], [0, 0, _top(scene)]]]
     recording.log(f"{root}/vertical", rr.LineStrips3D(plumb, colors=[palette.WHITE], radii=[-0.75]), static=True)
 
 
@@ -133,6 +138,17 @@ def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> N
     )
 
 
+def height(scene: Scene) -> float:
+    """From the floor to a little above the highest geom [m]."""
+    return _top(scene) - _floor(scene)
+
+
+def eye(scene: Scene) -> tuple[Array, Array]:
+    """Where to look from and at, so that both figures fill the view [m]."""
+    z, h = _floor(scene), height(scene)
+    return np.array([0.15 * h, -1.5 * h, z + 0.68 * h]), np.array([0.0, 0.0, z + 0.49 * h])
+
+
 def _floor(scene: Scene) -> float:
     """Height of the floor: the model's plane, or the lowest body."""
     planes = [geom.pos[2] for geom in scene.geoms if geom.type == "plane"]
@@ -146,4 +162,4 @@ def _top(scene: Scene) -> float:
         for g in scene.geoms
         if g.type != "plane"
     ]
-    return 0.08 + max(reach, default=float(scene.xpos[0, :, 2].max()))
+    return 1.04 * max(reach, default=float(scene.xpos[0, :, 2].max()))

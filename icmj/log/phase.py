@@ -104,7 +104,7 @@ def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: floa
     recording.log(
         f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
     )
-    ticks = [[-WIDE, 0], [WIDE, 0], [0, -1], [0, 1]]
+    ticks = [[-WIDE, 0.0], [WIDE, 0.0], [0.0, -1.0], [0.0, 1.0]]
     labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
     recording.log(
         f"{ROOT}/ticks",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 from icmj.errors import IcmjError, LogError
 from icmj.log import archive
+from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
 from icmj.result import Result
+
+
+class DamagedLog(LogError):
+    """The file is not a whole recording; part of it may still be salvaged."""
 
 
 def read_log(path: Path | str) -> Result:
@@ -70,10 +74,12 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
 
     if not path.is_file():
         raise LogError(f"{path}: no such log")
+    damage = verify(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a file without an end, which is an error here anyway
-            stream = RrdReader(path).store().stream().filter(content=content)
+        if not damage and not RrdReader(path).recordings():
+            damage = "it holds no recording"
+        if damage:
+            raise ValueError(damage)
         return [
             (
                 chunk.entity_path,
@@ -83,11 +89,11 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
                     if not name.startswith("rerun.") and hasattr(column[-1], "values") and column[-1].is_valid
                 },
             )
-            for chunk in stream
+            for chunk in RrdReader(path).store().stream().filter(content=content, is_static=True)
             for batch in [chunk.to_record_batch()]
         ]
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
         reason = " ".join(str(error).split())[:200]
-        raise LogError(
-            f"{path}: not a complete rerun recording ({reason}); if it was cut short, `icmj replay` salvages what it can"
+        raise DamagedLog(
+            f"{path}: not a complete rerun recording ({reason}); if cut short, `icmj replay` salvages what it can"
         ) from error

@@ -6,7 +6,6 @@ The viewer is the program inside the rerun wheel, never one found on PATH, and l
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import os
 import socket
 import subprocess
@@ -19,8 +18,8 @@ from typing import IO
 from urllib.parse import quote
 
 from icmj.errors import LogError
-from icmj.log.reader import read_summary
-from icmj.log.salvage import salvage
+from icmj.log.program import program, salvage
+from icmj.log.reader import DamagedLog, read_summary
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 60.0  # s; a software renderer on a busy machine is slow to start
@@ -52,7 +51,7 @@ def replay(
         web: serve it to a browser on this machine (until interrupted) and say the address.
         screenshot: render without a screen to this PNG file, which appears only when complete.
         time: instant to show in the screenshot [s]; nine tenths into the run if ``None``.
-        size: of the screenshot, in points; on most renderers a picture has two pixels to the point.
+        size: width and height of the screenshot, in pixels.
         say: takes messages for people.
 
     Raises:
@@ -68,31 +67,16 @@ def replay(
             _view(log)
 
 
-def viewer() -> Path:
-    """The viewer's program in the rerun wheel.
-
-    Raises:
-        LogError: if rerun-sdk is not installed, or without its viewer.
-    """
-    spec = importlib.util.find_spec("rerun_cli")
-    if spec is not None and spec.origin is not None:
-        for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
-            if (program := Path(spec.origin).parent / name).is_file():
-                return program
-    raise LogError("rerun's viewer is not installed; reinstall it with: pip install --force-reinstall rerun-sdk")
-
-
 @contextlib.contextmanager
 def _sound(path: Path, say: Say) -> Iterator[Path]:
     """``path`` itself if it reads, else a salvaged temporary copy."""
     try:
         read_summary(path)
-    except LogError as error:
-        if not path.is_file() or "not a log of icmj" in str(error):
-            raise
+    except DamagedLog:
         with tempfile.TemporaryDirectory(prefix="icmj-") as folder:
             copy = Path(folder) / path.name
             say(salvage(path, copy))
+            read_summary(copy)  # a recording, but is it a log?
             yield copy
     else:
         yield path
@@ -174,7 +158,7 @@ def _picture(port: int, at: float) -> bytes:
 
 
 def _base(port: int) -> list[str]:
-    return [str(viewer()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
+    return [str(program()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
 
 
 @contextlib.contextmanager

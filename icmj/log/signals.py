@@ -86,6 +86,18 @@ def orbit_at(result: Result, orbit: Orbit, t: Array) -> tuple[Array, Array, Arra
     )
 
 
+def with_resets(simulation: Simulation, values: Array, after: Array) -> tuple[Array, Array]:
+    """Samples (N, w) with the values (K, w) right after every event put in, so that a jump is drawn upright.
+
+    A sample at an event holds the value before the reset x_h := x_o.
+    """
+    at = simulation.events.t
+    if not len(at):
+        return simulation.t, values
+    place = np.searchsorted(simulation.t, at, side="right")
+    return np.insert(simulation.t, place, at), np.insert(values, place, after, axis=0)
+
+
 def running_interval(simulation: Simulation) -> tuple[Array, Array]:
     """Time since the last sample, at every event before and after the reset: a sawtooth with vertical falls."""
     events, end = simulation.events, float(simulation.t[-1])
@@ -109,13 +121,14 @@ def _signals(result: Result) -> Iterator[Group]:
         grey = (palette.CONTINUOUS,) * len(names)
         yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
-    yield Group("inputs/run", simulation.t, simulation.u, u_names, u_colours)
-    for path, values, names in (
-        ("states/plant", simulation.x, result.actual.states),
-        ("states/observer", simulation.x_o, result.assumed.states),
-        ("states/hold", simulation.x_h, result.assumed.states),
+    events, design = simulation.events, result.controller.design
+    yield Group("inputs/run", *with_resets(simulation, simulation.u, -events.x_o @ design.k.T), u_names, u_colours)
+    for path, (t, values), names in (
+        ("states/plant", (simulation.t, simulation.x), result.actual.states),
+        ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),
+        ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
-        yield Group(path, simulation.t, values, names, palette.series(len(names)))
+        yield Group(path, t, values, names, palette.series(len(names)))
 
 
 def _trigger(result: Result) -> Iterator[Group]:
@@ -123,10 +136,10 @@ def _trigger(result: Result) -> Iterator[Group]:
     simulation, trigger = result.simulation, result.controller.trigger
     if not isinstance(trigger, EventTrigger) or not np.isfinite(simulation.E).any():
         return
-    E = simulation.E / trigger.q_t**2
     events = simulation.events
+    t, E = with_resets(simulation, simulation.E[:, None] / trigger.q_t**2, -np.ones((len(events), 1)))
     yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.PREDICTED,), 1.0)
-    yield Group("trigger/E", simulation.t, E[:, None], ("E / q_t²",), (palette.E,))
+    yield Group("trigger/E", t, E, ("E / q_t²",), (palette.E,))
     if len(events):
         at = np.zeros((len(events), 1))
         yield Group("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
