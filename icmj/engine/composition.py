@@ -2,9 +2,9 @@
 
 The composed model is the plant's, with two elements more, both named ``icmj_controller``:
 
-* an actuator without force (``gainprm="0"``, on the first joint) with ``dyntype="user"`` and ``actdim`` 2n̂. Its
-  activations are a = (x_o, x_h), so that MuJoCo's integrator takes plant, observer and hold through the same stages, and
-  save, restore, roll-out and finite differences see them;
+* an actuator without force (``gainprm="0"``, on the first joint) with ``dyntype="user"``, ``actdim`` 2n̂. Its
+  activations are a = (x_o, x_h), so that MuJoCo's integrator takes plant, observer and hold through the same stages,
+  and save, restore, roll-out and finite differences see them;
 * a ``<numeric>`` that holds the controller, so that a callback needs nothing but the model it is called on.
 
 The numeric is a header of 16 numbers, then row-major blocks (see :class:`Block`):
@@ -139,6 +139,8 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
             )
     if bare.nhistory:
         raise ModelError(f"model {name!r} has delayed sensors or actuators; the closed loop integrates none")
+    if bare.nplugin:
+        raise ModelError(f"model {name!r} has engine plugins, whose state a step cannot be undone over")
     stage = int(bare.sensor_needstage.max())
 
     header = np.zeros(HEADER)

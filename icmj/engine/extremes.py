@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
 
@@ -89,7 +92,7 @@ def _peak(t: Array, z: Array) -> Array:
     return np.maximum(_evaluate(coefficients, at), z.max(axis=1))
 
 
-def _evaluate(coefficients: Array, s: Array) -> Array:
+def _evaluate(coefficients: NDArray[np.floating[Any]], s: Array) -> Array:
     value = np.zeros_like(s)
     for c in coefficients.T[::-1]:
         value = value * s + c

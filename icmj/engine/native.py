@@ -8,6 +8,9 @@ of its own: runs on different models may go on in different threads.
 Nothing native can raise; a run that goes wrong comes back as a status.
 """
 
+# numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
 from __future__ import annotations
 
 import ctypes
@@ -17,7 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import llvmlite.binding
+import llvmlite.binding  # type: ignore[import-untyped]
 import mujoco
 import numba
 import numpy as np
@@ -63,8 +66,8 @@ _differentiate_pos = types.ExternalFunction(
 _MAGIC, _VERSION, _HEADER = composition.MAGIC, composition.VERSION, composition.HEADER
 _S_MAGIC, _S_VERSION, _S_N_HAT, _S_N_U = int(Slot.MAGIC), int(Slot.VERSION), int(Slot.N_HAT), int(Slot.N_U)
 _S_N_Y, _S_ACT, _S_STAGE, _S_PHASE = int(Slot.N_Y), int(Slot.ACT), int(Slot.STAGE), int(Slot.PHASE)
-_S_TERMS = int(Slot.TERMS)
-_EVENT, _CLOCK = composition.EVENT, composition.CLOCK
+_S_TERMS, _S_TRIGGER = int(Slot.TERMS), int(Slot.TRIGGER)
+_CONTINUOUS, _EVENT, _CLOCK = composition.CONTINUOUS, composition.EVENT, composition.CLOCK
 _RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
 _DIVERGED, _WARNED = int(Status.DIVERGED), int(Status.WARNED)
 _TOLERANCE, _SPLITS = EVENT_TOLERANCE, SPLITS
@@ -84,6 +87,19 @@ def compiled(function: Callable[..., Any]) -> Any:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     except RuntimeError:  # no folder for the cache: compile in every process
         return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """:func:`compiled` into its callers: a call would copy all arguments, which here are many.
+
+    Sums may be reassociated, so that they vectorise; the order is fixed at compile time all the same.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True}
+    options["fastmath"] = {"reassoc", "contract"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:
+        return numba.njit(**options)(function)
 
 
 def _cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -106,7 +122,7 @@ def _pointer(typing_context: Any, address: Any) -> Any:
     return types.voidptr(types.intp), codegen
 
 
-@compiled
+@inlined
 def _word(base, at):  # type: ignore[no-untyped-def]
     """The 64-bit word (size or pointer) at ``base + at``."""
     return carray(_pointer(base + at), 1, np.int64)[0]
@@ -115,48 +131,56 @@ def _word(base, at):  # type: ignore[no-untyped-def]
 # --- callbacks ------------------------------------------------------------------------------------------------------
 
 
-@compiled
+@inlined
+def _dot(values, at, act, start, n):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for j in range(n):
+        total += values[at + j] * act[start + j]
+    return total
+
+
+@inlined
 def _control(header, values, act, ctrl, time):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t); ``values`` are the blocks after the header."""
     n, n_u, n_y = int(header[_S_N_HAT]), int(header[_S_N_U]), int(header[_S_N_Y])
     at = 4 * n * n + 2 * n * n_y
-    K = values[at : at + 2 * n * n_u].reshape(n_u, 2 * n)
-    at += 2 * n * n_u + n * n + n_y
+    constant = at + 2 * n * n_u + n * n + n_y
+    # K has one half that is not zero: for x_h, or for x_o under continuous control
+    used = 0 if header[_S_TRIGGER] == _CONTINUOUS else n
     for i in range(n_u):
-        u = values[at + i]
-        for j in range(2 * n):
-            u -= K[i, j] * act[j]
-        ctrl[i] = u
-    at += n_u
+        ctrl[i] = values[constant + i] - _dot(values, at + used, act, used, n)
+        at += 2 * n
     phase = header[_S_PHASE]
     if phase < 0:
         phase = time
-    for j in range(int(header[_S_TERMS])):
-        i, amplitude, omega, phi, start, end = values[at : at + 6]
+    at = constant + n_u
+    for _ in range(int(header[_S_TERMS])):
+        if values[at + 4] <= phase < values[at + 5]:
+            ctrl[int(values[at])] += values[at + 1] * np.cos(values[at + 2] * time + values[at + 3])
         at += 6
-        if start <= phase < end:
-            ctrl[int(i)] += amplitude * np.cos(omega * time + phi)
 
 
-@compiled
+@inlined
 def _rates(header, values, act, y, rate):  # type: ignore[no-untyped-def]
-    """ȧ = M a + N (y − y_0)."""
+    """ȧ = M a + N (y − y_0), without the halves of M and N that are zero."""
     n, n_u, n_y = int(header[_S_N_HAT]), int(header[_S_N_U]), int(header[_S_N_Y])
     size = 2 * n
-    at_y = 4 * n * n + 2 * n * n_y + 2 * n * n_u + n * n
-    at = 0
-    for i in range(size):
-        r = 0.0
-        for j in range(size):
-            r += values[at + j] * act[j]
-        rate[i] = r
-        at += size
-    for i in range(size):
-        r = 0.0
-        for j in range(n_y):
-            r += values[at + j] * (y[j] - values[at_y + j])
-        rate[i] += r
-        at += n_y
+    continuous = header[_S_TRIGGER] == _CONTINUOUS
+    used = n if continuous else size
+    at_N = size * size
+    at_y = at_N + size * n_y + size * n_u + n * n
+    for i in range(n):
+        rate[i] = _dot(values, i * size, act, 0, used)
+    for j in range(n_y):
+        departure = y[j] - values[at_y + j]
+        for i in range(n):
+            rate[i] += values[at_N + i * n_y + j] * departure
+    if continuous:
+        for i in range(n):
+            rate[n + i] = rate[i]
+    else:
+        for i in range(n, size):
+            rate[i] = _dot(values, i * size + n, act, n, n)
 
 
 @cache
@@ -247,7 +271,7 @@ Run = namedtuple(
 )
 
 
-@compiled
+@inlined
 def _save(run):  # type: ignore[no-untyped-def]
     at = 0
     for part in (run.qpos, run.qvel, run.act, run.warmstart):
@@ -256,7 +280,7 @@ def _save(run):  # type: ignore[no-untyped-def]
         at += len(part)
 
 
-@compiled
+@inlined
 def _restore(run):  # type: ignore[no-untyped-def]
     at = 0
     for part in (run.qpos, run.qvel, run.act, run.warmstart):
@@ -266,7 +290,7 @@ def _restore(run):  # type: ignore[no-untyped-def]
     run.time[0] = run.clocks[3]
 
 
-@compiled
+@inlined
 def _step(run, step, first):  # type: ignore[no-untyped-def]
     """One step of the length given from the saved state, and the forward pass at its end."""
     if not first:
@@ -285,7 +309,7 @@ def _step(run, step, first):  # type: ignore[no-untyped-def]
     _forward(run.model, run.data)
 
 
-@compiled
+@inlined
 def _event_function(run):  # type: ignore[no-untyped-def]
     """E and dE/dt, after a forward pass."""
     n, E, dE = run.n_hat, 0.0, 0.0
@@ -298,7 +322,7 @@ def _event_function(run):  # type: ignore[no-untyped-def]
     return E - run.q2, 2 * dE
 
 
-@compiled
+@inlined
 def _may_reach_zero(E_0, dE_0, E_1, dE_1, step, margin):  # type: ignore[no-untyped-def]
     c = (3 * (E_1 - E_0) / step - 2 * dE_0 - dE_1) / step
     d = (dE_0 + dE_1 - 2 * (E_1 - E_0) / step) / step**2
@@ -340,7 +364,7 @@ def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-d
     return low + max(s, 1e-3 * _TOLERANCE)
 
 
-@compiled
+@inlined
 def _margin(run, step):  # type: ignore[no-untyped-def]
     return 10 * (2 * run.rate * step) ** 4 / 384
 
@@ -362,15 +386,8 @@ def _locate(run, low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _event_in(run, step, E_0, dE_0, E_1, dE_1):  # type: ignore[no-untyped-def]
-    """Whether E reaches zero within the step just taken; leaves the state at the first event, or at the end."""
-    top = max(abs(E_0 + run.q2), abs(E_1 + run.q2))
-    if not np.isfinite(E_1):
-        return False
-    if not _may_reach_zero(E_0, dE_0, E_1, dE_1, step, _margin(run, step) * top):
-        if E_1 >= 0:
-            _locate(run, 0.0, E_0, dE_0, step, E_1, dE_1)
-        return E_1 >= 0
+def _search(run, step, E_0, dE_0, top):  # type: ignore[no-untyped-def]
+    """Look for an event inside the step just taken, ever finer; leaves the state there, or at the end."""
     pieces = 2
     while pieces <= _SPLITS:
         s_a, E_a, dE_a = 0.0, E_0, dE_0
@@ -391,7 +408,7 @@ def _event_in(run, step, E_0, dE_0, E_1, dE_1):  # type: ignore[no-untyped-def]
     return False
 
 
-@compiled
+@inlined
 def _status(run):  # type: ignore[no-untyped-def]
     size = 0.0
     for i in range(len(run.qpos)):
@@ -417,7 +434,7 @@ def _status(run):  # type: ignore[no-untyped-def]
     return _RUNNING
 
 
-@compiled
+@inlined
 def _write(run, row):  # type: ignore[no-untyped-def]
     row[0] = run.time[0]
     at = 1
@@ -450,9 +467,16 @@ def _advance(run, dense, samples, events, event_at, count, steps):  # type: igno
             E_1, dE_1 = 0.0, 0.0
             if run.trigger == _EVENT:
                 E_1, dE_1 = _event_function(run)
-                if armed:
-                    fired = _event_in(run, step, E, dE, E_1, dE_1)
-                    lands = lands and time[0] >= target
+                if armed and np.isfinite(E_1):
+                    top = max(abs(E + run.q2), abs(E_1 + run.q2))
+                    if _may_reach_zero(E, dE, E_1, dE_1, step, _margin(run, step) * top):
+                        fired = _search(run, step, E, dE, top)
+                    elif E_1 >= 0:
+                        _locate(run, 0.0, E, dE, step, E_1, dE_1)
+                        fired = True
+                    if fired:
+                        lands = lands and time[0] >= target
+                        E_1, dE_1 = _event_function(run)
             E, dE = E_1, dE_1
         if fired or lands:
             clocks[0], counters[0] = time[0], 0
@@ -509,7 +533,8 @@ class NativeLoop:
         structs.check(model, data)
         self._keep = (model, data)
         m, d = model._address, data._address
-        block.header[Slot.PHASE] = schedule.phases[0]
+        t, edge = data.time, schedule.first_edge(data.time)
+        block.header[Slot.PHASE] = schedule.phases[edge]
         saved = np.empty(model.nq + 2 * model.nv + model.na)
         self._run = Run(
             model=m,
@@ -546,8 +571,8 @@ class NativeLoop:
             departure=np.zeros(model.nv),
             hinges=model.nq == model.nv,
             saved=saved,
-            clocks=np.array([0.0, 0.0, schedule.record_interval, 0.0, 0.0, 0.0]),
-            counters=np.array([0, 0, 1, 0]),
+            clocks=np.array([t, t, t + schedule.record_interval, t, t, 0.0]),
+            counters=np.array([0, 0, schedule.first_clock(t), edge]),
         )
         mujoco.mj_forward(model, data)
 

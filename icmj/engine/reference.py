@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from icmj.engine.actuator import second_order_lag
-from icmj.engine.composition import CLOCK, CONTINUOUS, EVENT, Block, Slot, block_of
+from icmj.engine.composition import CLOCK, EVENT, Block, Slot, block_of
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 from icmj.linear_plant import Array
@@ -72,12 +72,13 @@ class ReferenceLoop:
         self.trigger = int(block.header[Slot.TRIGGER])
         self.integrate = INTEGRATORS[model.opt.integrator]
         self._saved = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
-        self._grid, self._i = 0.0, 0  # the step grid starts at ``grid``; ``i`` steps of it are done
-        self._last, self._armed = 0.0, False
-        self._clock, self._edge = 1, 0
-        self._begin, self._end, self._length = 0.0, 0.0, 0.0
-        self._next_record = schedule.record_interval
-        block.header[Slot.PHASE] = schedule.phases[0]
+        t = data.time
+        self._grid, self._i = t, 0  # the step grid starts at ``grid``; ``i`` steps of it are done
+        self._last, self._armed = t, False
+        self._clock, self._edge = schedule.first_clock(t), schedule.first_edge(t)
+        self._begin, self._end, self._length = t, t, 0.0
+        self._next_record = t + schedule.record_interval
+        block.header[Slot.PHASE] = schedule.phases[self._edge]
         mujoco.mj_forward(model, data)
 
     def advance(self, record: Recording, steps: int) -> Status:
@@ -270,6 +271,3 @@ def hermite_root(low: float, E_l: float, dE_l: float, high: float, E_h: float, d
             break
         s = new
     return low + max(s, 1e-3 * EVENT_TOLERANCE)
-
-
-__all__ = ["CONTINUOUS", "INTEGRATORS", "ReferenceLoop", "act_dyn", "control", "hermite_root", "may_reach_zero"]

@@ -45,6 +45,14 @@ class Schedule:
         """
         return float(10 * (2 * self.rate * step) ** 4 / 384)
 
+    def first_edge(self, t: float) -> int:
+        """Index of the first edge after ``t``, which is also that of the stretch around ``t``."""
+        return int(np.searchsorted(self.edges, t, side="right"))
+
+    def first_clock(self, t: float) -> int:
+        """Number of the first clock sample after ``t``."""
+        return int(np.floor(t / self.clock * (1 + 1e-12))) + 1
+
 
 def phases_of(edges: Array) -> Array:
     """A time ≥ 0 strictly within each stretch between ``edges``."""
