@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from icmj import __version__
 from icmj.errors import ReportError
 from icmj.report import sections, style
+from icmj.report.notation import notation
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import Picture, Section
 from icmj.result import Result
@@ -75,6 +76,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["notation"] = notation
     return environment.get_template("page.html.j2").render(
         title=TITLE,
         subtitle=SUBTITLE,

@@ -22,7 +22,7 @@ def number(value: float | None, figures: int = 4) -> str:
     power = int(exponent)
     if -4 < power < 5:
         return f"{float(f'{value:.{figures - 1}e}'):.{max(figures - 1 - power, 0)}f}".replace("-", "−")
-    return f"{mantissa} × 10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
 def error(value: float | None) -> str:
@@ -32,7 +32,7 @@ def error(value: float | None) -> str:
     if abs(value) < 1e-14:
         return "< 10⁻¹⁴"
     mantissa, exponent = f"{value:+.1e}".split("e")
-    return f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
 def eigenvalue(value: complex | None) -> str:

@@ -56,8 +56,8 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     """The headline in one paragraph."""
     expected = [case for case in cases if case.prediction.cycle]
     parts = [
-        f"Event-driven intermittent control makes a plant settle into a limit cycle when the controller’s model of it is "
-        f"wrong. Of the {_count(len(cases), 'case')} below, the linear eigen-analysis predicts a limit cycle for "
+        "Event-driven intermittent control makes a plant settle into a limit cycle when the controller’s model of it "
+        f"is wrong. Of the {_count(len(cases), 'case')} below, the linear eigen-analysis predicts a limit cycle for "
         f"{len(expected)}."
     ]
     for plant in ("linear", "mujoco"):
@@ -94,11 +94,7 @@ def statements(cases: Sequence[CaseRuns]) -> Section:
             {"title": item.case.first.run.case.title, "note": paper.note, "figure": paper.figure, "items": []},
         )
         group["items"].append(item)
-    extra = [
-        {"title": case.first.run.case.title, "note": case.first.run.case.paper.note}
-        for case in cases
-        if case.name not in groups
-    ]
+    extra = [{"title": case.first.run.case.title, "note": _note(case)} for case in cases if case.name not in groups]
     return Section(
         "statements",
         "The paper’s statements",
@@ -133,7 +129,7 @@ def figures(cases: Sequence[CaseRuns], pictures: Mapping[str, Mapping[str, Pictu
 
 def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number: int) -> Section | None:
     """The amplitude law, or ``None`` where no log holds one."""
-    items = []
+    items: list[dict[str, Any]] = []
     for case in cases:
         result = next((r for r in reversed(case.runs.values()) if r.law is not None), None)
         if result is not None and result.law is not None:
@@ -220,6 +216,17 @@ def matrix(name: str, values: Array) -> dict[str, Any]:
     return {"name": name, "rows": [[numbers.number(float(v), 4) for v in row] for row in np.atleast_2d(values)]}
 
 
+def _note(case: CaseRuns) -> str:
+    """The run file's note on a case that the paper does not have, and what its runs say beyond the prediction."""
+    parts = [case.first.run.case.paper.note or "Not in the paper.", *_verdicts(case)]
+    if case.prediction.delta_crit is None and case.mujoco is not None and case.mujoco.measurement.kind == "cycle":
+        parts.append(
+            "The controller’s model is exact for the linear plant only: for MuJoCo’s plant its linearity is a small "
+            "error, which ends the growth of the intervals."
+        )
+    return " ".join(parts)
+
+
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
     paper, prediction = case.first.run.case.paper, case.prediction
     cells = {}
@@ -228,7 +235,7 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
         expected = None if comparison is None else comparison.measured.converged
         cells[plant] = {
             "interval": numbers.MISSING if comparison is None else _interval(comparison),
-            "error": "" if comparison is None else numbers.error(comparison.relative_error.interval),
+            "error": _shown_error(comparison),
             "mark": numbers.mark(expected),
             "said": {None: "not run", True: "settles on the predicted cycle", False: "no predicted cycle reached"}[
                 expected
@@ -249,10 +256,34 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "eigenvalue": numbers.eigenvalue(prediction.eigenvalue),
             "cycle": numbers.mark(prediction.cycle),
             "verdict": prediction.verdict,
+            "agrees": agrees_with_paper(case),
         },
         "runs": cells,
-        "verdicts": _verdicts(case),
+        "verdicts": [*_departures(case), *_verdicts(case)],
     }
+
+
+def agrees_with_paper(case: CaseRuns) -> bool | None:
+    """Whether Δ_crit rounds to the value that the paper prints; ``None`` where it prints none."""
+    printed, computed = case.first.run.case.paper.delta_crit, case.prediction.delta_crit
+    if printed is None:
+        return None
+    digits = len(repr(printed).partition(".")[2])
+    return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
+
+
+def _departures(case: CaseRuns) -> list[str]:
+    paper, prediction = case.first.run.case.paper, case.prediction
+    if agrees_with_paper(case) is not False:
+        return []
+    computed = "undefined" if prediction.delta_crit is None else f"{numbers.number(prediction.delta_crit)} s"
+    return [f"Departs from the paper: Δ_crit is {computed}, not {paper.delta_crit:g} s."]
+
+
+def _shown_error(comparison: Comparison | None) -> str:
+    if comparison is None or comparison.relative_error.interval is None:
+        return ""
+    return numbers.error(comparison.relative_error.interval)
 
 
 def _interval(comparison: Comparison) -> str:
@@ -308,24 +339,23 @@ def _figure_caption(case: CaseRuns) -> str:
     prediction = case.prediction
     if prediction.delta_crit is None:
         return "No eigenvalue of φ(Δ) reaches ±1, so Δ_crit is undefined."
-    text = f"Δ_crit = {numbers.number(prediction.delta_crit, 5)} s with λ_crit = {numbers.eigenvalue(prediction.eigenvalue)}; "
+    delta, value = numbers.number(prediction.delta_crit, 5), numbers.eigenvalue(prediction.eigenvalue)
+    text = f"Δ_crit = {delta} s with λ_crit = {value}; "
     if not prediction.cycle:
         return text + "no limit cycle is predicted."
-    return (
-        text
-        + f"a limit cycle of period {numbers.number(prediction.period, 5)} s is predicted, its orbit {prediction.verdict}."
-    )
+    period = numbers.number(prediction.period, 5)
+    return text + f"a limit cycle of period {period} s is predicted, its orbit {prediction.verdict}."
 
 
 def _panel_caption(case: CaseRuns, letter: str) -> str:
     cycle, several = case.prediction.cycle, len(case.first.actual.outputs) > 1
     match letter:
         case "a":
-            return "Largest |λ| of φ against the clock-driven interval; points: growth per interval measured in simulation."
+            return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
         case "b":
             return "Eigenvalues of φ about the unit circle; shade and arrowheads show growing interval."
         case "c":
-            band = " Pale bands: predicted extremes." if cycle else ""
+            band = " Pale: predicted range." if cycle else ""
             return f"Output{'s' if several else ''} under intermittent and continuous control; dotted: events.{band}"
         case "d":
             return "Velocity against position, latter part; circles: states at events."

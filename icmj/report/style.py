@@ -54,7 +54,7 @@ CRITICAL_EIGENVALUE: dict[str, Any] = {
 }
 NAME = {"linear": "linear", "mujoco": "MuJoCo"}
 
-RC: dict[str, Any] = {
+RC: Any = {
     "font.family": "STIXGeneral",  # shipped with matplotlib, so the page looks the same on every machine
     "mathtext.fontset": "stix",
     "font.size": 8.5,

@@ -114,7 +114,9 @@ def _shades() -> list[tuple[float, ...]]:
     return [tuple(shade) for shade in colormaps["cividis"](np.linspace(0.9, 0.0, SHADES))]
 
 
-def _scale(figure: Figure, box: tuple[float, ...], shown: Locus, shades: list[tuple[float, ...]]) -> None:
+def _scale(
+    figure: Figure, box: tuple[float, float, float, float], shown: Locus, shades: list[tuple[float, ...]]
+) -> None:
     """The colour scale of Δ_ol."""
     from matplotlib.ticker import MaxNLocator
 

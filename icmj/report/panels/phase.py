@@ -29,7 +29,9 @@ def phase_panel(case: CaseRuns) -> Figure:
             orbit, sign = prediction.orbit, orbit_sign(case.last)
             y, v = orbit.y[:, i], velocity(case.first, orbit.X[:, : case.first.actual.n], orbit.u)[:, i]
             y, v = (sign * DEGREES * np.concatenate([s, orbit.sign * s]) for s in (y, v))
-            label = "predicted" if prediction.verdict == "attracting" else f"predicted, {prediction.verdict}"
+            label = {"attracting": "predicted", "repelling": "repelling orbit"}.get(
+                prediction.verdict, "not admissible"
+            )
             axes.plot(y, v, label=label if i == 0 else None, **style.PREDICTED)
         for plant, result in case.runs.items():
             simulation = result.simulation

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
 from icmj.result import Result
+
+Signal = TypeVar("Signal", NDArray[np.float64], NDArray[np.complex128])
 
 DEGREES = 180 / np.pi
 
@@ -28,7 +33,7 @@ def orbit_sign(result: Result) -> float:
     return 1.0 if float(events.x[-1] @ orbit.x_bar[: events.x.shape[1]]) >= 0 else -1.0
 
 
-def repeated_orbit(result: Result, values: Array, start: float, end: float) -> tuple[Array, Array]:
+def repeated_orbit(result: Result, values: Signal, start: float, end: float) -> tuple[Array, Signal]:
     """An orbit signal repeated over [start, end] in step with the run's last event.
 
     Args:
