@@ -50,7 +50,7 @@ def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None
         recording.log(
             f"{root}/label",
             rr.Points3D(
-                [[0, 0, _top(scene) + 0.03 * height(scene)]],
+                [[0, 0, _top(scene) + 0.04 * height(scene)]],
                 labels=[label],
                 colors=[palette.WHITE],
                 radii=[0.0],
@@ -146,7 +146,7 @@ def height(scene: Scene) -> float:
 def eye(scene: Scene) -> tuple[Array, Array]:
     """Where to look from and at, so that both figures fill the view [m]."""
     z, h = _floor(scene), height(scene)
-    return np.array([0.15 * h, -1.5 * h, z + 0.68 * h]), np.array([0.0, 0.0, z + 0.49 * h])
+    return np.array([0.12 * h, -1.42 * h, z + 0.66 * h]), np.array([0.0, 0.0, z + 0.49 * h])
 
 
 def _floor(scene: Scene) -> float:

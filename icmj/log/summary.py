@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from icmj.comparison import compare
 from icmj.result import Result
 
 Properties = dict[str, dict[str, float | int | bool | str]]
@@ -13,7 +14,10 @@ Properties = dict[str, dict[str, float | int | bool | str]]
 
 def properties(result: Result) -> Properties:
     """Facts of the run in full precision, by section; a number that does not exist is left out."""
-    run, simulation, prediction, measured = result.run, result.simulation, result.prediction, result.measurement
+    run, simulation, prediction, motion = result.run, result.simulation, result.prediction, result.measurement
+    compared, outputs = compare(result), result.actual.outputs
+    predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
+    eigenvalue = predicted.eigenvalue
     sections: dict[str, dict[str, Any]] = {
         "case": {
             "name": run.case.name,
@@ -27,27 +31,34 @@ def properties(result: Result) -> Properties:
             "kind": simulation.outcome.kind,
             "time": simulation.outcome.t,
             "message": simulation.outcome.message,
+            "verdict": compared.words,
+            "converged": measured.converged,
         },
         "predicted": {
-            "cycle": prediction.cycle,
-            "delta_crit": prediction.delta_crit,
-            "eigenvalue_re": None if prediction.eigenvalue is None else prediction.eigenvalue.real,
-            "eigenvalue_im": None if prediction.eigenvalue is None else prediction.eigenvalue.imag,
-            "period": prediction.period,
-            "gamma": prediction.gamma,
-            "verdict": prediction.verdict,
+            "cycle": predicted.cycle,
+            "delta_crit": predicted.delta_crit,
+            "eigenvalue_re": None if eigenvalue is None else eigenvalue.real,
+            "eigenvalue_im": None if eigenvalue is None else eigenvalue.imag,
+            "period": predicted.period,
+            "gamma": predicted.gamma,
+            "verdict": predicted.verdict,
+            "state_feedback_stable": prediction.state_feedback_stable,
+            "observer_feedback_stable": prediction.observer_feedback_stable,
         }
-        | _each("amplitude", result.actual.outputs, prediction.amplitude),
+        | _each("amplitude", outputs, predicted.amplitude),
         "measured": {
             "kind": measured.kind,
-            "events_per_period": measured.p,
-            "mirrored": measured.mirrored,
+            "events_per_period": motion.p,
+            "mirrored": motion.mirrored,
             "interval": measured.interval,
             "period": measured.period,
-            "residual": measured.residual,
-            "words": measured.words,
+            "gamma": measured.gamma,
+            "residual": motion.residual,
+            "words": motion.words,
         }
-        | _each("amplitude", result.actual.outputs, measured.amplitude),
+        | _each("amplitude", outputs, measured.amplitude),
+        "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
+        | _each("amplitude", outputs, error.amplitude),
         "precision": dict(simulation.precision),
         "provenance": dict(result.provenance),
         "run_file": {"path": run.path.as_posix(), "text": run.text},
@@ -56,45 +67,49 @@ def properties(result: Result) -> Properties:
 
 
 def markdown(result: Result) -> str:
-    """One page: what was asked, what was predicted, what happened."""
-    run, simulation, prediction, measured = result.run, result.simulation, result.prediction, result.measurement
-    compared = prediction.cycle
-    rows = [("open-loop interval Δ", "s", prediction.delta_crit, measured.interval, compared)]
-    rows += [("period", "s", prediction.period, measured.period, compared)]
-    peaks = prediction.amplitude if prediction.amplitude is not None else [None] * len(result.actual.outputs)
-    rows += [
-        (f"peak of {name}", "", predicted, seen, compared)
-        for name, predicted, seen in zip(result.actual.outputs, peaks, measured.amplitude, strict=True)
+    """One page: the verdict, the numbers side by side, how the run ended and what made it."""
+    run, simulation, compared = result.run, result.simulation, compare(result)
+    predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
+    outputs, nothing = result.actual.outputs, [None] * result.actual.n_y
+    rows = [
+        ("interval Δ [s]", predicted.delta_crit, measured.interval, error.interval),
+        ("period [s]", predicted.period, measured.period, error.period),
+        ("γ", predicted.gamma, measured.gamma, error.gamma),
+        *(
+            (f"peak {name}", *numbers)
+            for name, *numbers in zip(
+                outputs,
+                nothing if predicted.amplitude is None else predicted.amplitude,
+                measured.amplitude,
+                nothing if error.amplitude is None else error.amplitude,
+                strict=True,
+            )
+        ),
     ]
+    cycle = "a limit cycle" if predicted.cycle else "no limit cycle"
+    eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {_complex(predicted.eigenvalue)};"
     lines = [
         f"# {run.case.title}",
-        "",
         f"**{PLANTS[simulation.plant]}**, {CONTROLS[simulation.control]}.",
         "",
-        f"{measured.words}",
+        f"{compared.words}",
         "",
         "| | predicted | measured | error |",
         "| :-- | --: | --: | --: |",
-    ]
-    lines += [
-        f"| {name}{f' [{unit}]' if unit else ''} | {_n(p)} | {_n(m)} | {_error(p, m, c)} |"
-        for name, unit, p, m, c in rows
-    ]
-    eigenvalue = prediction.eigenvalue
-    lines += [
+        *(f"| {name} | {_number(p)} | {_number(m)} | {_error(e)} |" for name, p, m, e in rows),
         "",
         "## Prediction",
-        f"- limit cycle: **{'yes' if prediction.cycle else 'no'}**"
-        + ("" if eigenvalue is None else f", λ_crit = {_c(eigenvalue)}"),
-        f"- orbit under the event rule: {prediction.verdict}",
-        f"- γ = {_n(prediction.gamma)}",
+        f"The linear theory predicts {cycle};{eigenvalue} the orbit under the event rule: {predicted.verdict}.",
         "",
         "## Run",
-        f"- {simulation.outcome.kind} at {simulation.outcome.t:.6g} s. {simulation.outcome.message}",
+        f"- outcome: {simulation.outcome.kind} at {simulation.outcome.t:.6g} s",
+        f"- motion: {result.measurement.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} samples",
+        *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),
+        "",
+        "## Provenance",
+        *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
     ]
-    lines += [f"- {key}: {value}" for key, value in simulation.precision.items()]
-    lines += ["", "## Provenance", *(f"- {key}: {value}" for key, value in result.provenance.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -106,15 +121,17 @@ def _each(name: str, of: tuple[str, ...], values: Any) -> dict[str, float]:
     return {} if values is None else {f"{name}_{k}": float(v) for k, v in zip(of, values, strict=True)}
 
 
-def _n(value: float | None) -> str:
+def _plain(value: float | int | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: float | None) -> str:
     return "–" if value is None or not np.isfinite(value) else f"{value:.6g}"
 
 
-def _c(value: complex) -> str:
+def _complex(value: complex) -> str:
     return f"{value.real:+.4g}" if abs(value.imag) < 1e-9 else f"{value.real:+.4g} {value.imag:+.4g}j"
 
 
-def _error(predicted: float | None, measured: float | None, compared: bool) -> str:
-    if not compared or predicted is None or measured is None or predicted == 0:
-        return "–"
-    return f"{measured / predicted - 1:+.1e}"
+def _error(value: float | None) -> str:
+    return "–" if value is None or not np.isfinite(value) else f"{value:+.1e}"
