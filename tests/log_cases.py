@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,7 @@ def _side(system: ErrorSystem, at: float) -> float:
     return 1.0 if np.abs(values).max() > 1 else -1.0
 
 
+@functools.cache
 def made_up(
     model: str = "pendulum", gain: float = 0.8, delta: float = 1.807, duration: float = 20.0, *, step: float = 0.01
 ) -> tuple[Result, MujocoPlant]:
@@ -160,7 +162,19 @@ def made_up(
     simulation, _ = run_events(system, trigger, x_0, duration, step)
     run = parse_run(TEXT.format(model=model, q_t=q_t), "runs/made-up.toml")
     amplitude = np.abs(simulation.y[len(simulation.t) // 2 :]).max(axis=0)
-    interval = float(simulation.events.interval[-1])
+    interval = float(simulation.events.interval[-1]) if len(simulation.events) else None
+    measured = Measurement(
+        *(
+            "cycle" if interval else "no events",
+            1,
+            False,
+            interval,
+            simulation.events.interval[-1:],
+            interval,
+            amplitude,
+        ),
+        *(1e-9, "It settled on a cycle."),
+    )
     result = Result(
         run,
         assumed,
@@ -169,9 +183,7 @@ def made_up(
         predict_by_hand(system, trigger, delta),
         simulation,
         run_continuous(actual, design, x_0, duration, step),
-        Measurement(
-            *("cycle", 1, False, interval, np.array([interval]), interval, amplitude, 1e-9, "It settled on a cycle.")
-        ),
+        measured,
         Growth(np.array([1.0, 2.0]), np.array([0.9, np.nan]), np.array([0.91, 1.1])),
         AmplitudeLaw(np.array([1e-2, 1e-3]), np.array([2e-4, 2e-6]), np.array([1e-4, 1e-6]), 2.0, 2.0),
         None,

@@ -125,7 +125,7 @@ def _half_width(scene: Scene) -> float:
 
 
 def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> None:
-    z, reach = _floor(scene), 1.9 * apart
+    z, reach = _floor(scene), 1.7 * apart
     recording.log(
         f"{ROOT}/floor",
         rr.Boxes3D(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +77,11 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
         raise LogError(f"{path}: no such log")
     damage = verify(path)
     try:
-        if not damage and not RrdReader(path).recordings():
-            damage = "it holds no recording"
         if damage:
             raise ValueError(damage)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a file without an end, which is an error here anyway
+            stream = RrdReader(path).store().stream().filter(content=content, is_static=True)
         return [
             (
                 chunk.entity_path,
@@ -89,7 +91,7 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
                     if not name.startswith("rerun.") and hasattr(column[-1], "values") and column[-1].is_valid
                 },
             )
-            for chunk in RrdReader(path).store().stream().filter(content=content, is_static=True)
+            for chunk in stream
             for batch in [chunk.to_record_batch()]
         ]
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types

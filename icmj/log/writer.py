@@ -42,7 +42,7 @@ def write_log(result: Result, path: Path | str) -> None:
     tree, arrays = archive.pack(result)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with strictly():
+        with strictly(), np.errstate(invalid="ignore", over="ignore"):  # a run that diverged is logged too
             _write(result, tree, arrays, part)
             _verify(part)
         os.replace(part, path)

@@ -1,0 +1,118 @@
+"""Reading back: bit-exact, and every kind of broken file refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from log_cases import made_up, with_scene
+from test_archive import assert_same, awkward
+
+from icmj.errors import LogError
+from icmj.log import read_log, read_summary, write_log
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "case.rrd"
+    write_log(with_scene(*made_up(duration=3.0)), path)
+    return path
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(LogError) as caught:
+        read_log(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+def test_a_result_comes_back_bit_for_bit(tmp_path: Path) -> None:
+    result = awkward()
+    write_log(result, tmp_path / "x.rrd")
+    assert_same(result, read_log(tmp_path / "x.rrd"))
+
+
+def test_a_scene_is_not_read_back_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    result, plant = made_up("three_link", 0.9, 0.7594, duration=3.0)
+    write_log(with_scene(result, plant), tmp_path / "x.rrd")
+    assert_same(result, read_log(tmp_path / "x.rrd"))
+
+
+def test_the_summary_holds_the_numbers_in_full(log: Path) -> None:
+    result, facts = read_log(log), read_summary(log)
+    assert facts["predicted"]["delta_crit"] == result.prediction.delta_crit
+    assert facts["predicted"]["gamma"] == result.prediction.gamma
+    assert facts["measured"]["interval"] == result.measurement.interval
+    assert facts["measured"]["amplitude_angle"] == result.measurement.amplitude[0]
+    assert (
+        facts["case"] | {"name": "made-up", "plant": "linear", "events": len(result.simulation.events)} == facts["case"]
+    )
+    assert facts["outcome"]["kind"] == "completed"
+    assert facts["precision"]["event_tolerance"] == 1e-13
+    assert facts["provenance"] == {"icmj": "0.1.0", "git": "0123abc"}
+    assert facts["run_file"] == {"path": "runs/made-up.toml", "text": result.run.text}
+
+
+def test_a_log_cut_anywhere_is_refused(log: Path, tmp_path: Path) -> None:
+    whole, cut = log.read_bytes(), tmp_path / "cut.rrd"
+    for part in (0.001, 0.1, 0.5, 0.9, 0.999):
+        cut.write_bytes(whole[: int(part * len(whole))])
+        assert "not a complete rerun recording" in refused(cut)
+    cut.write_bytes(whole[:-1])
+    assert "not a complete rerun recording" in refused(cut)
+
+
+def test_files_that_are_no_recording_are_refused(tmp_path: Path) -> None:
+    for name, content in (("empty", b""), ("text", b"no recording\n" * 100), ("stub", b"RRF2")):
+        path = tmp_path / name
+        path.write_bytes(content)
+        refused(path)
+    assert "no such log" in refused(tmp_path / "nowhere.rrd")
+    assert "no such log" in refused(tmp_path)
+
+
+def test_a_recording_of_something_else_is_refused(tmp_path: Path) -> None:
+    import rerun as rr
+
+    path = tmp_path / "other.rrd"
+    recording = rr.RecordingStream("other")
+    recording.save(path)
+    recording.log("a", rr.TextDocument("b"), static=True)
+    recording.flush()
+    recording.disconnect()
+    assert "not a log of icmj" in refused(path)
+    with pytest.raises(LogError, match="not a log of icmj"):
+        read_summary(path)
+
+
+def test_a_flipped_bit_is_seen_or_harmless(log: Path, tmp_path: Path) -> None:
+    """Wherever it falls: the numbers read are the numbers written, or there are none."""
+    whole, flipped = bytearray(log.read_bytes()), tmp_path / "flipped.rrd"
+    result, rng, seen = read_log(log), np.random.default_rng(3), 0
+    for place in rng.integers(0, len(whole), 40):
+        bit = 1 << int(rng.integers(8))
+        whole[place] ^= bit
+        flipped.write_bytes(whole)
+        whole[place] ^= bit
+        try:
+            assert_same(result, read_log(flipped))
+        except LogError:
+            seen += 1
+    assert seen > 5
+
+
+def test_the_archive_knows_when_it_has_changed(log: Path, tmp_path: Path) -> None:
+    content, changed = bytearray(log.read_bytes()), tmp_path / "changed.rrd"
+    numbers = read_log(log).simulation.x.tobytes()
+    places = [content.find(numbers[i : i + 24]) for i in range(0, 4000, 8)]  # stored as they are, where LZ4 sees no use
+    content[min(place for place in places if place > 0)] ^= 1  # the archive comes before the series
+    changed.write_bytes(content)
+    assert "SHA-256" in refused(changed)
+
+
+def test_a_newer_format_is_named(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("icmj.log.reader.FORMAT", 0)
+    assert "log format 1, this version of icmj reads 0" in refused(log)
