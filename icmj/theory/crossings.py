@@ -331,7 +331,7 @@ def _distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
             k
             for k in kept[-8:]
             if k.kind == c.kind
-            and abs(k.delta - c.delta) < 1e-3 * resolution
+            and abs(k.delta - c.delta) < resolution * (1 if "tangent" in (k.direction, c.direction) else 1e-3)
             and abs(k.eigenvalue - c.eigenvalue) < 1e-6
         ]
         if not same:
