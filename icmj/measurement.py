@@ -181,7 +181,7 @@ def _open(
     K = len(states)
     if not running:
         silence = simulation.outcome.t - simulation.events.t[-1]
-        left = np.linalg.norm(simulation.x[-1]) / max(np.linalg.norm(simulation.events.x[-1]), 1e-300)
+        left = float(np.linalg.norm(simulation.x[-1])) / max(float(np.linalg.norm(simulation.events.x[-1])), 1e-300)
         what = f"no event in the last {silence:.3g} s, longer than any interval before"
         if left < 1e-3:
             words = f"The motion decays: {what}, and the state has fallen to {left:.1e} of what it was at the last."

@@ -102,7 +102,9 @@ class Watch:
             kind, theta = self._root(Z[step], armed)
             if theta <= longest:
                 return kind, int(step), min(theta, last) if step == steps - 1 else theta
-        return ("diverged", int(until - 1), 1.0) if len(grown) else ("end", steps - 1, last)
+        if len(grown):
+            return "diverged", int(until - 1), last if until == steps else 1.0
+        return "end", steps - 1, last
 
     def _root(self, z: Array, armed: bool) -> tuple[Literal["event", "fell"], float]:
         """First time on the step from ``z`` at which it falls or has an event; infinity if it does neither."""

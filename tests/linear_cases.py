@@ -1,0 +1,96 @@
+"""Plants, controllers and an independent simulator for the tests of the linear part."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from icmj.controller import Controller, EventTrigger, as_weight, system_matched, zero_order
+from icmj.design import Design, design_lq
+from icmj.linear_plant import LinearPlant
+from icmj.runfile import SimulationSettings
+
+PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))
+
+
+def pendulum_design() -> Design:
+    """The recovered design of the paper's second-order systems."""
+    return design_lq(PENDULUM, R_c=0.1, R_o=0.01)
+
+
+def neglected(zeta: float) -> LinearPlant:
+    """The pendulum behind ω_n²/(s² + 2ζω_n s + ω_n²), ω_n = 10 rad/s."""
+    A = [[0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1], [0, 0, -100, -20 * zeta]]
+    return LinearPlant(
+        A, [[0], [0], [0], [100]], [[1, 0, 0, 0]], ("hinge", "hinge_rate", "torque", "torque_d"), ("torque",)
+    )
+
+
+def event_controller(design, *, Q_t="output", q_t=0.01, delta_min=0.01, hold="system-matched") -> Controller:
+    held = system_matched(design) if hold == "system-matched" else zero_order(design)
+    return Controller(design, held, EventTrigger(as_weight(Q_t, design), q_t, delta_min))
+
+
+def settings(duration=20.0, **more) -> SimulationSettings:
+    return SimulationSettings(duration=duration, **{"limit": 1e6, **more})
+
+
+def random_loop(seed: int, n: int, n_hat: int, n_u: int, n_y: int) -> tuple[LinearPlant, Design]:
+    """A random assumed plant of order n̂ with an LQ design, and an actual plant of order n near it."""
+    random = np.random.default_rng(seed)
+    A_hat = random.standard_normal((n_hat, n_hat))
+    assumed = LinearPlant(A_hat, random.standard_normal((n_hat, n_u)), random.standard_normal((n_y, n_hat)))
+    design = design_lq(assumed, R_c=0.1, R_o=0.01)
+    A = np.zeros((n, n))
+    A[:n_hat, :n_hat] = A_hat + 0.1 * random.standard_normal((n_hat, n_hat))
+    if n > n_hat:
+        A[n_hat:, n_hat:] = -np.diag(random.uniform(3, 8, n - n_hat))
+        A[:n_hat, n_hat:] = 0.1 * random.standard_normal((n_hat, n - n_hat))
+        A[n_hat:, :n_hat] = 0.1 * random.standard_normal((n - n_hat, n_hat))
+    B = np.vstack([assumed.B * 1.1, 0.1 * random.standard_normal((n - n_hat, n_u))])
+    C = np.hstack([assumed.C, 0.05 * random.standard_normal((n_y, n - n_hat))])
+    return LinearPlant(A, B, C), design
+
+
+def loop_matrix(plant: LinearPlant, controller: Controller) -> np.ndarray:
+    """ẋ of the closed loop in the original coordinates (x, x_o, x_h), written down from the paper's equations."""
+    d, P = controller.design, controller.design.plant
+    return np.block(
+        [
+            [plant.A, np.zeros((plant.n, P.n)), -plant.B @ d.k],
+            [d.L @ plant.C, P.A - d.L @ P.C, -P.B @ d.k],
+            [np.zeros((P.n, plant.n)), np.zeros((P.n, P.n)), controller.hold.A_h],
+        ]
+    )
+
+
+def ivp_events(plant, controller, duration, x, x_o, torque=None, max_step=0.02):
+    """Event times and (x, x_o, x_h) before each reset, by SciPy's DOP853 with event location."""
+    M, trigger = loop_matrix(plant, controller), controller.trigger
+    n, m = plant.n, controller.design.plant.n
+    N = np.vstack([plant.B, np.zeros((2 * m, plant.n_u))])
+
+    def rhs(t, z):
+        return M @ z if torque is None else M @ z + N @ torque(t)
+
+    def E(t, z):
+        e = z[n + m :] - z[n : n + m]
+        return e @ trigger.Q_t @ e - trigger.q_t**2
+
+    E.terminal, E.direction = True, 1
+    t, z, times, states = 0.0, np.concatenate([x, x_o, x_o]), [], []
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-15, "max_step": max_step}
+    while t < duration:
+        ready = min(t + trigger.delta_min, duration)
+        if ready > t:
+            z = solve_ivp(rhs, (t, ready), z, **options).y[:, -1]
+        t = ready
+        if t >= duration:
+            break
+        if E(t, z) < 0:
+            run = solve_ivp(rhs, (t, duration), z, events=E, **options)
+            t, z = run.t[-1], run.y[:, -1]
+            if run.status != 1:
+                break
+        times.append(t)
+        states.append(z.copy())
+        z[n + m :] = z[n : n + m]
+    return np.array(times), np.array(states)
