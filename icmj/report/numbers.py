@@ -25,6 +25,13 @@ def number(value: float | None, figures: int = 4) -> str:
     return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
+def short(value: float, figures: int = 6) -> str:
+    """``value`` to so many significant figures without closing zeros, as settings and matrix entries are read."""
+    text = number(value, figures)
+    head, times, power = text.partition("\N{NO-BREAK SPACE}×")
+    return (head.rstrip("0").rstrip(".") if "." in head else head) + times + power
+
+
 def error(value: float | None) -> str:
     """A relative error to two figures, signed, as a power of ten; rounding noise as such."""
     if value is None or not np.isfinite(value):
@@ -32,7 +39,9 @@ def error(value: float | None) -> str:
     if abs(value) < 1e-14:
         return "< 10⁻¹⁴"
     mantissa, exponent = f"{value:+.1e}".split("e")
-    return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace(
+        "-", "−"
+    )
 
 
 def eigenvalue(value: complex | None) -> str:
@@ -73,7 +82,7 @@ def setting(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return number(value)
+        return short(value)
     if isinstance(value, Mapping):
         return ", ".join(f"{key} = {setting(item)}" for key, item in value.items()) or MISSING
     if isinstance(value, list | tuple):

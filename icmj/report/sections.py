@@ -141,7 +141,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                     "interval_slope": f"{result.law.interval_slope:.3f}",
                     "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
                     "rows": [
-                        [numbers.number(q, 3), numbers.error(abs(i)), numbers.error(abs(a))]
+                        [numbers.short(q), numbers.error(abs(i)), numbers.error(abs(a))]
                         for q, i, a in zip(
                             result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
                         )
@@ -194,11 +194,11 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
         rows.append(
             {
                 "title": run.case.title,
-                "q_t": numbers.number(run.controller.q_t, 3),
+                "q_t": numbers.short(run.controller.q_t),
                 "Q_t": numbers.setting(run.controller.Q_t),
-                "delta_min": numbers.number(run.controller.delta_min, 3),
+                "delta_min": numbers.short(run.controller.delta_min),
                 "hold": run.controller.hold,
-                "duration": numbers.number(run.simulation.duration, 3),
+                "duration": numbers.short(run.simulation.duration),
                 "initial": numbers.setting(run.simulation.initial),
                 "weights": f"R_c = {numbers.setting(run.design.R_c)}, R_o = {numbers.setting(run.design.R_o)}",
             }
@@ -213,7 +213,7 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
 
 def matrix(name: str, values: Array) -> dict[str, Any]:
     """A matrix as the template draws it."""
-    return {"name": name, "rows": [[numbers.number(float(v), 4) for v in row] for row in np.atleast_2d(values)]}
+    return {"name": name, "rows": [[numbers.short(float(v), 4) for v in row] for row in np.atleast_2d(values)]}
 
 
 def _note(case: CaseRuns) -> str:
@@ -380,27 +380,28 @@ def _same(a: Sequence[Array], b: Sequence[Array]) -> bool:
     return all(x.shape == y.shape and np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in zip(a, b, strict=True))
 
 
-def _precision(cases: Sequence[CaseRuns]) -> dict[str, Any]:
-    """One row for each run, one column for each fact that any of the runs states."""
-    keys: list[str] = []
-    rows = []
-    for case in cases:
-        for plant, result in case.runs.items():
-            facts = result.simulation.precision
-            keys.extend(key for key in facts if key not in keys)
-            rows.append((case.first.run.case.title, NAME[plant], facts, result.simulation.outcome.kind))
-    return {
-        "keys": [key.replace("_", " ") for key in keys],
-        "rows": [
-            {"title": title, "plant": plant, "outcome": outcome, "facts": [_fact(facts.get(key)) for key in keys]}
-            for title, plant, facts, outcome in rows
-        ],
-    }
+def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
+    """A table for each plant: one row a run, one column for each fact that any of its runs states."""
+    tables = []
+    for plant, name in NAME.items():
+        runs = [(case, case.runs[plant].simulation) for case in cases if plant in case.runs]
+        keys = list(dict.fromkeys(key for _, simulation in runs for key in simulation.precision))
+        rows = [
+            {
+                "title": case.first.run.case.title,
+                "outcome": simulation.outcome.kind,
+                "facts": [_fact(simulation.precision.get(key)) for key in keys],
+            }
+            for case, simulation in runs
+        ]
+        if rows:
+            tables.append({"plant": name, "keys": [key.replace("_", " ") for key in keys], "rows": rows})
+    return tables
 
 
 def _fact(value: object) -> str:
     if isinstance(value, float):
-        return numbers.number(value, 3)
+        return numbers.short(value, 3)
     return numbers.MISSING if value is None else str(value)
 
 
