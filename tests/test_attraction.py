@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from theory_cases import random_systems, shipped
 
 from icmj.controller import Controller, EventTrigger, system_matched
 from icmj.linear.loop import simulate
 from icmj.runfile import SimulationSettings
 from icmj.theory.prediction import Prediction, predict
-from theory_cases import random_systems, shipped
 
 PERTURBATION = 1e-3
 INTERVALS = 80

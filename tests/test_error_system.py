@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from theory_cases import neglected, pendulum, pendulum_design, random_systems, shipped
 
 from icmj.controller import system_matched, zero_order
 from icmj.design import Design
@@ -11,7 +12,6 @@ from icmj.errors import AnalysisError
 from icmj.linear_plant import LinearPlant, deviated
 from icmj.theory.crossings import crossings
 from icmj.theory.error_system import error_system
-from theory_cases import neglected, pendulum, pendulum_design, random_systems, shipped
 
 
 def random_loop(rng, n=None, n_hat=None):
@@ -19,9 +19,7 @@ def random_loop(rng, n=None, n_hat=None):
     n_hat = n_hat or rng.integers(1, 6)
     n_u, n_y = rng.integers(1, 4, size=2)
     actual = LinearPlant(rng.normal(size=(n, n)), rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n)))
-    assumed = LinearPlant(
-        rng.normal(size=(n_hat, n_hat)), rng.normal(size=(n_hat, n_u)), rng.normal(size=(n_y, n_hat))
-    )
+    assumed = LinearPlant(rng.normal(size=(n_hat, n_hat)), rng.normal(size=(n_hat, n_u)), rng.normal(size=(n_y, n_hat)))
     design = Design(assumed, rng.normal(size=(n_u, n_hat)), rng.normal(size=(n_hat, n_y)))
     return actual, design, rng.normal(size=(n_hat, n))
 
@@ -119,7 +117,9 @@ def test_crossings_do_not_depend_on_the_states_chosen():
         actual, assumed, design = system.actual, system.design.plant, system.design
         S = np.linalg.qr(rng.normal(size=(actual.n, actual.n)))[0] * 2 ** rng.uniform(-2, 2, actual.n)
         R = np.linalg.qr(rng.normal(size=(assumed.n, assumed.n)))[0] * 2 ** rng.uniform(-2, 2, assumed.n)
-        moved = error_system(_changed(actual, S), Design(_changed(assumed, R), design.k @ R, np.linalg.solve(R, design.L)))
+        moved = error_system(
+            _changed(actual, S), Design(_changed(assumed, R), design.k @ R, np.linalg.solve(R, design.L))
+        )
         np.testing.assert_allclose(found(moved), found(system), rtol=1e-6, atol=1e-8)
 
 

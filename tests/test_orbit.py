@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
+from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj.controller import EventTrigger
 from icmj.errors import AnalysisError
@@ -14,7 +15,6 @@ from icmj.theory.crossings import crossings
 from icmj.theory.orbit import orbit
 from icmj.theory.polynomial import maxima
 from icmj.theory.prediction import critical_crossing
-from theory_cases import SHIPPED, random_systems, shipped
 
 WITH_ORBIT = [c for c in SHIPPED if c != "exact"]
 
@@ -153,7 +153,9 @@ def test_admissibility_agrees_with_a_fine_grid_for_any_semidefinite_weight():
     assert len(verdicts) - sum(verdicts) >= 5
 
 
-@pytest.mark.parametrize(("case", "low", "high"), [("b=0.8", 2.25, 2.27), ("b=1.2", 2.215, 2.23), ("b=1.7", 2.05, 2.06)])
+@pytest.mark.parametrize(
+    ("case", "low", "high"), [("b=0.8", 2.25, 2.27), ("b=1.2", 2.215, 2.23), ("b=1.7", 2.05, 2.06)]
+)
 def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event(case, low, high):
     """Q_t = wwᵀ with w turned until E just touches zero in mid-interval; the touch lasts microseconds."""
     system = shipped(case)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq, linear_sum_assignment
+from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj.controller import EventTrigger
 from icmj.theory.prediction import predict
 from icmj.theory.return_map import jacobian, multipliers
-from theory_cases import SHIPPED, random_systems, shipped
 
 
 class EventMap:

@@ -84,7 +84,7 @@ def random_systems(seed: int, count: int, *, mismatch: float = 0.3) -> Iterator[
         A = rng.normal(size=(n, n))
         A += (rng.uniform(0.2, 2.0) - np.linalg.eigvals(A).real.max()) * np.eye(n)
         assumed = LinearPlant(A, rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n)))
-        weights = dict(R_c=10 ** rng.uniform(-2, 0.5), R_o=10 ** rng.uniform(-2, 0.5))
+        weights = {"R_c": 10 ** rng.uniform(-2, 0.5), "R_o": 10 ** rng.uniform(-2, 0.5)}
         try:
             design = design_lq(assumed, **weights)
         except DesignError:

@@ -40,7 +40,7 @@ _DEGREE = 24
 _PANELS = 8
 _DEPTH = 14
 _DECAYED = 1e-10  # last Chebyshev coefficients, relative to the largest
-_PLATEAU = 1e-6  # above _DECAYED they may stay below this where halving does not lower them: that is rounding
+_PLATEAU = 1e-6  # above _DECAYED they may stay below this (or 1e4 ε‖φ‖) where halving does not lower them
 _FLOOR = (
     0.3  # fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
 )
@@ -113,16 +113,19 @@ class _Finder:
         self.T, self.T_bar = system.T @ system.A_D, system.T_bar
 
     def run(self, start: float, end: float) -> Search:
+        end = self._clear(end)
+        if end <= start:
+            return Search((), end)
         width = (end - start) / _PANELS
         left: Array = np.asarray(start + width * np.arange(_PANELS), dtype=float)
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
         for depth in range(_DEPTH + 1):
-            delta, g, end = self._panels(left, width, end)
+            delta, g, size = self._panels(left, width)
+            plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size)
             series = {kind: _test(kind, g, delta) @ _coefficients(_DEGREE).T for kind in KINDS}
             tail = np.max([np.abs(c[:, -3:]).max(axis=1) / np.abs(c).max(axis=1) for c in series.values()], axis=0)
-            before = tails[: len(tail)]
-            resolved = (tail < _DECAYED) | ((tail < _PLATEAU) & (tail > before / 4)) | (depth == _DEPTH)
+            resolved = (tail < _DECAYED) | ((tail < plateau) & (tail > tails / 4)) | (depth == _DEPTH)
             outside = _outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 centre = left[m] + width / 2
@@ -132,7 +135,7 @@ class _Finder:
                     found += here
                 else:
                     resolved[m] = False
-            halve = left[: len(tail)][~resolved]
+            halve = left[~resolved]
             if not len(halve):
                 break
             width /= 2
@@ -141,27 +144,36 @@ class _Finder:
         found = [c for c in found if start < c.delta <= end]
         return Search(tuple(_distinct(sorted(found, key=lambda c: c.delta), self.resolution)), float(end))
 
-    def _panels(self, left: Array, width: float, end: float) -> tuple[Array, Spectrum, float]:
-        """Nodes and spectra of G of each panel, shapes (P, nodes) and (P, nodes, n + n̂), up to where φ drowns."""
+    def _clear(self, end: float) -> float:
+        """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
+        while True:
+            with np.errstate(over="ignore", invalid="ignore"):
+                t, states = self.flow.trajectory(self.T_bar, end, 64)
+                size = self._size(self.T @ states)
+            drowned = np.flatnonzero(~(size <= _DROWNED))
+            if not len(drowned):
+                return end
+            first = int(drowned[0])
+            if first > 16:
+                return float(t[first - 1])
+            end = float(t[first])
+
+    def _size(self, phi: Array) -> Array:
+        """Largest entry of φ in balanced coordinates."""
+        scale = self.flow.scale[: len(self.T)]
+        return np.asarray(np.abs(phi * (scale / scale[:, None])).max(axis=(-2, -1)))
+
+    def _panels(self, left: Array, width: float) -> tuple[Array, Spectrum, Array]:
+        """Nodes, spectra of G and size of φ − I of each panel, shapes (P, nodes), (P, nodes, n + n̂) and (P,)."""
         s = (1 + _nodes(_DEGREE)) / 2 * width
         F_s = self.flow.increment(s) @ self.T_bar
-        with np.errstate(over="ignore", invalid="ignore"):
-            F_a = self.flow.increment(left)
-            F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
+        F_a = self.flow.increment(left)
+        F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
         delta = left[:, None] + s
-        scale = self.flow.scale[: F.shape[-1]]
-        size = np.abs(F * (scale / scale[:, None])).max(axis=(2, 3))
-        drowned = ~(size <= _DROWNED)
-        # a panel is kept if it is clean throughout; at the first that is not, the search ends
-        dirty = drowned.any(axis=1) & (left < end)
-        if dirty.any():
-            end = min(end, float(left[dirty].min()))
-        F, delta = F[left < end], delta[left < end]
-        with np.errstate(invalid="ignore"):
-            G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
-        if len(G) and delta[0, 0] == 0:
+        G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
+        if delta[0, 0] == 0:
             G[0, 0] = self.T @ self.system.A_C @ self.T_bar
-        return delta, np.linalg.eigvals(G).astype(complex), end
+        return delta, np.linalg.eigvals(G).astype(complex), self._size(F).max(axis=1)
 
     def _spectrum(self, delta: Array) -> Spectrum:
         G = self.T @ self.flow.increment(delta) @ self.T_bar
