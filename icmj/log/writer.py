@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,8 @@ def write_log(result: Result, path: Path | str) -> None:
     except (OSError, RuntimeError, ValueError, TypeError) as error:
         raise LogError(f"{path}: the log cannot be written ({_one_line(error)})") from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink()
 
 
 @contextmanager
@@ -125,9 +126,10 @@ def _fact(key: str, value: float | int | bool | str) -> Any:
 
 def _verify(part: Path) -> None:
     """The file opens, has its manifest, and the archive is in it (a full disk shows only here)."""
-    store = RrdReader(part).store()
-    if "/archive" not in store.summary():
-        raise ValueError("what was written does not read back; is recording switched off by RERUN in the environment?")
+    if not part.is_file():
+        raise ValueError("rerun wrote no file; is it switched off by RERUN in the environment?")
+    if "/archive" not in RrdReader(part).store().summary():
+        raise ValueError("what was written does not read back")
 
 
 def _one_line(error: BaseException) -> str:
