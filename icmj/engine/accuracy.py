@@ -1,8 +1,8 @@
 """How accurate a run is, measured by repeating a stretch of it at half the timestep.
 
 The stretch is the last complete open-loop interval, from the state right after the sample that begins it; where
-there are fewer than two samples it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
-difference between h and h/2. It costs as much as two intervals of the run.
+there are fewer than two samples it is the last second. With a method of order p the error at step h is
+2^p/(2^p − 1) times the difference between h and h/2. It costs as much as three intervals of the run.
 
 What the step should be follows from the same number: errors fall with h^p, so :func:`choose_timestep` measures one
 step and scales it to the tolerance asked for. The default is the model file's own timestep; the shipped ones (2 ms

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ from icmj.controller import ClockTrigger, Controller, EventTrigger
 from icmj.disturbance import Disturbance
 from icmj.engine import reference
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import block_of, compose
+from icmj.engine.composition import Slot, block_of, compose
 from icmj.engine.extremes import ExtremesTracker
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
@@ -116,12 +117,11 @@ class ClosedLoop:
         record = recording(CHUNK, model.nsensordata, width)
         make, control, act_dyn = _implementation(self.native)
         status, steps, interrupted, t = Status.RUNNING, 0, False, data.time
-        timestep = model.opt.timestep
-        with installed(control, act_dyn):
+        with installed(control, act_dyn), self._lent():
             loop: Loop = make(model, data, schedule, point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             samples, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, data.sensordata - y_0)
+            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges)
             while status == Status.RUNNING and not interrupted:
                 record.clear()
                 try:
@@ -137,11 +137,22 @@ class ClosedLoop:
                 dense = record.dense[:n_dense]
                 tracker.add(dense[:, 0], dense[:, 1:] - y_0, record.event_at[:n_events])
                 t = float(dense[-1, 0]) if n_dense else t
-        model.opt.timestep = timestep
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
         outcome = _outcome(Status.RUNNING if interrupted else status, t, data, schedule, at_events[:, 0])
         return Rows(np.concatenate(samples), at_events, y_max, y_min, steps, outcome)
+
+    @contextmanager
+    def _lent(self) -> Iterator[None]:
+        """Put back on leaving what a loop changes in the model."""
+        timestep, block = self.model.opt.timestep, block_of(self.model)
+        assert block is not None
+        phase = block.header[Slot.PHASE]
+        try:
+            yield
+        finally:
+            self.model.opt.timestep = timestep
+            block.header[Slot.PHASE] = phase
 
     def departures(self, rows: Array) -> States:
         """Recorded rows as departures from the operating point."""

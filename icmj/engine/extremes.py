@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ class ExtremesTracker:
     Chunks of steps are added as they come; only the steps of the interval under way are kept.
     """
 
-    def __init__(self, t: float, y: Array) -> None:
+    def __init__(self, t: float, y: Array, edges: Array) -> None:
+        """Start at ``t`` with outputs ``y`` (n_y,); ``edges`` are the times at which their accelerations may jump."""
+        self._edges = edges
         self._t = np.array([t])
         self._y = np.array([y])
         self._max: list[Array] = []
@@ -31,9 +34,12 @@ class ExtremesTracker:
         self._y = np.concatenate([self._y, y])
         start = 0
         for end in at:
-            high, low = extremes(self._t[start : end + 1], self._y[start : end + 1])
-            self._max.append(high)
-            self._min.append(low)
+            t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
+            inside = self._edges[(self._edges > t_i[0]) & (self._edges < t_i[-1])]
+            cuts = [0, *np.searchsorted(t_i, inside), len(t_i) - 1]
+            parts = [extremes(t_i[a : b + 1], y_i[a : b + 1]) for a, b in pairwise(cuts)]
+            self._max.append(np.max([high for high, _ in parts], axis=0))
+            self._min.append(np.min([low for _, low in parts], axis=0))
             start = end
         self._t, self._y = self._t[start:], self._y[start:]
 
@@ -47,13 +53,15 @@ def extremes(t: Array, y: Array) -> tuple[Array, Array]:
     """Largest and smallest value of each smooth signal y(t), between samples too.
 
     Around every sample that is higher (lower) than its neighbours the polynomial through the ``POINTS`` nearest
-    samples is maximised; the ends of the span count as they are. ``t`` is strictly rising except that repeated times
-    are dropped; shapes (M,), (M, n) → (n,), (n,).
+    samples is maximised; the ends of the span count as they are. Samples much closer together than the others are
+    thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,).
     """
-    keep = np.concatenate([[True], np.diff(t) > 1e-9 * (t[-1] - t[0])])
-    keep[-1:] = True
-    t, y = t[keep], y[keep]
     high, low = y.max(axis=0), y.min(axis=0)
+    gap = np.diff(t)
+    keep = np.ones(len(t), dtype=bool)
+    if len(t) > 2:
+        keep[1:-1] = np.minimum(gap[:-1], gap[1:]) > 0.05 * np.median(gap)
+    t, y = t[keep], y[keep]
     if len(t) < 3:
         return high, low
     size = min(POINTS, len(t))

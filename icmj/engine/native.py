@@ -498,8 +498,9 @@ def _advance(run, dense, samples, events, event_at, count, steps):  # type: igno
         for i in range(len(run.sensordata)):
             row[1 + i] = run.sensordata[i]
         if fired or status != _RUNNING or time[0] >= clocks[2] - 1e-9 * run.h:
-            _write(run, samples[count[1]])
-            count[1] += 1
+            if step > 0:  # else an event at the very start, whose sample is there already
+                _write(run, samples[count[1]])
+                count[1] += 1
             if fired:
                 _write(run, events[count[2]])
                 event_at[count[2]] = count[0]

@@ -100,10 +100,11 @@ class ReferenceLoop:
         lands = target - t <= plan.timestep * (1 + 1e-9)
         step = target - t if lands else plan.timestep
         fired = False
+        self._length = step
         if step > 0:
             E, dE = self._event_function() if self._armed else (0.0, 0.0)
             mujoco.mj_getState(self.model, data, self._saved, mujoco.mjtState.mjSTATE_INTEGRATION)
-            self._begin, self._length = t, step
+            self._begin = t
             self._end = target if lands else self._grid + (self._i + 1) * plan.timestep
             self._step(step, first=True)
             if self._armed:
@@ -221,8 +222,9 @@ class ReferenceLoop:
         record.dense[n_dense] = [data.time, *y]
         if fired or due:
             row = np.concatenate([[data.time], data.qpos, data.qvel, data.act, y])
-            record.samples[n_samples] = row
-            record.count[1] += 1
+            if self._length > 0:  # else an event at the very start, whose sample is there already
+                record.samples[n_samples] = row
+                record.count[1] += 1
             if fired:
                 record.events[n_events] = row
                 record.event_at[n_events] = n_dense
