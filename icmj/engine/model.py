@@ -117,8 +117,8 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the states: nv positions (tangent), nv velocities, na activations."""
     q: list[str] = []
     for i in range(model.njnt):
-        name, kind = model.joint(i).name or f"joint{i}", model.jnt_type[i]
-        dofs = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}.get(kind, 1)
+        name, kind = model.joint(i).name or f"joint{i}", int(model.jnt_type[i])
+        dofs = {int(mujoco.mjtJoint.mjJNT_FREE): 6, int(mujoco.mjtJoint.mjJNT_BALL): 3}.get(kind, 1)
         q += [name] if dofs == 1 else [f"{name}.{j}" for j in range(dofs)]
     act: list[str] = []
     for i in range(model.nu):

@@ -511,7 +511,7 @@ def _advance(run, dense, samples, events, event_at, count, steps):  # type: igno
             for i in range(n):
                 run.a[n + i] = run.a[i]
             clocks[1] = time[0]
-            armed = run.delta_min == 0
+            armed = run.trigger == _EVENT and run.delta_min == 0
         passed = lands and time[0] >= edge
         if passed:
             counters[3] += 1

@@ -130,7 +130,7 @@ class ReferenceLoop:
         if fired:
             mid = self.block.act.start + self.block.n_hat
             data.act[mid : self.block.act.stop] = data.act[self.block.act.start : mid]
-            self._last, self._armed = data.time, plan.delta_min == 0
+            self._last, self._armed = data.time, self.trigger == EVENT and plan.delta_min == 0
         passed = lands and data.time >= edge
         if passed:
             self._edge += 1
