@@ -53,7 +53,7 @@ def attractors(
     """Every motion found from ``starts`` random starts of the linear closed loop, the most frequent first.
 
     Plant state and observer error are drawn at random, each entry in proportion to its largest value on the run that
-    ``settings`` describes, times the ``magnitudes`` in turn. A motion that has not settled is followed longer, up to eight
+    ``settings`` describes, times the ``magnitudes`` in turn. A motion that has not settled is followed for up to eight
     times the duration. Two cycles are one attractor if their states at the events agree up to a shift along the
     cycle, or up to the sign (the loop is odd, so the mirror image of a motion is a motion); other motions are grouped
     by their kind. The limit on positions is not applied, because the loop is linear. This is a search: attractors

@@ -23,7 +23,9 @@ class Trend:
 
 
 def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
-    """Relative closure error after q steps, max(|s_i − sign·s_{i−q}| / |s_i|, |Δ_i − Δ_{i−q}| / Δ_i); shape (K − q,).
+    """Closure error after q steps, of states and intervals; shape (K − q,).
+
+    It is the larger of |s_i − sign·s_{i−q}| and |Δ_i − Δ_{i−q}|, each relative to the larger of the two it compares.
 
     Args:
         states: shape (K, m).
@@ -31,10 +33,12 @@ def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
         q: steps, at least 1.
         sign: +1, or −1 for a mirrored return.
     """
-    size = np.linalg.norm(states[q:], axis=1)
+    norms = np.linalg.norm(states, axis=1)
+    size = np.maximum(norms[q:], norms[:-q])
     gap = np.linalg.norm(states[q:] - sign * states[:-q], axis=1)
     state = np.divide(gap, size, out=np.full(len(size), np.inf), where=size > 0)
-    return np.maximum(state, np.abs(intervals[q:] - intervals[:-q]) / np.maximum(intervals[q:], 1e-300))
+    longer = np.maximum(np.maximum(intervals[q:], intervals[:-q]), 1e-300)
+    return np.maximum(state, np.abs(intervals[q:] - intervals[:-q]) / longer)
 
 
 def trend(values: Array) -> Trend:

@@ -1,6 +1,7 @@
 """The exact simulation, against closed forms, SciPy's DOP853 with events, and the eigen-analysis."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +133,7 @@ def test_recorded_samples_agree_with_dop853():
     M = loop_matrix(plant, controller)
     z, checked = np.array([0.02, 0, 0, 0, 0, 0]), 0
     edges = [0.0, *run.events.t, 6.0]
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         inside = (run.t > start) & (run.t <= end)
         part = solve_ivp(
             lambda t, z: M @ z, (start, end), z, t_eval=run.t[inside], method="DOP853", rtol=1e-12, atol=1e-15
