@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
 
-# beyond this, coordinates in the eigenvectors lose half of the digits: the Schur form is used instead
-ILL_CONDITIONED = 1e8
+# an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
+ILL_CONDITIONED = 1e6
 
 
 @dataclass(frozen=True, eq=False)

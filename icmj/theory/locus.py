@@ -92,7 +92,11 @@ def _successors(values: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArr
     moved = distance.min(axis=2)
     onto = np.sort(nearest, axis=1)
     one_to_one = (onto == np.arange(values.shape[1])).all(axis=1)
-    return nearest, one_to_one & (moved < _CLEAR * _separation(values)[:-1]).all(axis=1)
+    # two that pass through each other between two rows seem to stand still there: so the step before counts as well
+    arrived = np.zeros_like(moved)
+    arrived[1:] = distance[:-1].min(axis=1)
+    far = np.maximum(moved, arrived) >= _CLEAR * _separation(values)[:-1]
+    return nearest, one_to_one & ~far.any(axis=1)
 
 
 def _unclear(before: NDArray[np.complex128], after: NDArray[np.complex128]) -> NDArray[np.bool_]:

@@ -1,0 +1,76 @@
+"""Time of the linear analysis: ``python benchmarks/analysis.py`` prints it, ``rows()`` returns it.
+
+The plant is the three-link model from its MJCF file, linearised and designed on before the clock starts.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from icmj.controller import EventTrigger, output_weight
+from icmj.design import design_lq
+from icmj.engine.linearisation import linearise
+from icmj.engine.model import Deviation, load_spec
+from icmj.theory.crossings import search
+from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.flow import flow
+from icmj.theory.locus import locus
+from icmj.theory.orbit import orbit
+from icmj.theory.prediction import critical_crossing, predict
+from icmj.theory.return_map import jacobian, multipliers
+
+MODELS = Path(__file__).resolve().parent.parent / "models"
+REPEATS = 21
+DELTA_MAX = 3.0
+
+
+def three_link(gain: float = 0.9) -> ErrorSystem:
+    """The three-link error system with every joint torque scaled by ``gain``."""
+    assumed = linearise(load_spec(MODELS / "three_link.xml").compile(), "upright").plant
+    actual = linearise(load_spec(MODELS / "three_link.xml", Deviation(gain)).compile(), "upright").plant
+    return error_system(actual, design_lq(assumed, R_c=5e-7, R_o=2e-7))
+
+
+def analyse(system: ErrorSystem, trigger: EventTrigger) -> None:
+    """Crossings to 3 s, orbit and multipliers, from the error system on."""
+    prepared = flow(system.A_C)
+    critical, _ = critical_crossing(search(system, DELTA_MAX, prepared=prepared).crossings)
+    assert critical is not None
+    found = orbit(system, trigger, critical.delta, int(critical.kind), prepared=prepared)
+    multipliers(jacobian(system, trigger, found, prepared=prepared))
+
+
+def timed(run: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
+    """Least and median time of ``run`` [s], after one run that is not counted."""
+    run()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times), statistics.median(times)
+
+
+def rows() -> list[tuple[str, float, str]]:
+    """(name, median seconds, note) of each part; the first row is the one with a bound, 50 ms."""
+    system = three_link()
+    trigger = EventTrigger(output_weight(system.design), 0.01)
+    parts: list[tuple[str, Callable[[], object], str]] = [
+        ("three-link analysis", lambda: analyse(system, trigger), "crossings to 3 s, orbit, multipliers; bound 50 ms"),
+        ("crossings", lambda: search(system, DELTA_MAX), "to 3 s"),
+        ("locus", lambda: locus(system, DELTA_MAX), "256 points, branches followed"),
+        ("whole prediction", lambda: predict(system, trigger), "as the study calls it, with both loci"),
+    ]
+    table = []
+    for name, run, note in parts:
+        least, median = timed(run)
+        table.append((name, median, f"{note}; least of {REPEATS}: {1e3 * least:.1f} ms"))
+    return table
+
+
+if __name__ == "__main__":
+    for name, seconds, note in rows():
+        print(f"{name:22s} {1e3 * seconds:7.1f} ms   {note}")
