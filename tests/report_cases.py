@@ -109,3 +109,13 @@ def result(name: str, plant: str = "linear") -> Result:
 def everything() -> list[Result]:
     """All cases on both plants."""
     return [result(name, plant) for name in CASES for plant in ("linear", "mujoco")]
+
+
+@cache
+def whole_report(base: Path) -> Path:
+    """The folder of a report on everything, built once under ``base`` for all tests that only look at it."""
+    from icmj.report import build_report
+
+    folder = base / "whole_report"
+    build_report(everything(), folder / "report.html")
+    return folder

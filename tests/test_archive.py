@@ -93,3 +93,9 @@ def test_what_has_no_place_in_a_log_is_named() -> None:
     odd = replace(result, provenance={"hook": print})  # type: ignore[dict-item]
     with pytest.raises(LogError, match=r"provenance\.hook.*no place"):
         pack(odd)
+
+
+def test_an_array_of_objects_is_not_made() -> None:
+    tree, arrays = pack(made_up(duration=1.0)[0])
+    with pytest.raises(LogError, match="array of object"):
+        unpack(tree.replace('"dtype": "<f8"', '"dtype": "|O"'), arrays)

@@ -10,16 +10,22 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from log_cases import made_up, with_scene
+from log_cases import MODELS, made_up, with_scene
 from rerun.chunk import RrdReader
 from test_archive import assert_same
 
 from icmj.controller import ClockTrigger, Continuous
+from icmj.engine.loop import simulate
+from icmj.engine.plant import load_plant
 from icmj.errors import LogError
 from icmj.log import read_log, write_log
-from icmj.log.figure import FRAME
+from icmj.log.figure import FRAME, eye
+from icmj.measurement import measure
 from icmj.result import Geom, Result
+from icmj.runfile import SimulationSettings
 from icmj.simulation import Events
+from icmj.theory.error_system import error_system
+from icmj.theory.prediction import predict
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +133,46 @@ def test_capsules_end_where_they_end_in_mujoco(log: Path, three_link: Result) ->
         mujoco.mju_rotVecQuat(theirs, np.array([0, 0, geom.size[1]]), geom.quat)
         np.testing.assert_allclose(start[i], geom.pos - theirs, atol=1e-6)
         np.testing.assert_allclose(start[i] + ours, geom.pos + theirs, atol=1e-6)
+
+
+def test_the_centre_of_mass_covers_its_place_from_the_opening_eye(log: Path, three_link: Result) -> None:
+    """It is drawn in front of the body: on the straight line from where it is to the eye, and clear of the arms."""
+    scene = three_link.scene
+    assert scene is not None
+    position = eye(scene)[0]
+    for figure, com in (("true", scene.com), ("magnified", scene.magnified_com)):
+        root = column(log, f"/scene/{figure}", "Transform3D:translation", static=True)
+        entity = f"/scene/{figure}/centre_of_mass"
+        moved = column(log, entity, "Transform3D:translation", static=True)
+        shrunk = column(log, entity, "Transform3D:scale", static=True)
+        stored = column(log, f"{entity}/point", "Points3D:positions").reshape(-1, 3)
+        np.testing.assert_allclose(stored[0], com[0], atol=1e-6)
+        is_at, drawn_at = root + stored, root + moved + shrunk * stored
+        np.testing.assert_allclose(np.cross(is_at - position, drawn_at - position), 0, atol=1e-5)
+        assert (drawn_at[:, 1] < -0.26).all()
+
+
+def test_a_plant_with_more_states_than_its_model_is_logged(tmp_path: Path) -> None:
+    """The neglected actuator, simulated in MuJoCo: n = 4, n̂ = 2."""
+    plant = load_plant(MODELS / "pendulum_neglected.xml", keyframe="upright")
+    base, _ = made_up(duration=3.0)
+    controller, actual = base.controller, plant.linearisation.plant
+    system = error_system(actual, controller.design)
+    settings = SimulationSettings(duration=8.0, initial={"hinge": 0.05})
+    simulation = simulate(plant, controller, settings)
+    result = replace(
+        base,
+        actual=actual,
+        prediction=predict(system, controller.trigger, delta_max=4.0),
+        simulation=simulation,
+        continuous=simulate(plant, controller.triggered_by(Continuous()), settings),
+        measurement=measure(simulation, T_hat=system.T_hat),
+    )
+    write_log(with_scene(result, plant), tmp_path / "x.rrd")
+    assert_same(result, read_log(tmp_path / "x.rrd"))
+    chi = column(tmp_path / "x.rrd", "/modes/critical", "Scalars:scalars")
+    assert len(chi) == len(simulation.t)
+    assert np.isfinite(chi).all()
 
 
 def test_a_minute_of_the_three_link_fits_in_ten_megabytes(tmp_path: Path) -> None:

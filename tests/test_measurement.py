@@ -8,8 +8,9 @@ from linear_cases import PENDULUM, event_controller, neglected, pendulum_design,
 
 from icmj.controller import ClockTrigger, Controller, system_matched
 from icmj.linear.loop import simulate
-from icmj.measurement import measure, measured_gamma
+from icmj.measurement import measure, measured_gamma, measured_growth
 from icmj.simulation import Events, Outcome, Simulation
+from icmj.theory.error_system import error_system
 
 T_HAT = np.eye(2)
 
@@ -200,3 +201,15 @@ def test_different_orders():
     found = measure(run, T_hat=np.eye(2, 4))
     assert (found.kind, found.p) == ("cycle", 1)
     assert found.interval == pytest.approx(3.593, abs=5e-4)
+
+
+@pytest.mark.parametrize("interval", [0.4, 1.2, 1.8, 2.3])
+@pytest.mark.parametrize("gain", [0.8, 1.2, 1.7])
+def test_growth_under_the_clock_is_the_largest_eigenvalue(gain, interval):
+    design, plant = pendulum_design(), PENDULUM.scaled(gain)
+    controller = Controller(design, system_matched(design), ClockTrigger(interval))
+    eigenvalues = np.linalg.eigvals(error_system(plant, design).phi(interval))
+    events = min(200, int(20 / abs(np.log(np.abs(eigenvalues).max()))))
+    run = simulate(plant, controller, settings(interval * (events + 0.5), limit=1e30, initial={"hinge": 0.02}))
+    # the trend of a swinging |x̄| is that of its envelope up to the swing over the length of the fit
+    assert measured_growth(run, T_HAT) == pytest.approx(np.abs(eigenvalues).max(), rel=0.02)

@@ -10,6 +10,7 @@ import sys
 import time
 import urllib.request
 from ctypes.util import find_library
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,11 @@ import pytest
 from log_cases import made_up, with_scene
 from matplotlib.image import imread
 
+from icmj.engine.loop import simulate
 from icmj.errors import LogError
 from icmj.log import write_log
 from icmj.log.replay import _await_port, _base, _free_port, _running, replay
+from icmj.runfile import SimulationSettings
 
 SIZE = (1280, 800)
 
@@ -40,8 +43,12 @@ needs_renderer = pytest.mark.skipif(bool(renderer()), reason=f"the viewer cannot
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A log of each kind of body."""
+    """A log of each kind of body on the linear plant, and of the person in MuJoCo."""
     folder = tmp_path_factory.mktemp("logs")
+    result, plant = made_up("three_link", 0.9, 0.7594, 12.0)
+    settings = SimulationSettings(duration=12.0, initial={"ankle": 0.02})
+    engine = replace(result, simulation=simulate(plant, result.controller, settings))
+    write_log(with_scene(engine, plant, magnification=20.0), folder / "mujoco.rrd")
     for name, case in (("pendulum", made_up(duration=20.0)), ("three_link", made_up("three_link", 0.9, 0.7594, 12.0))):
         write_log(with_scene(*case, magnification=20.0), folder / f"{name}.rrd")
     return {path.stem: path for path in folder.iterdir()}
@@ -80,7 +87,7 @@ def views(rgb: np.ndarray) -> dict[str, np.ndarray]:
 @pytest.mark.viewer
 @pytest.mark.slow
 @needs_renderer
-@pytest.mark.parametrize("name", ["pendulum", "three_link"])
+@pytest.mark.parametrize("name", ["pendulum", "three_link", "mujoco"])
 def test_every_view_is_filled_and_moves(name: str, logs: dict[str, Path], tmp_path: Path) -> None:
     late, later = (picture(logs[name], tmp_path / f"{at}.png", at) for at in (9.0, 9.35))
     for where, region in views(late).items():

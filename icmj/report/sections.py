@@ -141,7 +141,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                     "interval_slope": f"{result.law.interval_slope:.3f}",
                     "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
                     "rows": [
-                        [numbers.short(q), numbers.error(abs(i)), numbers.error(abs(a))]
+                        [numbers.short(q), numbers.number(abs(i), 2), numbers.number(abs(a), 2)]
                         for q, i, a in zip(
                             result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
                         )
@@ -348,7 +348,8 @@ def _figure_caption(case: CaseRuns) -> str:
 
 
 def _panel_caption(case: CaseRuns, letter: str) -> str:
-    cycle, several = case.prediction.cycle, len(case.first.actual.outputs) > 1
+    cycle, critical = case.prediction.cycle, case.prediction.delta_crit is not None
+    several = len(case.first.actual.outputs) > 1
     match letter:
         case "a":
             return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
@@ -360,7 +361,7 @@ def _panel_caption(case: CaseRuns, letter: str) -> str:
         case "d":
             return "Velocity against position, latter part; circles: states at events."
         case "e":
-            return "Open-loop interval that ends at each event; dotted: Δ_crit."
+            return "Open-loop interval that ends at each event" + ("; dotted: Δ_crit." if critical else ".")
         case _:
             if case.prediction.V_inv is None:
                 return "Norm of x̄: without Δ_crit there is no V, hence no χ."

@@ -23,8 +23,8 @@ CROWDED = 45  # events in one axes beyond which their lines and marks are drawn 
 PREDICTED: dict[str, Any] = {"color": "#d9d4c3", "linewidth": 4.0, "solid_capstyle": "round"}
 LINEAR: dict[str, Any] = {"color": "#56b4e9", "linewidth": 1.9}
 MUJOCO: dict[str, Any] = {"color": "#a03c00", "linewidth": 0.75}
-CONTINUOUS: dict[str, Any] = {"color": "#009e73", "linewidth": 0.9, "linestyle": (0, (5, 1.5))}
-EXACT: dict[str, Any] = {"color": "#009e73", "linewidth": 1.1, "linestyle": (0, (5, 1.5))}
+CONTINUOUS: dict[str, Any] = {"color": "#007a55", "linewidth": 0.9, "linestyle": (0, (5, 1.5))}
+EXACT: dict[str, Any] = {"color": "#007a55", "linewidth": 1.1, "linestyle": (0, (5, 1.5))}
 ACTUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.4}
 CRITICAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.9, "linestyle": (0, (1, 1.6))}
 EVENT: dict[str, Any] = {"colors": "#8a8a8a", "linestyles": [(0, (1, 2.2))]}
@@ -115,7 +115,7 @@ def new_figure(height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH) -
     """
     from matplotlib.figure import Figure
 
-    left, right, bottom, top, gap = 12.5, 3.5, 9.0, 7.0, 3.0
+    left, right, bottom, top, gap = 13.0, 3.5, 9.0, 7.0, 3.0
     figure = Figure(figsize=(width * MM, height * MM))
     each = (height - bottom - top - gap * (rows - 1)) / rows
     axes: list[Axes] = []

@@ -48,6 +48,8 @@ def mode_panel(case: CaseRuns) -> Figure:
     if case.prediction.gamma is not None:
         for n, sign in enumerate((1, -1)):
             critical.axhline(sign * case.prediction.gamma, label=r"$\pm\gamma$" if n == 0 else None, **style.CRITICAL)
+    for axes in (critical, others):
+        axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])
     critical.set_xlim(start, end)
     critical.set_ylabel(r"$\chi_{k_1}$")
     others.set_ylabel(r"$\|\chi_{k\neq k_1}\|$")

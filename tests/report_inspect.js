@@ -1,0 +1,79 @@
+// Looks at the laid-out page and tells the frame around it what it found.
+(() => {
+  const TEXT = "p, td, th, caption, figcaption, h1, h2, h3, h4, li, dt, dd, .matrix";
+  const BLOCKS = "p, td, th, caption, figcaption, h1, h2, h3, h4, dt, dd, nav li, img";
+  const name = (e) => `${e.tagName}.${e.className} ${(e.textContent || e.alt || "").trim().slice(0, 50)}`;
+  const shown = (e) => e.getClientRects().length > 0 && e.getBoundingClientRect().width > 0;
+
+  // on a narrow screen a large matrix scrolls inside its own box; nothing else may
+  function unscrolled(selector, width) {
+    return [...document.querySelectorAll(selector)].filter(
+      (e) => shown(e) && (width > 1000 || !(e.closest(".matrix") && !e.matches(".matrix"))),
+    );
+  }
+
+  function tooWide(width) {
+    return unscrolled("body *", width)
+      .filter((e) => e.getBoundingClientRect().right > width + 0.5 || e.getBoundingClientRect().left < -0.5)
+      .map(name);
+  }
+
+  function clipped(width) {
+    return unscrolled(TEXT, width)
+      .filter((e) => (width > 1000 || !e.matches(".matrix")) && e.scrollWidth > e.clientWidth + 1)
+      .map(name);
+  }
+
+  function overlapping(width) {
+    const blocks = unscrolled(BLOCKS, width);
+    const boxes = blocks.map((e) => e.getBoundingClientRect());
+    const found = [];
+    for (let i = 0; i < blocks.length; i++) {
+      for (let j = i + 1; j < blocks.length; j++) {
+        const [a, b] = [boxes[i], boxes[j]];
+        const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const along = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        const nested = blocks[i].contains(blocks[j]) || blocks[j].contains(blocks[i]);
+        if (across > 1 && along > 1 && !nested) found.push(name(blocks[i]) + " | " + name(blocks[j]));
+      }
+    }
+    return found;
+  }
+
+  // dark pixels of the image drawn small
+  function ink(image) {
+    if (!image.naturalWidth) return 0;
+    const canvas = Object.assign(document.createElement("canvas"), { width: 170, height: 116 });
+    const pen = canvas.getContext("2d");
+    pen.fillStyle = "white";
+    pen.fillRect(0, 0, canvas.width, canvas.height);
+    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+    const pixels = pen.getImageData(0, 0, canvas.width, canvas.height).data;
+    let dark = 0;
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i] + pixels[i + 1] + pixels[i + 2] < 600) dark++;
+    return dark;
+  }
+
+  function pictures() {
+    return [...document.images].map((image) => {
+      const { width, height } = image.getBoundingClientRect();
+      const { alt, complete, naturalWidth } = image;
+      return { alt, complete, natural: naturalWidth, ink: ink(image), width, ratio: width / height };
+    });
+  }
+
+  window.addEventListener("load", () => {
+    const width = document.documentElement.clientWidth;
+    const found = {
+      width,
+      scroll: document.documentElement.scrollWidth,
+      wide: tooWide(width),
+      clipped: clipped(width),
+      over: overlapping(width),
+      images: pictures(),
+      tables: document.querySelectorAll("table").length,
+      faults: window.faults,
+    };
+    window.parent.postMessage(JSON.stringify(found), "*");
+  });
+})();

@@ -1,0 +1,78 @@
+"""Numbers in words: against what a reader would write by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.report import numbers
+
+NB = "\N{NO-BREAK SPACE}"
+
+
+@pytest.mark.parametrize(
+    ("value", "figures", "text"),
+    [
+        (1.80654, 5, "1.8065"),
+        (0.75937857, 4, "0.7594"),
+        (-2.9382, 3, "−2.94"),
+        (1234.5, 4, "1234" if f"{1234.5:.3e}" == "1.234e+03" else "1235"),
+        (0.0, 4, "0"),
+        (9.99996, 5, "10.000"),
+        (2.3e-7, 2, f"2.3{NB}×{NB}10⁻⁷"),
+        (-1.5e12, 2, f"−1.5{NB}×{NB}10¹²"),
+        (None, 4, "–"),
+        (np.nan, 4, "–"),
+        (np.inf, 4, "∞"),
+        (-np.inf, 4, "−∞"),
+    ],
+)
+def test_number(value, figures, text):
+    assert numbers.number(value, figures) == text
+
+
+@pytest.mark.parametrize("value", np.concatenate([np.geomspace(1e-12, 1e12, 97), -np.geomspace(1e-12, 1e12, 97)]))
+def test_number_reads_back_to_its_figures(value):
+    text = numbers.number(value, 6).replace("−", "-").replace(NB, "")
+    head, _, power = text.partition("×10")
+    exponent = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or 0)
+    assert float(head) * 10.0**exponent == pytest.approx(value, rel=5.1e-6)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.01, "0.01"), (30.0, "30"), (1.0, "1"), (1e-4, f"1{NB}×{NB}10⁻⁴"), (-0.5, "−0.5"), (100.0, "100")],
+)
+def test_short_has_no_closing_zeros(value, text):
+    assert numbers.short(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(2.34e-4, f"+2.3{NB}×{NB}10⁻⁴"), (-0.011, f"−1.1{NB}×{NB}10⁻²"), (3e-16, "< 10⁻¹⁴"), (None, "–"), (np.nan, "–")],
+)
+def test_error(value, text):
+    assert numbers.error(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1 + 0j, "+1"), (-1 + 0j, "−1"), (None, "–"), (0.6 + 0.8j, "0.6000 + 0.8000j")]
+)
+def test_eigenvalue(value, text):
+    assert numbers.eigenvalue(value) == text
+
+
+def test_each_pair_of_poles_once():
+    assert numbers.poles([2 + 0j, -5.198 + 28.288j, -5.198 - 28.288j]) == "2.000, −5.198 ± 28.29j"
+
+
+def test_marks_are_three_different_signs():
+    assert [numbers.mark(value) for value in (True, False, None)] == ["✓", "✗", "–"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(True, "yes"), (0.1, "0.1"), ([1.0, 2.0], "[1, 2]"), ({"hinge": 0.02}, "hinge = 0.02"), ({}, "–")],
+)
+def test_setting(value, text):
+    assert numbers.setting(value) == text

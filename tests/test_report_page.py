@@ -1,0 +1,130 @@
+"""The page in a real browser (headless Chromium): everything drawn, nothing overlapping, at two widths and on paper.
+
+A copy of the page gets a script that inspects it and reports to a frame around it, whose width emulates the device.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from report_cases import CASES, whole_report
+
+from icmj.report.panels import PANELS
+
+pytestmark = pytest.mark.browser
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--enable-logging=stderr",
+    "--allow-file-access-from-files",
+]
+
+LISTEN, INSPECT = (
+    f"<script>{(Path(__file__).parent / name).read_text(encoding='utf-8')}</script>"
+    for name in ("report_listen.js", "report_inspect.js")
+)
+
+FRAME = """<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><body style="margin:0">
+<pre id="found"></pre><iframe src="copy.html" style="width:WIDTHpx;height:900px;border:0"></iframe>
+<script>window.addEventListener("message", e => document.getElementById("found").textContent = e.data);</script>"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here; on Debian: apt-get install chromium")
+    return whole_report(tmp_path_factory.getbasetemp())
+
+
+def chromium(folder, *arguments):
+    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder / 'profile'}", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done
+
+
+def inspect(page, folder, width):
+    text = page.read_text(encoding="utf-8")
+    copy = text.replace("<head>", "<head>" + LISTEN, 1).replace("</body>", INSPECT + "</body>", 1)
+    (folder / "copy.html").write_text(copy, encoding="utf-8")
+    (folder / "frame.html").write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
+    done = chromium(
+        folder,
+        f"--window-size={width + 100},1000",
+        "--virtual-time-budget=20000",
+        "--dump-dom",
+        (folder / "frame.html").as_uri(),
+    )
+    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert match, done.stderr[-2000:]
+    assert match.group(1), done.stderr[-2000:]
+    found = json.loads(html.unescape(match.group(1)))
+    found["console"] = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    return found
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_page_at(report, tmp_path, width):
+    found = inspect(report / "report.html", tmp_path, width)
+    assert found["width"] == width
+    assert found["faults"] == []
+    assert found["console"] == []
+    assert found["scroll"] <= width
+    assert found["wide"] == []
+    assert found["clipped"] == []
+    assert found["over"] == []
+    assert found["tables"] > 10
+    assert len(found["images"]) == len(CASES) * len(PANELS) + 1
+    for image in found["images"]:
+        assert image["complete"], image
+        assert image["natural"] > 0, image
+        assert image["ink"] > 150, image
+        assert image["width"] > 300, image
+        assert image["ratio"] == pytest.approx(85 / 58, rel=0.02) or image["ratio"] == pytest.approx(85 / 84, rel=0.02)
+
+
+def test_the_inspection_finds_faults(tmp_path):
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here; on Debian: apt-get install chromium")
+    page = tmp_path / "bad.html"
+    page.write_text(
+        "<html><head></head><body style='margin:0'><p style='width:2000px'>too wide</p>"
+        "<p style='position:absolute;top:50px'>one</p><p style='position:absolute;top:55px'>two</p>"
+        "<img src='data:image/svg+xml,broken'><script>console.error('said'); undefinedName()</script></body></html>"
+    )
+    found = inspect(page, tmp_path, 390)
+    assert found["scroll"] > 390
+    assert any("too wide" in name for name in found["wide"])
+    assert any("one" in name and "two" in name for name in found["over"])
+    assert found["images"][0]["natural"] == 0
+    assert {fault.split(":")[0] for fault in found["faults"]} == {"error"}
+    assert len(found["faults"]) == 3
+
+
+def test_the_page_prints_on_a4(report, tmp_path):
+    printed = tmp_path / "report.pdf"
+    chromium(tmp_path, "--no-pdf-header-footer", f"--print-to-pdf={printed}", (report / "report.html").as_uri())
+    data = printed.read_bytes()
+    boxes = set(re.findall(rb"/MediaBox ?\[([^\]]*)\]", data))
+    assert len(boxes) == 1
+    width, height = (float(value) for value in boxes.pop().split()[2:])
+    assert (width, height) == pytest.approx((595, 842), abs=1.5)
+    pages = len(re.findall(rb"/Type ?/Page\b(?!s)", data))
+    assert len(CASES) < pages < 3 * len(CASES)

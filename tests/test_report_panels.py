@@ -1,0 +1,236 @@
+"""The panels draw what theory and runs say: read back from the drawn artists, against closed forms where there are."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from report_cases import CASES, result
+from scipy.linalg import expm
+
+from icmj.report import style
+from icmj.report.pairing import paired
+from icmj.report.panels import PANELS
+from icmj.report.panels.eigenvalues import shown_locus
+from icmj.report.panels.modes import x_bar_of
+from icmj.report.panels.phase import velocity
+from icmj.report.panels.window import latter_part, orbit_sign, repeated_orbit
+
+DEG = np.rad2deg(1)
+
+
+@pytest.fixture(autouse=True)
+def _styled():
+    with style.applied():
+        yield
+
+
+def case(name, *plants):
+    return paired([result(name, plant) for plant in plants or ("linear", "mujoco")])[0]
+
+
+def line(axes, label):
+    found = [item for item in axes.get_lines() if item.get_label() == label]
+    assert len(found) == 1, [item.get_label() for item in axes.get_lines()]
+    return found[0].get_xydata()
+
+
+def drawn_texts(figure):
+    """The texts that appear: labels, annotations, legend entries, and the tick labels within the limits."""
+    yield from figure.texts
+    for legend in figure.legends:
+        yield from legend.get_texts()
+    for axes in figure.axes:
+        yield from axes.texts
+        for axis in (axes.xaxis, axes.yaxis):
+            yield axis.label
+            low, high = sorted(axis.get_view_interval())
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                if low <= tick.get_loc() <= high:
+                    yield from (label for label in (tick.label1, tick.label2) if label.get_visible())
+
+
+def assert_legible(figure):
+    """Every text lies on the figure, is at least 7 pt, and no two of them overlap."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    width, height = canvas.get_width_height()
+    texts = [text for text in drawn_texts(figure) if text.get_text().strip()]
+    boxes = [text.get_window_extent(canvas.get_renderer()) for text in texts]
+    for n, (text, box) in enumerate(zip(texts, boxes, strict=True)):
+        name = text.get_text()
+        assert text.get_fontsize() >= 7, name
+        assert box.x0 >= -0.5, name
+        assert box.y0 >= -0.5, name
+        assert box.x1 <= width + 0.5, name
+        assert box.y1 <= height + 0.5, name
+        for other, beside in zip(texts[:n], boxes[:n], strict=True):
+            across = min(box.x1, beside.x1) - max(box.x0, beside.x0)
+            along = min(box.y1, beside.y1) - max(box.y0, beside.y0)
+            assert min(across, along) < 1.5, (name, other.get_text())  # pixels of a hundredth of an inch
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("letter", PANELS)
+def test_every_panel_of_every_case_is_whole_and_legible(name, letter):
+    figure = PANELS[letter](case(name))
+    assert_legible(figure)
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85)
+    for axes in figure.axes:
+        assert axes.get_ylabel()
+    assert figure.axes[0].get_xlabel() or figure.axes[-1].get_xlabel()
+
+
+@pytest.mark.parametrize("name", ["b0.8", "exact"])
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+@pytest.mark.parametrize("letter", PANELS)
+def test_one_plant_alone_is_drawn_too(name, plant, letter):
+    assert len(style.save(PANELS[letter](case(name, plant)), "svg")) > 5000
+
+
+@pytest.mark.parametrize("letter", PANELS)
+def test_a_run_without_events_is_drawn_too(letter):
+    found = result("b0.8")
+    none = replace(
+        found.simulation.events,
+        **{k: getattr(found.simulation.events, k)[:0] for k in ("t", "x", "x_o", "x_h", "y_max", "y_min")},
+    )
+    quiet = replace(found.measurement, kind="no events", p=None, period=None, interval=None, intervals=np.zeros(0))
+    runs = paired([replace(found, simulation=replace(found.simulation, events=none), measurement=quiet)])
+    assert style.save(PANELS[letter](runs[0]), "pdf").startswith(b"%PDF")
+
+
+def test_a_passes_through_one_at_delta_crit():
+    runs = case("b0.8")
+    axes = PANELS["a"](runs).axes[0]
+    delta, largest = line(axes, r"$\rho=1$").T
+    assert np.interp(1.8065408, delta, largest) == pytest.approx(1, abs=1e-3)
+    # ρ = 0: the separation principle; φ has the eigenvalues of e^{Â_cΔ} and e^{Â_oΔ}
+    delta, largest = line(axes, r"$\rho=0$").T
+    design = runs.first.controller.design
+    expected = [
+        max(np.abs(np.linalg.eigvals(expm(A * d))).max() for A in (design.A_c, design.A_o)) for d in delta[::64]
+    ]
+    assert largest[::64] == pytest.approx(expected, abs=1e-9)
+    for label in ("linear", "MuJoCo"):
+        assert line(axes, label) == pytest.approx(
+            np.column_stack([runs.first.growth.delta, runs.first.growth.measured])
+        )
+
+
+def test_b_marks_the_eigenvalues_at_delta_crit():
+    runs = case("b1.7")
+    axes = PANELS["b"](runs).axes[0]
+    assert line(axes, r"$\lambda_{crit}=-1$")[0] == pytest.approx([-1, 0], abs=1e-6)
+    all_of_them = line(axes, r"all $\lambda_j$ at $\Delta_{crit}$")
+    assert sorted(np.hypot(*all_of_them.T))[-1] == pytest.approx(1.20, abs=5e-3)  # notes, section 4
+    assert axes.get_xlim()[0] < -1.2
+    assert axes.get_ylim()[1] < 1.5
+
+
+def test_b_starts_at_one():
+    shown = shown_locus(case("three-link"), result("three-link").actual)
+    assert shown.delta[0] == 0
+    assert shown.eigenvalues[0] == pytest.approx(np.ones(12))
+    assert np.all(np.diff(shown.delta) > 0)
+
+
+def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
+    found = result("b0.8")
+    wild = replace(found, continuous=replace(found.continuous, y=found.continuous.y * 1e6))
+    axes = PANELS["c"](paired([wild])[0]).axes[0]
+    assert line(axes, "linear") == pytest.approx(np.column_stack([found.simulation.t, found.simulation.y[:, 0] * DEG]))
+    assert axes.get_ylim()[1] < 1.2 * np.abs(found.simulation.y).max() * DEG
+    events = [segment[0, 0] for segment in axes.collections[0].get_segments()]
+    assert events == pytest.approx(found.simulation.events.t)
+
+
+def test_c_has_one_axes_for_each_output():
+    axes = PANELS["c"](case("three-link")).axes
+    assert [item.get_ylabel() for item in axes] == ["shank (deg)", "thigh (deg)", "trunk (deg)"]
+
+
+def test_d_shows_the_orbit_under_the_measured_cycle():
+    runs = case("b1.2")
+    axes = PANELS["d"](runs).axes[0]
+    predicted, measured = line(axes, "predicted"), line(axes, "linear")
+    nearest = [np.hypot(*(predicted - point).T).min() for point in measured[::10]]
+    assert max(nearest) < 0.02 * np.abs(predicted).max()
+    order = [item.get_label() for item in axes.get_lines()]
+    assert order.index("predicted") < order.index("linear") < order.index("MuJoCo")
+
+
+def test_velocity_is_the_derivative_of_the_output():
+    found = result("three-link")
+    s = found.simulation
+    middle = slice(200, 260)
+    t, y = s.t[middle], s.y[middle]
+    slope = np.gradient(y, t, axis=0, edge_order=2)
+    v = velocity(found, s.x[middle], s.u[middle])
+    between_events = np.min(np.abs(t[:, None] - s.events.t), axis=1) > 0.05
+    assert v[between_events][1:-1] == pytest.approx(slope[between_events][1:-1], abs=0.02 * np.abs(v).max())
+
+
+def test_e_has_every_interval_and_delta_crit():
+    found = result("b0.8")
+    axes = PANELS["e"](case("b0.8", "linear")).axes[0]
+    assert line(axes, "linear") == pytest.approx(
+        np.column_stack([found.simulation.events.t, found.simulation.events.interval])
+    )
+    dotted = next(item for item in axes.get_lines() if "Delta_{crit}" in item.get_label())
+    assert dotted.get_ydata()[0] == pytest.approx(1.8065, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["b0.8", "b1.2", "neglected"])
+def test_f_meets_gamma_at_events_where_the_others_vanish(name):
+    found = result(name)
+    critical, others = PANELS["f"](case(name, "linear")).axes
+    gamma = found.prediction.gamma
+    chi, rest = line(critical, "linear"), others.get_lines()[-1].get_xydata()
+    for t in found.simulation.events.t[-4:]:
+        n = int(np.argmin(np.abs(chi[:, 0] - t)))
+        assert abs(chi[n, 1]) == pytest.approx(gamma, rel=1e-6)
+        assert rest[n, 1] == pytest.approx(0, abs=1e-6 * gamma + 1e-9)
+    predicted = line(critical, "predicted")
+    predicted = predicted[~np.isnan(predicted[:, 0])]
+    at = np.interp(predicted[:, 0], *chi.T)
+    assert np.abs(at - predicted[:, 1]).max() < 0.03 * np.abs(chi[:, 1]).max()
+    levels = [item.get_ydata()[0] for item in critical.get_lines() if item.get_linestyle() != "-"]
+    assert sorted(levels) == pytest.approx([-gamma, gamma])
+
+
+def test_f_draws_the_norm_where_chi_is_undefined():
+    figure = PANELS["f"](case("exact"))
+    assert len(figure.axes) == 1
+    assert figure.axes[0].get_yscale() == "log"
+    assert "undefined" in figure.axes[0].get_ylabel()
+    expected = np.linalg.norm(x_bar_of(result("exact")), axis=1)
+    assert line(figure.axes[0], "linear")[:, 1] == pytest.approx(expected)
+
+
+def test_latter_part_is_the_last_intervals_or_the_last_third():
+    found = result("b0.8")
+    t = found.simulation.events.t
+    assert latter_part(found, 6) == (t[-7], found.simulation.t[-1])
+    assert latter_part(found, 10_000)[0] == pytest.approx(40)
+
+
+def test_repeated_orbit_is_in_step_and_alternates():
+    found = result("b1.2")
+    orbit, last = found.prediction.orbit, found.simulation.events.t[-1]
+    t, y = repeated_orbit(found, orbit.y[:, 0], last - 4 * orbit.delta, last)
+    run = np.interp(t[~np.isnan(t)], found.simulation.t, found.simulation.y[:, 0])
+    assert np.abs(y[~np.isnan(t)] - run).max() < 0.01 * np.abs(run).max()
+    assert orbit_sign(found) in (1.0, -1.0)
+
+
+def test_saved_figures_repeat_to_the_byte_and_name_no_time():
+    first, second = (style.save(PANELS["e"](case("b0.8")), "svg") for _ in range(2))
+    assert first == second
+    assert not re.search(rb"<dc:date>", first)
+    assert b"http://" not in first.replace(b"http://www.w3.org", b"").replace(b"http://purl.org", b"").replace(
+        b"http://creativecommons.org", b""
+    )

@@ -1,0 +1,119 @@
+"""What the sections say, against what is known of the cases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_cases import CASES, everything, result
+
+from icmj.report import sections
+from icmj.report.pairing import paired
+
+
+def rows():
+    return {row["anchor"]: row for row in sections.summary(paired(everything())).context["rows"]}
+
+
+def test_summary_has_all_four_columns_side_by_side():
+    row = rows()["b0.8"]
+    assert row["paper"] == {"delta": "1.8", "eigenvalue": "+1", "cycle": "✓"}
+    assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("1.8065", "+1")
+    assert row["runs"]["linear"]["interval"] == "1.8065"
+    assert row["runs"]["mujoco"]["interval"] == "1.8069"  # passed off with 2e-4 more
+    assert row["runs"]["mujoco"]["error"] == "+2.0\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴"
+    assert row["runs"]["mujoco"]["mark"] == "✓"
+
+
+@pytest.mark.parametrize(
+    ("name", "agrees"),
+    [
+        ("b0.8", True),
+        ("b1.2", True),
+        ("b1.7", True),
+        ("three-link", True),
+        ("neglected", True),
+        ("printed", False),
+        ("exact", None),
+    ],
+)
+def test_agreement_with_the_printed_value(name, agrees):
+    assert sections.agrees_with_paper(paired([result(name)])[0]) is agrees
+    departs = any("Departs from the paper" in words for words in rows()[name]["verdicts"])
+    assert departs is (agrees is False)
+
+
+def test_cases_without_a_cycle_have_crosses_and_words():
+    for name in ("b1.7", "exact"):
+        row = rows()[name]
+        assert [row["runs"][plant]["mark"] for plant in ("linear", "mujoco")] == ["✗", "✗"]
+        assert row["predicted"]["cycle"] == "✗"
+        assert row["verdicts"]
+    assert rows()["exact"]["runs"]["linear"]["interval"] == "grows"
+    assert rows()["exact"]["paper"]["delta"] == "–"
+
+
+def test_a_missing_plant_has_dashes():
+    row = sections.summary(paired([result("b0.8")])).context["rows"][0]
+    assert (row["runs"]["mujoco"]["interval"], row["runs"]["mujoco"]["mark"]) == ("–", "–")
+    assert row["verdicts"] == ["Linear: settles on the predicted cycle (period is one interval)."]
+
+
+def test_errors_name_every_output():
+    errors = sections.summary(paired([result("three-link")])).context["errors"]
+    assert [part.split()[0] for part in errors[0]["amplitude"].split("; ")] == ["shank", "thigh", "trunk"]
+
+
+def test_abstract_counts():
+    text = sections.abstract(paired(everything()))
+    assert f"Of the {len(CASES)} cases below, the linear eigen-analysis predicts a limit cycle for 5." in text
+    assert "2 not reproduced" in text
+    assert "In MuJoCo all of them are reached" in text
+
+
+def test_one_design_is_shown_once():
+    context = sections.designs(paired(everything())).context
+    assert len(context["blocks"]) == 2
+    assert len(context["blocks"][0]["cases"]) == len(CASES) - 1
+    k = next(m for m in context["blocks"][0]["matrices"] if m["name"] == "k̂")
+    assert k["rows"] == [["4.317", "2.938"]]  # the recovered design (notes, section 4), states in this order
+    L = next(m for m in context["blocks"][0]["matrices"] if m["name"] == "L")
+    assert L["rows"] == [["4.701"], ["11.05"]]
+    stable = {plant["title"]: plant["state_feedback"] for plant in context["plants"]}
+    assert not stable["Neglected dynamics, ζ = 0.1"]
+    assert stable["Neglected dynamics as printed, ζ = 0.5"]
+
+
+def test_settings_keep_the_facts_of_each_plant_apart():
+    context = sections.settings(paired([result("b0.8"), result("b0.8", "mujoco")])).context
+    linear, mujoco = context["precision"]
+    assert (linear["plant"], mujoco["plant"]) == ("linear", "MuJoCo")
+    assert mujoco["keys"] == ["integrator", "order", "timestep"]
+    assert mujoco["rows"][0]["facts"] == ["RK4", "4", "0.005"]
+    assert ("icmj", "0.1.0") in context["provenance"]
+
+
+def test_provenance_that_differs_is_listed():
+    other = replace(result("b1.2"), provenance={"icmj": "0.2.0"})
+    context = sections.settings(paired([result("b0.8"), other])).context
+    assert ("icmj", "0.1.0, 0.2.0") in context["provenance"]
+
+
+def test_no_law_no_section():
+    assert sections.law(paired([result("b0.8")]), {}, 1) is None
+
+
+def test_law_prints_the_errors_without_sign():
+    picture = sections.Picture("x", "data:,", "x")
+    section = sections.law(paired([result("three-link", "mujoco")]), {"three-link": picture}, 7)
+    item = section.context["items"][0]
+    assert (item["number"], item["interval_slope"]) == (7, "2.000")
+    assert item["rows"][0] == ["0.01", *(f"{x}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴" for x in ("2.3", "1.4"))]
+
+
+def test_matrix_is_read_row_by_row():
+    assert sections.matrix("A", np.array([[0.0, -1.5], [1.0, 1e-7]]))["rows"] == [
+        ["0", "−1.5"],
+        ["1", "1\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁷"],
+    ]

@@ -1,0 +1,95 @@
+"""The paper's statements: which hold is known beforehand (notes, section 4), and wrong runs must not pass."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_cases import CASES, actual_plant, everything, result
+
+from icmj.report.pairing import paired
+from icmj.report.statements import STATEMENTS, answered, untested
+
+# the numbered items of the paper's section "Features to note", figure by figure
+ITEMS = {
+    "simple-gain=0o8": 4,
+    "simple-gain=1o2": 4,
+    "simple-gain=1o7": 3,
+    "three=0o9": 5,
+    "three=1o1": 4,
+    "simple-neglected": 4,
+}
+YES, RESERVED, NO = "reproduced", "reproduced with a reservation", "not reproduced"
+
+
+def verdicts(*results):
+    return [item.answer.verdict for item in answered(paired(results))]
+
+
+def test_every_item_of_the_paper_is_there_once():
+    assert Counter(statement.figure for statement in STATEMENTS) == ITEMS
+    for figure, count in ITEMS.items():
+        assert [s.number for s in STATEMENTS if s.figure == figure] == list(range(1, count + 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("b0.8", [YES, YES, YES, YES]),
+        ("b1.2", [YES, YES, YES, YES]),
+        ("b1.7", [YES, RESERVED, RESERVED]),
+        ("three-link", [RESERVED, RESERVED, YES, YES, YES]),
+        ("neglected", [RESERVED, YES, YES, RESERVED]),
+        ("printed", [YES, NO, YES, NO]),  # the misprint: other Δ_crit, stable A − Bk
+    ],
+)
+def test_the_verdict_on_each_statement(name, expected):
+    assert verdicts(result(name), result(name, "mujoco")) == expected
+
+
+def test_the_misprint_is_answered_with_its_numbers():
+    second, fourth = (answered(paired([result("printed")]))[i].answer.why for i in (1, 3))
+    assert "2.169 s" in second
+    assert "3.6 s" in second
+    assert fourth.startswith("The rightmost eigenvalue of A − Bk is −")
+
+
+def test_the_unstable_continuous_design_is_answered_with_its_eigenvalue():
+    assert "0.497 ± 9.92j" in answered(paired([result("neglected")]))[3].answer.why
+
+
+def test_another_gain_is_not_the_papers_case():
+    wrong = replace(result("b0.8"), actual=actual_plant("b1.2"))
+    assert verdicts(wrong)[0] == NO
+
+
+def test_a_run_that_does_not_settle_fails_period_and_convergence():
+    good = result("b0.8")
+    lost = replace(good.measurement, kind="irregular", p=None, period=None, intervals=np.zeros(0), interval=1.1)
+    bad = replace(result("b0.8", "mujoco"), measurement=lost)
+    assert verdicts(good, bad) == [YES, YES, NO, NO]
+
+
+def test_a_cycle_where_the_paper_has_none_is_not_reproduced():
+    good = result("b1.7")
+    assert (
+        verdicts(replace(good, prediction=result("b1.2").prediction, measurement=result("b1.2").measurement))[2] == NO
+    )
+
+
+def test_what_no_case_names_is_listed_as_untested():
+    cases = paired([result("b0.8"), result("exact")])
+    assert {statement.figure for statement in untested(cases)} == set(ITEMS) - {"simple-gain=0o8"}
+    assert {item.case.name for item in answered(cases)} == {"b0.8"}
+
+
+def test_answers_are_sentences():
+    items = answered(paired(everything()))
+    assert {item.case.name for item in items} == set(CASES) - {"exact"}
+    for item in items:
+        assert item.answer.why.endswith(".")
+        assert ".." not in item.answer.why
+        assert ".;" not in item.answer.why
+        assert item.answer.why[0].isupper() or item.answer.why[0].isdigit()
