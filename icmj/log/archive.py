@@ -34,6 +34,8 @@ _CLASSES = {
 }
 _LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
 
+_KINDS = "fciub"  # float, complex, integers, bool
+
 Flat = dict[str, NDArray[Any]]
 
 
@@ -50,7 +52,7 @@ def pack(result: Result) -> tuple[str, Flat]:
 
 
 def unpack(tree: str, arrays: Flat) -> Result:
-    """The result from what :func:`pack` gave; its arrays are read-only copies of nothing, bit for bit.
+    """The result from what :func:`pack` gave, every array bit for bit.
 
     Raises:
         LogError: if tree and arrays do not make a result of this version of icmj.
@@ -77,7 +79,7 @@ def digest(tree: str, arrays: Flat) -> str:
 
 def _encode(value: Any, key: str, arrays: Flat) -> Any:
     if isinstance(value, np.ndarray):
-        if value.dtype.kind not in "fciub":
+        if value.dtype.kind not in _KINDS:
             raise LogError(f"{key}: an array of {value.dtype} has no place in a log")
         flat = np.ascontiguousarray(value).reshape(-1)
         if value.dtype.kind == "c":
@@ -114,7 +116,10 @@ def _decode(value: Any, arrays: Flat) -> Any:
     if not isinstance(value, dict):
         return value
     if "@array" in value:
-        return np.ascontiguousarray(arrays[value["@array"]]).view(value["dtype"]).reshape(value["shape"])
+        dtype = np.dtype(value["dtype"])
+        if dtype.kind not in _KINDS:
+            raise ValueError(f"array of {dtype}")
+        return np.array(arrays[value["@array"]]).view(dtype).reshape(value["shape"])
     if "@complex" in value:
         return complex(*value["@complex"])
     if "@tuple" in value:

@@ -46,7 +46,7 @@ def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None
         root = f"{ROOT}/{name}"
         recording.log(root, rr.Transform3D(translation=[x, 0.0, 0.0]), static=True)
         _write_bodies(recording, root, scene, xpos[shown], xquat[shown], time)
-        _write_com(recording, root, scene, com[shown], time)
+        _write_com(recording, root, x, scene, com[shown], time)
         recording.log(
             f"{root}/label",
             rr.Points3D(
@@ -106,10 +106,19 @@ def _z_axis(quat: Array) -> Array:
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
 
 
-def _write_com(recording: rr.RecordingStream, root: str, scene: Scene, com: Array, time: rr.TimeColumn) -> None:
-    """The centre of mass and its path, with the vertical of the operating point, all drawn in front of the body."""
+def _write_com(
+    recording: rr.RecordingStream, root: str, x: float, scene: Scene, com: Array, time: rr.TimeColumn
+) -> None:
+    """The centre of mass and its path, with the vertical of the operating point, of the figure that stands at ``x``.
+
+    All three are inside the body. They are drawn between it and the eye, shrunk about the eye: from where the replay
+    opens they cover exactly the places where they are.
+    """
     root = f"{root}/centre_of_mass"
-    recording.log(root, rr.Transform3D(translation=[0.0, -_half_width(scene) - 0.06, 0.0]), static=True)
+    seen_from = eye(scene)[0] - [x, 0.0, 0.0]
+    nearer = (_half_width(scene) + 0.06) / abs(float(seen_from[1]))
+    towards = rr.Transform3D(translation=nearer * seen_from, scale=1 - nearer)
+    recording.log(root, towards, static=True)
     point = rr.Points3D.from_fields(colors=[palette.YELLOW], radii=[0.028])
     recording.log(f"{root}/point", point, static=True)
     recording.send_columns(f"{root}/point", [time], rr.Points3D.columns(positions=com))

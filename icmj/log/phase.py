@@ -47,27 +47,31 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
         strips = _inside(placed(y[approach, i], rate[approach, i]))
         if strips:
             faint = palette.dim(palette.dim(colour))
-            recording.log(f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5]), static=True)
+            recording.log(
+                f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
+            )
         if cycle is not None:
             line = placed(y_orbit[:, i], rate_orbit[:, i])
             recording.log(
                 f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[palette.dim(palette.PREDICTED)], radii=[-2.5], draw_order=1.0),
+                rr.LineStrips2D([line], colors=[palette.dim(palette.PREDICTED)], radii=[-3.0], draw_order=10.0 + i),
                 static=True,
             )
         line = placed(y[late, i], rate[late, i])
         recording.log(
-            f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.0], draw_order=2.0), static=True
+            f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.25], draw_order=20.0 + i), static=True
         )
         if len(events):
             at = placed(y[events, i], rate[events, i])
             recording.log(
-                f"{root}/events", rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=3.0), static=True
+                f"{root}/events",
+                rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
+                static=True,
             )
     shown = frames(simulation.t)
     now = np.stack([placed(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
     style = rr.Points2D.from_fields(
-        colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=4.0
+        colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=40.0
     )
     recording.log(f"{ROOT}/now", style, static=True)
     positions = rr.Points2D.columns(positions=now.reshape(-1, 2)).partition(np.full(len(shown), result.actual.n_y))
