@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.linear_plant import Array
-from icmj.recurrence import Trend, closure, separation, trend
+from icmj.recurrence import Trend, closure, dominant_growth, separation, trend
 from icmj.simulation import Simulation
 
 MotionKind = Literal["cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "too short", "no events"]
@@ -156,6 +156,20 @@ def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat:
     """
     states = reduced_states(simulation, T_hat)
     return float(np.abs(states[-2:] @ V_inv[0]).mean()) if len(states) >= 2 else float("nan")
+
+
+def measured_growth(simulation: Simulation, T_hat: Array) -> float:
+    """Growth factor of x̄ per interval over the second half of the events: a point of panel (a) under the clock.
+
+    It is the largest |eigenvalue| of the linear map that best takes each x̄ to the next, so that a complex pair, under
+    which |x̄| swings, is measured as sharply as a real one. NaN with fewer than six events or where the motion dies out.
+    """
+    states = reduced_states(simulation, T_hat)
+    recent = states[len(states) // 2 :]
+    size = np.linalg.norm(recent, axis=1)
+    if len(recent) < 3 or not (size.min() > 0 and np.isfinite(size).all()):
+        return float("nan")
+    return dominant_growth(recent)
 
 
 def _homoclinic(simulation: Simulation, states: Array) -> bool:

@@ -53,6 +53,21 @@ def trend(values: Array) -> Trend:
     return Trend(float(np.exp(np.clip(slope, -700, 700))), bool(explained > 0.8))
 
 
+def dominant_growth(states: Array, cut: float = 1e-6) -> float:
+    """Largest |eigenvalue| of the linear map s_i ↦ s_{i+1} that fits best, all steps weighted alike.
+
+    Args:
+        states: shape (K, m), none of them zero.
+        cut: directions in which the states extend less than this, relative to their largest extent, are left out;
+            there the map cannot be told from round-off.
+    """
+    size = np.linalg.norm(states[:-1], axis=1)[:, None]
+    U, extents, V = np.linalg.svd((states[:-1] / size).T, full_matrices=False)
+    kept = extents > cut * extents[0]
+    reduced = U[:, kept].T @ (states[1:] / size).T @ V[kept].T / extents[kept]
+    return float(np.abs(np.linalg.eigvals(reduced)).max())
+
+
 def separation(states: Array, ahead: int = 12, apart: int = 9) -> float:
     """Growth factor per step of the distance between neighbouring states (the largest Lyapunov exponent's e-power).
 

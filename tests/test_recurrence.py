@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.recurrence import closure, separation, trend
+from icmj.recurrence import closure, dominant_growth, separation, trend
 
 
 def test_closure_of_a_geometric_sequence():
@@ -31,6 +31,13 @@ def test_trend_of_a_geometric_sequence():
 def test_noise_has_no_clear_trend():
     assert not trend(np.random.default_rng(1).uniform(1, 2, 30)).clear
     assert not trend(np.array([1.0, 0.1])).clear
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.0, 1.3])
+def test_growth_of_a_spiral(scale):
+    turn = scale * np.array([[np.cos(1.1), -2 * np.sin(1.1)], [0.5 * np.sin(1.1), np.cos(1.1)]])
+    states = np.array([np.linalg.matrix_power(turn, i) @ [1.0, 0.5] for i in range(20)])
+    assert dominant_growth(states) == pytest.approx(scale, rel=1e-12)
 
 
 def test_rotation_keeps_neighbours():

@@ -39,8 +39,8 @@ class History:
     def append(self, watch: Watch, piece: Piece, end: float) -> None:
         """Add a piece that ends at ``end``: record it and move on to its end."""
         size = len(self.z)
-        last = int(np.floor((end - _SAME) / self.interval))
-        times: Array = np.arange(self._next, last + 1, dtype=float) * self.interval
+        first, last = self._next, int(np.floor((end - _SAME) / self.interval))
+        times: Array = np.arange(first, last + 1, dtype=float) * self.interval
         if len(times) > 0:
             position = (times - self.t) / watch.flow.h
             step = np.clip(position.astype(int), 0, len(piece.Z) - 1)

@@ -47,7 +47,7 @@ def simulate(
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0, x_o0: start of plant (n,) and observer (n̂,), instead of the named states in ``settings``.
         x_h0: start of the hold state (n̂,); the observer's by default, which is a sample at t = 0.
-        progress: called with the time simulated so far [s].
+        progress: called now and then with the fraction done, 0–1.
 
     Returns:
         Recorded at multiples of ``record_interval``, at every event (values just before the reset) and at the end.
@@ -105,7 +105,7 @@ def _run(
             if piece.kind == "event" or (isinstance(trigger, ClockTrigger) and end == due):
                 history.sample()
             if progress is not None:
-                progress(end)
+                progress(end / duration)
     return _ended(trigger, history, duration)
 
 
