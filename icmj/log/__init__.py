@@ -23,9 +23,10 @@ Series of a group are the columns of one entity, named by its static ``SeriesLin
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from icmj.result import Result
+if TYPE_CHECKING:
+    from icmj.result import Result
 
 
 def write_log(result: Result, path: Path | str) -> None:
