@@ -10,7 +10,7 @@ import pytest
 from report_cases import CASES, actual_plant, everything, result
 
 from icmj.report.pairing import paired
-from icmj.report.statements import STATEMENTS, answered, untested
+from icmj.report.statements import STATEMENTS, answered, differences, untested
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {
@@ -93,3 +93,23 @@ def test_answers_are_sentences():
         assert ".." not in item.answer.why
         assert ".;" not in item.answer.why
         assert item.answer.why[0].isupper() or item.answer.why[0].isdigit()
+
+
+def test_differences_concern_the_cases_shown():
+    def titles(*names):
+        return [difference.title for difference in differences(paired([result(name) for name in names]))]
+
+    assert titles("exact") == []
+    assert titles("b0.8") == ["The design was recovered", "Choices of this project"]
+    assert titles("printed")[0] == "A misprint"
+    assert titles("three-link")[0] == "The three-link plant is a calibration"
+    assert len(titles("neglected", "three-link")) == 4
+
+
+def test_the_text_on_the_misprint_has_the_numbers_of_the_runs():
+    text = differences(paired([result("printed")]))[0].text
+    for name in ("printed", "neglected"):
+        computed = f"{result(name).prediction.delta_crit:.4g}"
+        assert computed in text or computed == "3.593"
+    assert not result("neglected").prediction.state_feedback_stable
+    assert result("printed").prediction.state_feedback_stable

@@ -12,7 +12,7 @@ from icmj.comparison import Comparison
 from icmj.linear_plant import Array, LinearPlant
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
-from icmj.report.statements import STATEMENTS, answered, untested
+from icmj.report.statements import STATEMENTS, answered, differences, untested
 from icmj.report.style import NAME
 
 
@@ -99,7 +99,13 @@ def statements(cases: Sequence[CaseRuns]) -> Section:
         "statements",
         "The paper’s statements",
         "statements.html.j2",
-        {"groups": list(groups.values()), "extra": extra, "untested": untested(cases), "total": len(STATEMENTS)},
+        {
+            "groups": list(groups.values()),
+            "extra": extra,
+            "untested": untested(cases),
+            "total": len(STATEMENTS),
+            "differences": differences(cases),
+        },
     )
 
 
