@@ -33,7 +33,7 @@ class Paper(Section):
     note: str = ""
 
 
-class Case(Section):
+class Identity(Section):
     """Name (also the log's file name) and title."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
@@ -144,7 +144,7 @@ class Study(Section):
 class RunFile(Section):
     """A validated run file."""
 
-    case: Case
+    case: Identity
     assumed: Assumed
     actual: Actual = Actual()
     design: Weights = Weights()

@@ -1,0 +1,66 @@
+"""Growth per interval under the clock: what panel (a) predicts, measured in simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.case import Case, PlantKind, simulate
+from icmj.controller import ClockTrigger
+from icmj.linear_plant import Array
+from icmj.measurement import reduced_states
+from icmj.result import Growth
+from icmj.theory.error_system import ErrorSystem
+
+SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
+INTERVALS = 4  # enough for a two-term recurrence
+
+
+def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
+    """Run the case under clocks around Δ_crit and measure the growth of x̄ from sample to sample.
+
+    Each run starts along the dominant eigenvector of φ(Δ), so that the growth shows at once.
+
+    Returns:
+        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched.
+    """
+    if points == 0:
+        return None
+    delta_crit = case.prediction.delta_crit
+    end = 1.25 * delta_crit if delta_crit is not None else case.run.analysis.delta_max
+    deltas = np.linspace(end / points, end, points)
+    measured, predicted = zip(*(_growth(case, plant, float(delta)) for delta in deltas), strict=True)
+    return Growth(deltas, np.array(measured), np.array(predicted))
+
+
+def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
+    system = case.system
+    eigenvalues, vectors = np.linalg.eig(system.phi(delta))
+    dominant = int(np.argmax(np.abs(eigenvalues)))
+    x_bar = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
+    run = simulate(
+        case,
+        plant,
+        trigger=ClockTrigger(delta),
+        start=_start(system, x_bar),
+        duration=(INTERVALS + 0.5) * delta,
+    )
+    states = np.vstack([x_bar, reduced_states(run, system.T_hat)])
+    return _dominant_magnitude(states, bool(abs(eigenvalues[dominant].imag) > 0)), float(np.abs(eigenvalues[dominant]))
+
+
+def _start(system: ErrorSystem, x_bar: Array) -> tuple[Array, Array]:
+    X = system.to_original(system.T_bar @ x_bar)
+    return X[: system.n], X[system.n : system.n + system.n_hat]
+
+
+def _dominant_magnitude(states: NDArray[np.float64], pair: bool) -> float:
+    """|λ| of the motion: x̄_{i+1} = λ x̄_i, or for a complex pair x̄_{i+2} = 2 Re λ x̄_{i+1} − |λ|² x̄_i."""
+    if len(states) < 3 or not np.isfinite(states).all():
+        return float("nan")
+    if not pair:
+        before, after = states[:-1].ravel(), states[1:].ravel()
+        return float(abs(before @ after) / (before @ before))
+    terms = np.column_stack([states[1:-1].ravel(), states[:-2].ravel()])
+    coefficients = np.linalg.lstsq(terms, states[2:].ravel(), rcond=None)[0]
+    return float(np.abs(np.roots([1.0, *-coefficients])).max())

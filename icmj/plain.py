@@ -1,0 +1,79 @@
+"""Plain data for JSON: numpy arrays become lists, complex numbers [re, im], what is not finite ``null``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from icmj.engine.linearisation import Linearisation
+    from icmj.theory.prediction import Prediction
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, complex | np.complexfloating):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, np.ndarray):
+        return [plain(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    return [plain(entry) for entry in value]
+
+
+def plain_prediction(prediction: Prediction, outputs: tuple[str, ...]) -> dict[str, Any]:
+    """What ``icmj analyse --json`` prints of a prediction."""
+    return plain(
+        {
+            "delta_crit": prediction.delta_crit,
+            "eigenvalue": prediction.eigenvalue,
+            "cycle": prediction.cycle,
+            "period": prediction.period,
+            "gamma": prediction.gamma,
+            "outputs": outputs,
+            "amplitude": prediction.amplitude,
+            "verdict": prediction.verdict,
+            "multipliers": prediction.multipliers,
+            "crossings": [
+                {
+                    "delta": c.delta,
+                    "eigenvalue": c.eigenvalue,
+                    "kind": c.kind,
+                    "direction": c.direction,
+                    "largest_other": c.largest_other,
+                }
+                for c in prediction.crossings
+            ],
+            "delta_max": prediction.delta_max,
+            "continuous_stable": {
+                "state_feedback": prediction.state_feedback_stable,
+                "observer_feedback": prediction.observer_feedback_stable,
+            },
+        }
+    )
+
+
+def plain_linearisation(linearisation: Linearisation) -> dict[str, Any]:
+    """What ``icmj linearise --json`` prints."""
+    plant = linearisation.plant
+    return plain(
+        {
+            "A": plant.A,
+            "B": plant.B,
+            "C": plant.C,
+            "poles": plant.poles,
+            "states": plant.states,
+            "inputs": plant.inputs,
+            "outputs": plant.outputs,
+            "residual": linearisation.residual,
+        }
+    )

@@ -1,0 +1,39 @@
+"""What a result was made with: versions, git state, platform, date."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
+
+
+def provenance(folder: Path) -> dict[str, str]:
+    """Facts that let someone repeat a run; ``folder`` is where the run file lies, its git state is taken."""
+    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds")}
+    for package in PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "not installed"
+    facts["python"] = platform.python_version()
+    facts["platform"] = f"{platform.system()} {platform.machine()}"
+    facts["git"] = git_state(folder)
+    return facts
+
+
+def git_state(folder: Path) -> str:
+    """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``."""
+    try:
+        commit = _git(folder, "rev-parse", "HEAD")
+        return commit + (" +changes" if _git(folder, "status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.SubprocessError):
+        return "no checkout"
+
+
+def _git(folder: Path, *words: str) -> str:
+    command = ["git", "-C", str(folder), *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=10).stdout.strip()
