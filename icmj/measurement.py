@@ -15,7 +15,7 @@ from icmj.simulation import Simulation
 MotionKind = Literal["cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "too short", "no events"]
 
 
-MANY = 60  # events from which on an open motion is called quasi-periodic or irregular
+MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
 
 
 @dataclass(frozen=True, eq=False)
