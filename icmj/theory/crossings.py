@@ -41,9 +41,12 @@ _PANELS = 8
 _DEPTH = 14
 _DECAYED = 1e-10  # last Chebyshev coefficients, relative to the largest
 _PLATEAU = 1e-6  # above _DECAYED they may stay below this (or 1e4 ε‖φ‖) where halving does not lower them
-_FLOOR = (
-    0.3  # fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
-)
+# from this depth on such a standstill is taken for rounding whatever its level below 1e-2
+_NOISY = 5
+# so many panels of one width are not all needed by zeros: what keeps them from decaying is rounding
+_CROWD = 128
+# fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
+_FLOOR = 0.3
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
@@ -122,10 +125,11 @@ class _Finder:
         found: list[Crossing] = []
         for depth in range(_DEPTH + 1):
             delta, g, size = self._panels(left, width)
-            plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size)
+            plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
             series = {kind: _test(kind, g, delta) @ _coefficients(_DEGREE).T for kind in KINDS}
             tail = np.max([np.abs(c[:, -3:]).max(axis=1) / np.abs(c).max(axis=1) for c in series.values()], axis=0)
-            resolved = (tail < _DECAYED) | ((tail < plateau) & (tail > tails / 4)) | (depth == _DEPTH)
+            standstill = (tail > tails / 4) | (len(left) > _CROWD)
+            resolved = (tail < _DECAYED) | ((tail < plateau) & standstill) | (depth == _DEPTH)
             outside = _outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 centre = left[m] + width / 2
