@@ -14,6 +14,9 @@ from icmj.report import build_report
 from icmj.report.panels import PANELS
 
 
+pytestmark = pytest.mark.slow  # every figure of every case is drawn
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     return whole_report(tmp_path_factory.getbasetemp())

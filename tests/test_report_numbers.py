@@ -53,6 +53,7 @@ def test_short_has_no_closing_zeros(value, text):
 )
 def test_error(value, text):
     assert numbers.error(value) == text
+    assert numbers.error(value, signed=False) == text.lstrip("+−")
 
 
 @pytest.mark.parametrize(

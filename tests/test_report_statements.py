@@ -10,7 +10,7 @@ import pytest
 from report_cases import CASES, actual_plant, everything, result
 
 from icmj.report.pairing import paired
-from icmj.report.statements import STATEMENTS, answered, differences, untested
+from icmj.report.statements import STATEMENTS, answered, differences, in_paper_order, untested
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {
@@ -113,3 +113,15 @@ def test_the_text_on_the_misprint_has_the_numbers_of_the_runs():
         assert computed in text or computed == "3.593"
     assert not result("neglected").prediction.state_feedback_stable
     assert result("printed").prediction.state_feedback_stable
+
+
+def test_cases_follow_the_papers_figures():
+    cases = paired([result(name) for name in ("exact", "printed", "neglected", "three-link", "b1.7", "b0.8")])
+    assert [case.name for case in in_paper_order(cases)] == [
+        "b0.8",
+        "b1.7",
+        "three-link",
+        "printed",
+        "neglected",
+        "exact",
+    ]

@@ -16,6 +16,7 @@ from icmj.report import sections, style
 from icmj.report.notation import notation
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import Picture, Section
+from icmj.report.statements import in_paper_order
 from icmj.result import Result
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
         ReportError: if there are no results, two of the same run, or the files cannot be written. Nothing is left
             under the page's name then, unless it was there before.
     """
-    cases = paired(results)
+    cases = in_paper_order(paired(results))
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:

@@ -32,13 +32,13 @@ def short(value: float, figures: int = 6) -> str:
     return (head.rstrip("0").rstrip(".") if "." in head else head) + times + power
 
 
-def error(value: float | None) -> str:
-    """A relative error to two figures, signed, as a power of ten; rounding noise as such."""
+def error(value: float | None, *, signed: bool = True) -> str:
+    """A relative error to two figures as a power of ten, with its sign or as a magnitude; rounding noise as such."""
     if value is None or not np.isfinite(value):
         return MISSING
     if abs(value) < 1e-14:
         return "< 10⁻¹⁴"
-    mantissa, exponent = f"{value:+.1e}".split("e")
+    mantissa, exponent = (f"{value:+.1e}" if signed else f"{abs(value):.1e}").split("e")
     return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace(
         "-", "−"
     )

@@ -147,7 +147,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                     "interval_slope": f"{result.law.interval_slope:.3f}",
                     "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
                     "rows": [
-                        [numbers.short(q), numbers.number(abs(i), 2), numbers.number(abs(a), 2)]
+                        [numbers.short(q), numbers.error(i, signed=False), numbers.error(a, signed=False)]
                         for q, i, a in zip(
                             result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
                         )

@@ -68,6 +68,17 @@ def answered(cases: Sequence[CaseRuns]) -> list[Answered]:
     ]
 
 
+def in_paper_order(cases: Sequence[CaseRuns]) -> list[CaseRuns]:
+    """Cases in the order of the paper's figures; those of no figure last, otherwise as given."""
+    order = list(dict.fromkeys(statement.figure for statement in STATEMENTS))
+
+    def place(case: CaseRuns) -> int:
+        figure = case.first.run.case.paper.figure
+        return order.index(figure) if figure in order else len(order)
+
+    return sorted(cases, key=place)
+
+
 def untested(cases: Sequence[CaseRuns]) -> list[Statement]:
     """Statements on figures that none of the cases names."""
     figures = {case.first.run.case.paper.figure for case in cases}
@@ -90,8 +101,8 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
         found.append(
             Difference(
                 "A misprint",
-                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and drops the s of 2ζω_n s). "
-                "With that value the recovered design has Δ_crit = 2.169 s and a stable A − Bk, where the paper has "
+                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and leaves out a factor s beside "
+                "it). With that value the recovered design has Δ_crit = 2.169 s and a stable A − Bk, where the paper has "
                 "3.6 s and an unstable one. With ζ = 0.1 both of its statements hold. So ζ = 0.1 is taken as the "
                 "paper’s case, and ζ = 0.5 is kept “as printed”.",
             )

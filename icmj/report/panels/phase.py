@@ -59,7 +59,10 @@ def velocity(result: Result, x: Array, u: Array) -> Array:
 
 
 def _label(axes: Axes, name: str, y: float, v: float) -> None:
-    axes.annotate(name, (y, v), xytext=(0, 4), textcoords="offset points", ha="center", style="italic")
+    behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
+    axes.annotate(
+        name, (y, v), xytext=(0, 4), textcoords="offset points", ha="center", style="italic", bbox=behind, zorder=6
+    )
 
 
 def _mark_events(axes: Axes, result: Result, output: int) -> None:
