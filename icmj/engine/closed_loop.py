@@ -15,7 +15,7 @@ from icmj.disturbance import Disturbance
 from icmj.engine import reference
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import Slot, block_of, compose
-from icmj.engine.extremes import ExtremesTracker
+from icmj.engine.extremes import ExtremesTracker, Find, extremes
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
@@ -115,13 +115,13 @@ class ClosedLoop:
         y_0 = self.plant.linearisation.y
         width = 1 + model.nq + model.nv + model.na + model.nsensordata
         record = recording(CHUNK, model.nsensordata, width)
-        make, control, act_dyn = _implementation(self.native)
+        make, control, act_dyn, find = _implementation(self.native)
         status, steps, interrupted, t = Status.RUNNING, 0, False, data.time
         with installed(control, act_dyn), self._lent():
             loop: Loop = make(model, data, schedule, point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             samples, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges)
+            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges, find)
             while status == Status.RUNNING and not interrupted:
                 record.clear()
                 try:
@@ -187,13 +187,14 @@ def close_loop(
     return ClosedLoop(plant, controller, disturbance, model, native)
 
 
-def _implementation(native: bool) -> tuple[Any, Any, Any]:
-    """The loop's class and the callbacks that go with it."""
+def _implementation(native: bool) -> tuple[Any, Any, Any, Find]:
+    """The loop's class, the callbacks that go with it, and what finds extremes."""
     if native:
         from icmj.engine.native import NativeLoop, callbacks
+        from icmj.engine.native import extremes as compiled_extremes
 
-        return NativeLoop, *callbacks()
-    return reference.ReferenceLoop, reference.control, reference.act_dyn
+        return NativeLoop, *callbacks(), compiled_extremes
+    return reference.ReferenceLoop, reference.control, reference.act_dyn, extremes
 
 
 def _outcome(status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:

@@ -1,0 +1,107 @@
+"""``python -m benchmarks``: measure, print a table, and save or compare results.
+
+    python -m benchmarks                          everything (two minutes or so)
+    python -m benchmarks --only stepping          one group
+    python -m benchmarks --save new.json          keep the numbers
+    python -m benchmarks --compare old.json new.json
+
+Exits with status 1 if a bound is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks import analysis, precision, startup, stepping, threads
+from benchmarks.row import Row
+
+
+def _analysis() -> list[Row]:
+    bounds = {"three-link analysis": 50.0}
+    return [
+        Row("analysis", name, 1e3 * seconds, "ms", note, bounds.get(name)) for name, seconds, note in analysis.rows()
+    ]
+
+
+GROUPS = {
+    "stepping": stepping.rows,
+    "precision": precision.rows,
+    "threads": threads.rows,
+    "startup": startup.rows,
+    "analysis": _analysis,
+}
+
+
+def main() -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure icmj; see README.")
+    parser.add_argument("--only", choices=list(GROUPS), action="append", help="measure this group only (repeatable)")
+    parser.add_argument("--save", type=Path, metavar="FILE.json", help="keep the numbers")
+    parser.add_argument("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"), help="compare two saved results")
+    arguments = parser.parse_args()
+    console = Console()
+    if arguments.compare:
+        console.print(comparison(*(load(path) for path in arguments.compare)))
+        return 0
+    measured: list[Row] = []
+    for name in arguments.only or GROUPS:
+        with console.status(f"measuring {name} …"):
+            measured += GROUPS[name]()
+    console.print(table(measured))
+    if arguments.save:
+        facts = {"python": platform.python_version(), "machine": platform.machine(), "cpu": platform.processor()}
+        text = json.dumps({"platform": facts, "rows": [asdict(row) for row in measured]}, indent=1)
+        arguments.save.write_text(text, encoding="utf-8")
+    missed = [row.name for row in measured if row.met is False]
+    if missed:
+        console.print(f"[red]missed: {'; '.join(missed)}")
+    return 1 if missed else 0
+
+
+def table(measured: list[Row]) -> Table:
+    """The measured rows as a table for people."""
+    out = Table("", "measured", "value", "bound", "note", title="icmj benchmarks")
+    for column in (out.columns[2], out.columns[3]):
+        column.justify = "right"
+    group = ""
+    for row in measured:
+        bound = "" if row.bound is None else f"{'≤' if row.at_most else '≥'} {row.bound:g}"
+        mark = {True: " [green]✓", False: " [red]✗", None: ""}[row.met]
+        if row.group != group:
+            out.add_section()
+        out.add_row(row.group if row.group != group else "", row.name, shown(row), bound + mark, row.note)
+        group = row.group
+    return out
+
+
+def shown(row: Row) -> str:
+    """Value and unit, four digits."""
+    return "–" if row.value is None else f"{row.value:.4g} {row.unit}".strip()
+
+
+def load(path: Path) -> dict[tuple[str, str], Row]:
+    """Saved rows by group and name."""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    return {(row["group"], row["name"]): Row(**row) for row in data["rows"]}
+
+
+def comparison(old: dict[tuple[str, str], Row], new: dict[tuple[str, str], Row]) -> Table:
+    """Two saved results side by side."""
+    out = Table("", "measured", "A", "B", "B / A", title="icmj benchmarks, compared")
+    for key in dict.fromkeys([*old, *new]):
+        a, b = old.get(key), new.get(key)
+        ratio = b.value / a.value if a and b and a.value and b.value else None
+        out.add_row(*key, shown(a) if a else "–", shown(b) if b else "–", "–" if ratio is None else f"{ratio:.3f}")
+    return out
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,131 @@
+"""Work and precision: time of one task against the error of its last interval and of its last peak."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks import naive_loop
+from benchmarks.row import Row, least
+from benchmarks.scipy_loop import ScipyLoop
+from benchmarks.task import Task, three_link
+from icmj.runfile import SimulationSettings
+
+DURATION = 15.0
+TIMESTEPS = np.array([20, 16, 13, 11, 10, 8, 7, 6, 5, 4.5, 4, 3.5, 3, 2.5, 2]) * 1e-3
+PYTHON_TIMESTEPS = np.array([16, 13, 11, 10, 8, 5, 4]) * 1e-3
+RTOL = {"RK45": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "DOP853": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)}
+ATOL = (1e-2, 1e-3)  # relative to rtol; SciPy's default is 1e-3 at its default rtol
+GROUP = "work–precision"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting of one way: its time [s], and errors of interval [s] and peak [rad]."""
+
+    way: str
+    setting: str
+    seconds: float
+    interval: float
+    peak: float
+
+
+def rows() -> list[Row]:
+    """The best setting of each way at two interval errors, and how they compare."""
+    task = three_link()
+    scipy = ScipyLoop(task)
+    times, state = scipy.run(DURATION, "DOP853", 1e-12, 1e-15)
+    exact = (float(times[-1] - times[-2]), scipy.peak(state, "DOP853", 1e-12, 1e-15))
+    points = [
+        *_engine(task, exact, True, TIMESTEPS, 5),
+        *_engine(task, exact, False, PYTHON_TIMESTEPS, 1),
+        *_scipy(scipy, exact),
+        *_naive(task, exact),
+    ]
+    table = []
+    for target in (1e-6, 1e-8):
+        best = {way: _best(points, way, target) for way in dict.fromkeys(p.way for p in points)}
+        for way, point in best.items():
+            if point is None:
+                table.append(Row(GROUP, f"{way} at {target:g} s", None, "ms", "no setting tried is as accurate"))
+            else:
+                note = f"{point.setting}; interval {point.interval:.1e} s, peak {point.peak:.1e} rad"
+                table.append(Row(GROUP, f"{way} at {target:g} s", 1e3 * point.seconds, "ms", note))
+        ours = best["icmj"]
+        others = [p for way in RTOL if (p := best[f"SciPy {way}"]) is not None]
+        if ours is not None and others:
+            factor = min(p.seconds for p in others) / ours.seconds
+            bound = 5.0 if target == 1e-6 else 1.0
+            table.append(Row(GROUP, f"best SciPy / icmj at {target:g} s", factor, "×", "", bound, at_most=False))
+        python = best["Python callbacks"]
+        if target == 1e-6 and ours is not None and python is not None:
+            factor = python.seconds / ours.seconds
+            table.append(Row(GROUP, f"Python callbacks / icmj at {target:g} s", factor, "×", "", 6.0, at_most=False))
+    table += [
+        Row(
+            GROUP, f"naive Euler, {p.setting}", 1e3 * p.seconds, "ms", f"interval {p.interval:.1e} s, peak {p.peak:.1e}"
+        )
+        for p in points
+        if p.way == "naive Euler"
+    ]
+    for package, name in (("pydrake", "Drake"), ("jaxonomy", "jaxonomy")):
+        why = "not installed" if importlib.util.find_spec(package) is None else "installed, but not measured here"
+        table.append(Row(GROUP, name, None, "ms", f"skipped: {why}"))
+    return table
+
+
+def _best(points: Iterable[Point], way: str, target: float) -> Point | None:
+    """The fastest setting of ``way`` whose interval error is at most ``target``."""
+    good = [p for p in points if p.way == way and p.interval <= target]
+    return min(good, key=lambda p: p.seconds, default=None)
+
+
+def _engine(
+    task: Task, exact: tuple[float, float], native: bool, timesteps: np.ndarray, repeats: int
+) -> Iterable[Point]:
+    loop = task.loop(native)
+    settings = SimulationSettings(duration=DURATION, record_interval=0.01)
+
+    def run(h: float) -> Callable[[], object]:
+        return lambda: loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
+
+    run(0.01)()  # loads or compiles what is needed
+    for h in timesteps:
+        rows = loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
+        interval = rows.events[-1, 0] - rows.events[-2, 0]
+        peak = max(rows.y_max[-1, 0], -rows.y_min[-1, 0])
+        yield Point(
+            "icmj" if native else "Python callbacks",
+            f"RK4 {1e3 * h:g} ms",
+            least(run(h), repeats),
+            abs(interval - exact[0]),
+            abs(peak - exact[1]),
+        )
+
+
+def _scipy(loop: ScipyLoop, exact: tuple[float, float]) -> Iterable[Point]:
+    for method, tolerances in RTOL.items():
+        for rtol in tolerances:
+            for ratio in ATOL:
+                atol = rtol * ratio
+                times, state = loop.run(DURATION, method, rtol, atol)
+                peak = loop.peak(state, method, rtol, atol)
+                seconds = least(lambda: loop.run(DURATION, method, rtol, atol), 2)  # noqa: B023 - called at once
+                yield Point(
+                    f"SciPy {method}",
+                    f"rtol {rtol:g}, atol {atol:g}",
+                    seconds,
+                    abs(times[-1] - times[-2] - exact[0]),
+                    abs(peak - exact[1]),
+                )
+
+
+def _naive(task: Task, exact: tuple[float, float]) -> Iterable[Point]:
+    for h in (1e-3, 1e-4):
+        times, peak = naive_loop.run(task, DURATION, h)
+        seconds = least(lambda: naive_loop.run(task, DURATION, h), 1)  # noqa: B023 - called at once
+        interval = abs(times[-1] - times[-2] - exact[0])
+        yield Point("naive Euler", f"{1e3 * h:g} ms", seconds, interval, abs(peak - exact[1]))
