@@ -13,7 +13,6 @@ from icmj.errors import ReportError
 from icmj.report import build_report
 from icmj.report.panels import PANELS
 
-
 pytestmark = pytest.mark.slow  # every figure of every case is drawn
 
 

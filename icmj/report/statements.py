@@ -102,8 +102,8 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
             Difference(
                 "A misprint",
                 "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and leaves out a factor s beside "
-                "it). With that value the recovered design has Δ_crit = 2.169 s and a stable A − Bk, where the paper has "
-                "3.6 s and an unstable one. With ζ = 0.1 both of its statements hold. So ζ = 0.1 is taken as the "
+                "it). With that value the recovered design has Δ_crit = 2.169 s and a stable A − Bk, where the paper "
+                "has 3.6 s and an unstable one. With ζ = 0.1 both of its statements hold. So ζ = 0.1 is taken as the "
                 "paper’s case, and ζ = 0.5 is kept “as printed”.",
             )
         )
