@@ -74,7 +74,7 @@ def design_lq(
     try:
         k, _, E_c = control.lqr(plant.A, plant.B, C_w, R_c, method="scipy")
         L, _, E_o = control.lqe(plant.A, np.eye(plant.n), plant.C, B_w, R_o, method="scipy")
-    except (control.ControlError, np.linalg.LinAlgError, ValueError) as error:
+    except (control.exception.ControlDimension, np.linalg.LinAlgError, ValueError) as error:
         raise DesignError(
             f"no LQ design for this plant ({error}); check that its unstable poles can be "
             "reached by the inputs and seen in the outputs, and that the weights see them"

@@ -1,0 +1,27 @@
+"""Shared paths and the rule that no test leaves a MuJoCo callback behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The checkout: models/, runs/ and so on lie in it."""
+    return ROOT
+
+
+@pytest.fixture(autouse=True)
+def no_callback_left() -> Iterator[None]:
+    """MuJoCo's callbacks are process-global; whoever installs one must take it off again."""
+    yield
+    import sys
+
+    if (mujoco := sys.modules.get("mujoco")) is not None:
+        assert mujoco.get_mjcb_control() is None
+        assert mujoco.get_mjcb_act_dyn() is None
