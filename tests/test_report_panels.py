@@ -103,6 +103,20 @@ def test_a_run_without_events_is_drawn_too(letter):
     assert style.save(PANELS[letter](runs[0]), "pdf").startswith(b"%PDF")
 
 
+@pytest.mark.parametrize("letter", PANELS)
+@pytest.mark.parametrize("name", ["b0.8", "exact"])
+def test_a_diverged_run_is_drawn_up_to_where_it_is_finite(name, letter):
+    found = result(name)
+    s = found.simulation
+    broken = {key: getattr(s, key).copy() for key in ("x", "y", "u", "x_o", "x_h")}
+    for values in broken.values():
+        values[-3:-1], values[-1] = np.inf, np.nan
+    lost = replace(found.measurement, kind="growth", p=None, period=None, intervals=np.zeros(0))
+    with np.errstate(invalid="ignore"):
+        figure = PANELS[letter](paired([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
+        assert_legible(figure)
+
+
 def test_a_passes_through_one_at_delta_crit():
     runs = case("b0.8")
     axes = PANELS["a"](runs).axes[0]

@@ -29,8 +29,9 @@ def output_panel(case: CaseRuns) -> Figure:
         reach = 0.0
         for plant, result in case.runs.items():
             y = result.simulation.y[:, i] * DEGREES
-            reach = max(reach, float(np.nanmax(np.abs(y))))
+            reach = max(reach, float(np.abs(y[np.isfinite(y)]).max(initial=0.0)))
             axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
+        reach = reach or 1.0
         y_c = top.continuous.y[:, i] * DEGREES
         # an unstable continuous controller would flatten everything else
         inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
