@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from icmj.case import Case, PlantKind, simulate
 from icmj.controller import ClockTrigger
 from icmj.linear_plant import Array
-from icmj.measurement import reduced_states
+from icmj.measurement import measured_growth
 from icmj.result import Growth
 from icmj.theory.error_system import ErrorSystem
 
 SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
-INTERVALS = 4  # enough for a two-term recurrence
+INTERVALS = 6  # the least that a growth is measured from
 
 
 def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
@@ -45,22 +44,9 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
         start=_start(system, x_bar),
         duration=(INTERVALS + 0.5) * delta,
     )
-    states = np.vstack([x_bar, reduced_states(run, system.T_hat)])
-    return _dominant_magnitude(states, bool(abs(eigenvalues[dominant].imag) > 0)), float(np.abs(eigenvalues[dominant]))
+    return measured_growth(run, system.T_hat), float(np.abs(eigenvalues[dominant]))
 
 
 def _start(system: ErrorSystem, x_bar: Array) -> tuple[Array, Array]:
     X = system.to_original(system.T_bar @ x_bar)
     return X[: system.n], X[system.n : system.n + system.n_hat]
-
-
-def _dominant_magnitude(states: NDArray[np.float64], pair: bool) -> float:
-    """|λ| of the motion: x̄_{i+1} = λ x̄_i, or for a complex pair x̄_{i+2} = 2 Re λ x̄_{i+1} − |λ|² x̄_i."""
-    if len(states) < 3 or not np.isfinite(states).all():
-        return float("nan")
-    if not pair:
-        before, after = states[:-1].ravel(), states[1:].ravel()
-        return float(abs(before @ after) / (before @ before))
-    terms = np.column_stack([states[1:-1].ravel(), states[:-2].ravel()])
-    coefficients = np.linalg.lstsq(terms, states[2:].ravel(), rcond=None)[0]
-    return float(np.abs(np.roots([1.0, *-coefficients])).max())

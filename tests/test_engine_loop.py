@@ -393,6 +393,15 @@ def test_fall_divergence_and_interruption_keep_what_was_simulated() -> None:
     assert diverged.outcome.t == diverged_python.outcome.t
     assert np.isfinite(diverged.x[:-1]).all()
 
+    # a whole step of the engine resets what diverges, and warns
+    warned = simulate(
+        wrong,
+        controller("three_link", 1e-2),
+        settings.model_copy(update={"integrator": "discrete"}),
+        x0=0.05 * np.ones(6),
+    )
+    assert warned.outcome.kind == "diverged"
+
     calls = []
 
     def interrupt(done: float) -> None:

@@ -14,10 +14,10 @@ import pytest
 from engine_cases import controller, plant
 
 from icmj.controller import ClockTrigger, Continuous, Trigger
-from icmj.engine import structs
+from icmj.engine import composition, structs
 from icmj.engine.callbacks import installed
 from icmj.engine.loop import simulate
-from icmj.engine.native import callbacks
+from icmj.engine.native import callbacks, compiled
 from icmj.errors import ModelError
 from icmj.runfile import SimulationSettings
 from icmj.simulation import Simulation
@@ -118,6 +118,19 @@ def test_wrong_layout_is_an_error_at_start_up(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(structs, "offsets", lambda struct: shifted if struct == "mjData" else right(struct))
     with pytest.raises(ModelError, match="does not lie in memory as it declares"):
         structs.check(model, mujoco.MjData(model))
+
+
+def test_code_that_does_not_compute_this_controller_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    # as with code on disk from another version: the callbacks do not know the model for one of theirs
+    monkeypatch.setattr(composition, "MAGIC", composition.MAGIC + 1)
+    with pytest.raises(ModelError, match="delete numba's cache"):
+        simulate(plant("pendulum"), controller("pendulum"), SimulationSettings(duration=1.0), x_o0=[0.1, 0.0])
+
+
+def test_functions_compile_where_there_is_no_folder_for_a_cache() -> None:
+    scope: dict[str, object] = {}
+    exec("def twice(x):\n    return 2 * x", scope)  # numba finds no source file to cache beside
+    assert compiled(scope["twice"])(21) == 42  # type: ignore[arg-type]
 
 
 CHILD = """

@@ -28,8 +28,8 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from icmj.engine import composition, structs
-from icmj.engine.composition import Slot, block_of
+from icmj.engine import composition, reference, structs
+from icmj.engine.composition import Block, Slot, block_of
 from icmj.engine.extremes import POINTS
 from icmj.engine.recording import Recording, Status
 from icmj.engine.reference import SPLITS
@@ -62,8 +62,8 @@ _differentiate_pos = types.ExternalFunction(
     "mj_differentiatePos", types.void(types.intp, types.intp, types.float64, types.intp, types.intp)
 )
 
-# constants that compiled code freezes; all are part of this package, so the source stamp of the cache covers them
-# except MuJoCo's own, which enter through closures (see _callbacks)
+# Constants that compiled code freezes. numba recompiles when this file changes, or when closure variables do, which
+# is how MuJoCo's layout enters (see callbacks); code gone stale in any other way is caught at start-up by _verify.
 _MAGIC, _VERSION, _HEADER = composition.MAGIC, composition.VERSION, composition.HEADER
 _S_MAGIC, _S_VERSION, _S_N_HAT, _S_N_U = int(Slot.MAGIC), int(Slot.VERSION), int(Slot.N_HAT), int(Slot.N_U)
 _S_N_Y, _S_ACT, _S_STAGE, _S_PHASE = int(Slot.N_Y), int(Slot.ACT), int(Slot.STAGE), int(Slot.PHASE)
@@ -649,12 +649,30 @@ class NativeLoop:
             counters=np.array([0, 0, schedule.first_clock(t), edge]),
         )
         mujoco.mj_forward(model, data)
+        _verify(model, data, block)
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
         return Status(
             _advance(self._run, record.dense, record.samples, record.events, record.event_at, record.count, steps)
         )
+
+
+def _verify(model: mujoco.MjModel, data: mujoco.MjData, block: Block) -> None:
+    """Compare what the installed callbacks have just written with the plain-Python ones.
+
+    Raises:
+        ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.
+    """
+    expected = reference.command(block, data), reference.rates(block, data)
+    found = data.ctrl[: len(block.ctrl_0)], data.act_dot[block.act]
+    for a, b in zip(found, expected, strict=True):
+        scale = 1e-9 * (1 + np.abs(b).max() + np.abs(block.M).max() * np.abs(data.act[block.act]).max())
+        if not np.all(np.abs(a - b) <= scale):
+            raise ModelError(
+                "the native callbacks do not compute this controller; delete numba's cache (__pycache__ in "
+                "icmj/engine, or NUMBA_CACHE_DIR), or use the plain-Python loop (native=False)"
+            )
 
 
 def _view(address: int, kind: Any, size: int) -> np.ndarray:

@@ -32,7 +32,7 @@ def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     mujoco.mj_sensorPos(model, data)
     if block.header[Slot.STAGE] >= int(mujoco.mjtStage.mjSTAGE_VEL):
         mujoco.mj_sensorVel(model, data)
-    data.ctrl[: len(block.ctrl_0)] = block.ctrl_0 - block.K @ data.act[block.act] + _disturbance(block, data.time)
+    data.ctrl[: len(block.ctrl_0)] = command(block, data)
 
 
 def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
@@ -42,9 +42,18 @@ def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
         return 0.0
     if actuator < model.nu - 1:
         return second_order_lag(model, data, actuator)
-    y = data.sensordata[: len(block.y_0)] - block.y_0
-    data.act_dot[block.act] = block.M @ data.act[block.act] + block.N @ y
+    data.act_dot[block.act] = rates(block, data)
     return 0.0
+
+
+def command(block: Block, data: mujoco.MjData) -> Array:
+    """ctrl_0 − K a + d(t)."""
+    return block.ctrl_0 - block.K @ data.act[block.act] + _disturbance(block, data.time)
+
+
+def rates(block: Block, data: mujoco.MjData) -> Array:
+    """ȧ = M a + N (y − y_0)."""
+    return block.M @ data.act[block.act] + block.N @ (data.sensordata[: len(block.y_0)] - block.y_0)
 
 
 def _disturbance(block: Block, t: float) -> Array:
