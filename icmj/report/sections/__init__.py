@@ -1,0 +1,21 @@
+"""The sections of the page, each a function from the cases to a heading, a template and what it prints."""
+
+from icmj.report.sections.figures import figures, law
+from icmj.report.sections.plants import designs, matrix, settings
+from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.statements import statements
+from icmj.report.sections.summary import abstract, agrees_with_paper, summary
+
+__all__ = [
+    "Picture",
+    "Section",
+    "abstract",
+    "agrees_with_paper",
+    "designs",
+    "figures",
+    "law",
+    "matrix",
+    "settings",
+    "statements",
+    "summary",
+]

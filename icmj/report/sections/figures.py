@@ -1,0 +1,92 @@
+"""The figures: six panels a case, and the amplitude law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from icmj.report import numbers
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.wording import verdicts
+
+
+def figures(cases: Sequence[CaseRuns], pictures: Mapping[str, Mapping[str, Picture]]) -> Section:
+    """The six panels of each case."""
+    return Section(
+        "figures",
+        "The six panels of each case",
+        "figures.html.j2",
+        {
+            "cases": [
+                {
+                    "name": case.name,
+                    "title": case.first.run.case.title,
+                    "panels": [
+                        {"letter": letter, "picture": picture, "caption": _panel_caption(case, letter)}
+                        for letter, picture in pictures[case.name].items()
+                    ],
+                    "caption": _figure_caption(case),
+                    "verdicts": verdicts(case),
+                }
+                for case in cases
+            ]
+        },
+    )
+
+
+def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number: int) -> Section | None:
+    """The amplitude law, or ``None`` where no log holds one."""
+    items: list[dict[str, Any]] = []
+    for case in cases:
+        result = next((r for r in reversed(case.runs.values()) if r.law is not None), None)
+        if result is not None and result.law is not None:
+            items.append(
+                {
+                    "title": result.run.case.title,
+                    "number": first_number + len(items),
+                    "picture": pictures[case.name],
+                    "interval_slope": f"{result.law.interval_slope:.3f}",
+                    "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
+                    "rows": [
+                        [numbers.short(q), numbers.error(i, signed=False), numbers.error(a, signed=False)]
+                        for q, i, a in zip(
+                            result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
+                        )
+                    ],
+                }
+            )
+    return Section("law", "The amplitude law", "law.html.j2", {"items": items}) if items else None
+
+
+def _figure_caption(case: CaseRuns) -> str:
+    prediction = case.prediction
+    if prediction.delta_crit is None:
+        return "No eigenvalue of φ(Δ) reaches ±1, so Δ_crit is undefined."
+    delta, value = numbers.number(prediction.delta_crit, 5), numbers.eigenvalue(prediction.eigenvalue)
+    text = f"Δ_crit = {delta} s with λ_crit = {value}; "
+    if not prediction.cycle:
+        return text + "no limit cycle is predicted."
+    period = numbers.number(prediction.period, 5)
+    return text + f"a limit cycle of period {period} s is predicted, its orbit {prediction.verdict}."
+
+
+def _panel_caption(case: CaseRuns, letter: str) -> str:
+    cycle, critical = case.prediction.cycle, case.prediction.delta_crit is not None
+    several = len(case.first.actual.outputs) > 1
+    match letter:
+        case "a":
+            return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
+        case "b":
+            return "Eigenvalues of φ about the unit circle; shade and arrowheads show growing interval."
+        case "c":
+            band = " Pale: predicted range." if cycle else ""
+            return f"Output{'s' if several else ''} under intermittent and continuous control; dotted: events.{band}"
+        case "d":
+            return "Velocity against position, latter part; circles: states at events."
+        case "e":
+            return "Open-loop interval that ends at each event" + ("; dotted: Δ_crit." if critical else ".")
+        case _:
+            if case.prediction.V_inv is None:
+                return "Norm of x̄: without Δ_crit there is no V, hence no χ."
+            return "Critical mode and norm of the others, latter part; dotted: events and ±γ."

@@ -1,0 +1,33 @@
+"""What a section is: a heading, a template and the facts that the template prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn figure: its file name without suffix, its SVG as a data URI, and its words for who cannot see it."""
+
+    name: str
+    uri: str
+    alt: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of the page.
+
+    Attributes:
+        anchor: its id in the page.
+        title: heading.
+        template: file name in ``templates``.
+        context: what the template prints.
+    """
+
+    anchor: str
+    title: str
+    template: str
+    context: Mapping[str, Any] = field(default_factory=dict)

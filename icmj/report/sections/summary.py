@@ -1,0 +1,149 @@
+"""The summary: paper, prediction, linear plant and MuJoCo side by side, and the headline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from icmj.comparison import Comparison
+from icmj.report import numbers
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.section import Section
+from icmj.report.sections.wording import count, verdicts
+from icmj.report.statements import answered
+from icmj.report.style import NAME
+
+
+def summary(cases: Sequence[CaseRuns]) -> Section:
+    """Paper, prediction, linear plant and MuJoCo side by side."""
+    return Section(
+        "summary",
+        "Summary",
+        "summary.html.j2",
+        {"rows": [_summary_row(case) for case in cases], "errors": _error_rows(cases)},
+    )
+
+
+def abstract(cases: Sequence[CaseRuns]) -> str:
+    """The headline in one paragraph."""
+    expected = [case for case in cases if case.prediction.cycle]
+    parts = [
+        "Event-driven intermittent control makes a plant settle into a limit cycle when the controller’s model of it "
+        f"is wrong. Of the {count(len(cases), 'case')} below, the linear eigen-analysis predicts a limit cycle for "
+        f"{len(expected)}."
+    ]
+    for plant in ("linear", "mujoco"):
+        found = [case.comparisons[plant] for case in expected if plant in case.comparisons]
+        settled = [comparison for comparison in found if comparison.measured.converged]
+        if not found:
+            continue
+        worst = max((abs(c.relative_error.interval or 0.0) for c in settled), default=None)
+        where = "On the linear plant" if plant == "linear" else "In MuJoCo"
+        many = "all of them are" if len(settled) == len(found) else f"{len(settled)} of {len(found)} are"
+        accuracy = (
+            "" if worst is None else f", with a relative error of the interval of at most {numbers.number(worst, 2)}"
+        )
+        parts.append(f"{where} {many} reached{accuracy}.")
+    answers = [item.answer.verdict for item in answered(cases)]
+    if answers:
+        kept = answers.count("reproduced")
+        reserved = answers.count("reproduced with a reservation")
+        failed = answers.count("not reproduced")
+        parts.append(
+            f"Put to these runs, the paper’s statements on its figures give {count(len(answers), 'answer')}: {kept} "
+            f"reproduced, {reserved} reproduced with a reservation, {failed} not reproduced."
+        )
+    return " ".join(parts)
+
+
+def agrees_with_paper(case: CaseRuns) -> bool | None:
+    """Whether Δ_crit rounds to the value that the paper prints; ``None`` where it prints none."""
+    printed, computed = case.first.run.case.paper.delta_crit, case.prediction.delta_crit
+    if printed is None:
+        return None
+    digits = len(repr(printed).partition(".")[2])
+    return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
+
+
+def _summary_row(case: CaseRuns) -> dict[str, Any]:
+    paper, prediction = case.first.run.case.paper, case.prediction
+    cells = {}
+    for plant in ("linear", "mujoco"):
+        comparison = case.comparisons.get(plant)
+        expected = None if comparison is None else comparison.measured.converged
+        cells[plant] = {
+            "interval": numbers.MISSING if comparison is None else _interval(comparison),
+            "error": _shown_error(comparison),
+            "mark": numbers.mark(expected),
+            "said": {None: "not run", True: "settles on the predicted cycle", False: "no predicted cycle reached"}[
+                expected
+            ],
+        }
+    return {
+        "title": case.first.run.case.title,
+        "anchor": case.name,
+        "paper": {
+            "delta": numbers.MISSING if paper.delta_crit is None else f"{paper.delta_crit:g}",
+            "eigenvalue": numbers.MISSING
+            if paper.eigenvalue is None
+            else numbers.eigenvalue(complex(paper.eigenvalue)),
+            "cycle": numbers.mark(paper.cycle),
+        },
+        "predicted": {
+            "delta": numbers.number(prediction.delta_crit, 5),
+            "eigenvalue": numbers.eigenvalue(prediction.eigenvalue),
+            "cycle": numbers.mark(prediction.cycle),
+            "verdict": prediction.verdict,
+            "agrees": agrees_with_paper(case),
+        },
+        "runs": cells,
+        "verdicts": [*_departures(case), *verdicts(case)],
+    }
+
+
+def _departures(case: CaseRuns) -> list[str]:
+    paper, prediction = case.first.run.case.paper, case.prediction
+    if agrees_with_paper(case) is not False:
+        return []
+    computed = "undefined" if prediction.delta_crit is None else f"{numbers.number(prediction.delta_crit)} s"
+    return [f"Departs from the paper: Δ_crit is {computed}, not {paper.delta_crit:g} s."]
+
+
+def _shown_error(comparison: Comparison | None) -> str:
+    if comparison is None or comparison.relative_error.interval is None:
+        return ""
+    return numbers.error(comparison.relative_error.interval)
+
+
+def _interval(comparison: Comparison) -> str:
+    if comparison.measured.kind == "homoclinic":
+        return "grows"
+    return numbers.number(comparison.measured.interval, 5)
+
+
+def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
+    rows = []
+    for case in cases:
+        for plant, comparison in case.comparisons.items():
+            if not comparison.predicted.cycle:
+                continue
+            e = comparison.relative_error
+            names = case.first.actual.outputs
+            amplitude = "not on a cycle"
+            if e.amplitude is not None:
+                amplitude = "; ".join(
+                    f"{name} {numbers.error(value)}" if len(names) > 1 else numbers.error(value)
+                    for name, value in zip(names, e.amplitude, strict=True)
+                )
+            rows.append(
+                {
+                    "title": case.first.run.case.title,
+                    "plant": NAME[plant],
+                    "interval": numbers.error(e.interval),
+                    "period": numbers.error(e.period),
+                    "amplitude": amplitude,
+                    "gamma": numbers.error(e.gamma),
+                    "mark": numbers.mark(comparison.measured.converged),
+                }
+            )
+    return rows
