@@ -47,7 +47,7 @@ def study(command: cli.Study) -> None:
             jobs=command.jobs,
             progress=lambda label, done: bar.update(task, completed=done, description=label),
         )
-    OUT.print(_comparison_table(outputs.comparisons))
+    _show(outputs.comparisons)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     OUT.print(f"{len(outputs.logs)} logs, {size:.0f} MB together, in {escape(str(command.out))}")
     OUT.print(f"report   {escape(str(outputs.report))}\nsummary  {escape(str(outputs.summary))}", highlight=False)
@@ -112,7 +112,7 @@ def run(command: cli.Run) -> None:
         log = command.out / f"{run_file.case.name}.{command.plant}.rrd"
         write_log(result, log)
         bar.update(task, completed=1.0)
-    OUT.print(_comparison_table([compare(result)]))
+    _show([compare(result)])
     outcome = result.simulation.outcome
     OUT.print(escape(f"{outcome.kind} at {outcome.t:g} s: {outcome.message}"), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
@@ -125,7 +125,7 @@ def report(command: cli.Report) -> None:
     from icmj.study import report as build
 
     comparisons = build(command.logs, command.out)
-    OUT.print(_comparison_table(comparisons))
+    _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)
 
 
@@ -170,13 +170,14 @@ def _progress() -> Progress:
     return Progress(TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn(), console=ERR, transient=True)
 
 
-def _comparison_table(comparisons: Sequence[Comparison]) -> Table:
-    table = Table(title="Predicted and measured", title_justify="left")
+def _show(comparisons: Sequence[Comparison]) -> None:
+    """The table, and beneath it the verdict of every run that did not settle on a predicted cycle."""
+    table = Table(title="Predicted and measured open-loop interval", title_justify="left")
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
     for column in ("Δ_crit [s]", "measured [s]", "error", "peak error"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("verdict", ratio=1, min_width=30)
+    table.add_column("settled", justify="center")
     for c in comparisons:
         table.add_row(
             escape(c.case),
@@ -185,9 +186,12 @@ def _comparison_table(comparisons: Sequence[Comparison]) -> Table:
             _number(c.measured.interval),
             _error(c.relative_error.interval if c.measured.converged else None),
             _error(c.relative_error.largest_amplitude if c.measured.converged else None),
-            escape(c.words),
+            "yes" if c.measured.converged else "no",
         )
-    return table
+    OUT.print(table)
+    for c in comparisons:
+        if not c.measured.converged:
+            OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
 
 
 def _number(value: float | None) -> str:
