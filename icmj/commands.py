@@ -33,8 +33,7 @@ def execute(command: object) -> None:
 @execute.register
 def study(command: cli.Study) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
-    from icmj.study import find_runs
-    from icmj.study import study as run_study
+    from icmj.study import find_runs, run_study
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")

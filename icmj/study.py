@@ -123,7 +123,9 @@ def log_case(path: Path, plant: PlantKind, folder: Path) -> Path:
     return log
 
 
-def study(runs: Sequence[RunFile], out: Path, *, jobs: int | None = None, progress: Progress | None = None) -> Outputs:
+def run_study(
+    runs: Sequence[RunFile], out: Path, *, jobs: int | None = None, progress: Progress | None = None
+) -> Outputs:
     """Run every case on both plants in ``jobs`` processes, then build the report and the summary from the logs.
 
     Args:

@@ -8,7 +8,7 @@ import pytest
 from icmj.comparison import compare
 from icmj.errors import ModelError, RunFileError
 from icmj.log import read_log
-from icmj.study import find_runs, study
+from icmj.study import find_runs, run_study
 
 CYCLES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1", "neglected-0.1", "neglected-0.5")
 
@@ -16,7 +16,7 @@ CYCLES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1", "negle
 @pytest.fixture(scope="module")
 def outputs(root, tmp_path_factory):
     progress = []
-    result = study(
+    result = run_study(
         find_runs([root / "runs"]), tmp_path_factory.mktemp("study"), progress=lambda label, done: progress.append(done)
     )
     assert progress == sorted(progress)
@@ -100,5 +100,5 @@ def test_two_runs_of_one_name_are_refused(root, tmp_path):
 def test_bad_case_stops_the_study_before_anything_is_written(root, tmp_path):
     shutil.copy(root / "runs" / "simple-0.8.toml", tmp_path)  # its models are not beside it here
     with pytest.raises(ModelError, match="no such model file"):
-        study(find_runs([tmp_path]), tmp_path / "out", jobs=1)
+        run_study(find_runs([tmp_path]), tmp_path / "out", jobs=1)
     assert not (tmp_path / "out").exists()
