@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks import naive_loop
+from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, least
 from benchmarks.scipy_loop import ScipyLoop
 from benchmarks.task import Task, three_link
+from icmj.engine.closed_loop import Rows
 from icmj.runfile import SimulationSettings
 
 DURATION = 15.0
 LAST = 5
 TIMESTEPS = np.array([20, 16, 13, 11, 10, 8, 7, 6, 5, 4.5, 4, 3.5, 3, 2.5, 2]) * 1e-3
-PYTHON_TIMESTEPS = np.array([16, 13, 11, 10, 8, 5, 4]) * 1e-3
+PYTHON_TIMESTEPS = np.array([16, 13, 11, 10, 8, 5, 4.5, 4]) * 1e-3
 RTOL = {"RK45": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "DOP853": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)}
 ATOL = (1e-2, 1e-3)  # relative to rtol; SciPy's default is 1e-3 at its default rtol
 GROUP = "work–precision"
@@ -54,8 +56,8 @@ def rows() -> list[Row]:
     times, state = scipy.run(DURATION, "DOP853", 1e-12, 1e-15)
     exact = Exact(np.diff(times)[-LAST:], scipy.peak(state, "DOP853", 1e-12, 1e-15))
     points = [
-        *_engine(task, exact, True, TIMESTEPS, 5),
-        *_engine(task, exact, False, PYTHON_TIMESTEPS, 1),
+        *_engine(task, exact),
+        *_python(task, exact),
         *_scipy(scipy, exact),
         *_naive(task, exact),
     ]
@@ -97,24 +99,27 @@ def _best(points: Iterable[Point], way: str, target: float) -> Point | None:
     return min(good, key=lambda p: p.seconds, default=None)
 
 
-def _engine(task: Task, exact: Exact, native: bool, timesteps: np.ndarray, repeats: int) -> Iterable[Point]:
-    loop = task.loop(native)
+def _engine(task: Task, exact: Exact) -> Iterable[Point]:
+    loop = task.loop()
     settings = SimulationSettings(duration=DURATION, record_interval=0.01)
 
-    def run(h: float) -> Callable[[], object]:
-        return lambda: loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
+    def run(h: float) -> Rows:
+        return loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
 
-    run(0.01)()  # loads or compiles what is needed
-    for h in timesteps:
-        rows = loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
-        peak = max(rows.y_max[-1, 0], -rows.y_min[-1, 0])
-        yield Point(
-            "icmj" if native else "Python callbacks",
-            f"RK4 {1e3 * h:g} ms",
-            least(run(h), repeats),
-            exact.interval_error(rows.events[:, 0]),
-            abs(peak - exact.peak),
-        )
+    for h in TIMESTEPS:
+        rows = run(h)
+        error = abs(max(rows.y_max[-1, 0], -rows.y_min[-1, 0]) - exact.peak)
+        seconds = least(lambda: run(h), 5)  # noqa: B023 - called at once
+        yield Point("icmj", f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(rows.events[:, 0]), error)
+
+
+def _python(task: Task, exact: Exact) -> Iterable[Point]:
+    for way, loop in (("Python callbacks", PythonLoop(task)), ("stripped Python callbacks", PythonLoop(task, True))):
+        for h in PYTHON_TIMESTEPS:
+            times, peak = loop.run(DURATION, h)
+            seconds = least(lambda: loop.run(DURATION, h), 2)  # noqa: B023 - called at once
+            error = abs(peak - exact.peak) if peak else float("nan")
+            yield Point(way, f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(times), error)
 
 
 def _scipy(loop: ScipyLoop, exact: Exact) -> Iterable[Point]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -96,6 +97,24 @@ def test_plant_and_its_file_are_untouched_and_keyframes_still_fit() -> None:
     np.testing.assert_array_equal(block.K[:, 6:], gains.k)
     np.testing.assert_array_equal(block.M[6:, 6:], gains.A_c)
     np.testing.assert_array_equal(block.N[:6], gains.L)
+
+
+def test_geoms_for_the_eye_are_left_out_and_the_motion_stays_the_same() -> None:
+    body = plant("three_link", 0.9)
+    bare = body.spec.copy().compile()
+    model = compose(body, controller("three_link"), no_disturbance(3))
+    assert bare.ngeom > 20
+    assert model.ngeom == 0
+    ends = []
+    for m in (bare, model):  # no callbacks: both fall freely
+        data = mujoco.MjData(m)
+        data.qpos[:], data.ctrl[:3] = [0.02, -0.01, 0.03], [1.0, -2.0, 0.5]
+        mujoco.mj_step(m, data, nstep=300)
+        ends.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
+    np.testing.assert_array_equal(*ends)
+    wet = body.spec.copy()
+    wet.option.density = 1.2
+    assert compose(replace(body, spec=wet), controller("three_link"), no_disturbance(3)).ngeom == bare.ngeom
 
 
 @pytest.fixture
