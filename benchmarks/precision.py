@@ -114,12 +114,12 @@ def _engine(task: Task, exact: Exact) -> Iterable[Point]:
 
 
 def _python(task: Task, exact: Exact) -> Iterable[Point]:
-    for way, loop in (("Python callbacks", PythonLoop(task)), ("stripped Python callbacks", PythonLoop(task, True))):
+    for way, folded in (("Python callbacks", False), ("folded Python callbacks", True)):
+        loop = PythonLoop(task, folded)
         for h in PYTHON_TIMESTEPS:
             times, peak = loop.run(DURATION, h)
             seconds = least(lambda: loop.run(DURATION, h), 2)  # noqa: B023 - called at once
-            error = abs(peak - exact.peak) if peak else float("nan")
-            yield Point(way, f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(times), error)
+            yield Point(way, f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(times), abs(peak - exact.peak))
 
 
 def _scipy(loop: ScipyLoop, exact: Exact) -> Iterable[Point]:

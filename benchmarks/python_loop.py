@@ -1,9 +1,9 @@
-"""The composed loop driven from Python as fast as Python allows: lean callbacks, ``mj_step``, exact events.
+"""The composed loop driven from Python: RK4 with Python callbacks, ``mj_step``, events as exact as the native loop's.
 
-The package's own plain-Python loop is an oracle, written for reading; this one is written to compare speed with. It
-does what the native loop does: any plant, outputs from the sensors and fresh at every stage, recorded at every step for
-their extremes. *Stripped*, it does only what this one plant needs: outputs are a known sum of joint angles, folded
-into one matrix with the observer, and nothing is recorded.
+It does what the native loop does: outputs from the sensors and fresh at every stage, recorded at every step for their
+extremes. The equations stand as in the paper; *folded*, they are multiplied out beforehand into one matrix each for
+states and outputs, which is as fast as Python gets. (The package's own plain-Python loop is an oracle, written for
+reading, and slower than both.)
 """
 
 from __future__ import annotations
@@ -24,43 +24,44 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 class PythonLoop:
     """RK4 with Python callbacks; events located by secant on a shortened step."""
 
-    def __init__(self, task: Task, stripped: bool = False) -> None:
-        self.stripped = stripped
+    def __init__(self, task: Task, folded: bool) -> None:
+        self.folded = folded
         loop = task.loop()
         self.model, self._start = loop.model, lambda: loop.start(task.x, task.x_o, task.x_o)
-        block = block_of(self.model)
-        assert block is not None
-        self.K, self.M, self.N = (np.array(M) for M in (block.K, block.M, block.N))
-        self.Q_t, self.q2 = np.array(block.Q_t), task.trigger.q_t**2
+        self.block = block_of(self.model)
+        self.controller = task.controller
+        self.Q_t, self.q2 = task.trigger.Q_t, task.trigger.q_t**2
         # all three outputs are sums of joint angles, so that they are known after a step, too
         self.C = task.controller.design.plant.C[:, :3].copy()
-        self.MN = np.hstack([self.M, self.N @ self.C])
 
     def _callbacks(self) -> tuple[Callable[..., None], Callable[..., float]]:
-        K, M, N, MN = self.K, self.M, self.N, self.MN
-        if not self.stripped:
-
-            def control_any(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-                mujoco.mj_sensorPos(model, data)
-                data.ctrl[:3] = -K @ data.act
-
-            def act_dyn_any(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-                data.act_dot[:] = M @ data.act + N @ data.sensordata
-                return 0.0
-
-            return control_any, act_dyn_any
+        gains, A_h = self.controller.design, self.controller.hold.A_h
+        A, B, C, k, L = gains.plant.A, gains.plant.B, gains.plant.C, gains.k, gains.L
+        assert self.block is not None
+        K, M, N = (np.array(matrix) for matrix in (self.block.K, self.block.M, self.block.N))
 
         def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            data.ctrl[:3] = -K @ data.act
+            mujoco.mj_sensorPos(model, data)
+            data.ctrl[:3] = -k @ data.act[6:]
 
         def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-            data.act_dot[:] = MN @ np.concatenate([data.act, data.qpos])
+            x_o, x_h, u = data.act[:6], data.act[6:], data.ctrl[:3]
+            data.act_dot[:6] = A @ x_o + B @ u - L @ (C @ x_o - data.sensordata)
+            data.act_dot[6:] = A_h @ x_h
             return 0.0
 
-        return control, act_dyn
+        def control_folded(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            mujoco.mj_sensorPos(model, data)
+            data.ctrl[:3] = -K @ data.act
+
+        def act_dyn_folded(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+            data.act_dot[:] = M @ data.act + N @ data.sensordata
+            return 0.0
+
+        return (control_folded, act_dyn_folded) if self.folded else (control, act_dyn)
 
     def run(self, duration: float, timestep: float) -> tuple[np.ndarray, float]:
-        """(event times, peak of the first output over the last interval; zero if stripped)."""
+        """(event times, peak of the first output over the last interval)."""
         model, data = self.model, self._start()
         saved = np.empty(mujoco.mj_stateSize(model, STATE))
         times: list[float] = []
@@ -79,14 +80,13 @@ class PythonLoop:
                     times.append(data.time)
                     data.act[6:] = data.act[:6]
                     E_1 = -self.q2
-                if not self.stripped:
-                    row = np.empty(4)
-                    row[0], row[1:] = data.time, self.C @ data.qpos
-                    dense.append(row)
-                    if fired:
-                        rows = np.array(dense)
-                        high, low = extremes(rows[:, 0], rows[:, 1:])
-                        peak, dense = max(high[0], -low[0]), dense[-1:]
+                row = np.empty(4)
+                row[0], row[1:] = data.time, self.C @ data.qpos
+                dense.append(row)
+                if fired:
+                    rows = np.array(dense)
+                    high, low = extremes(rows[:, 0], rows[:, 1:])
+                    peak, dense = max(high[0], -low[0]), dense[-1:]
                 E = E_1
         return np.array(times), peak
 
