@@ -7,6 +7,7 @@ from functools import singledispatch
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -170,19 +171,19 @@ def _progress() -> Progress:
 
 
 def _show(comparisons: Sequence[Comparison]) -> None:
-    """The table, and beneath it the verdict of every run that did not settle on a predicted cycle."""
-    table = Table(title="Predicted and measured open-loop interval", title_justify="left")
+    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
+    table = Table(title="Predicted and measured open-loop interval", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
     for column in ("Δ_crit [s]", "measured [s]", "error", "peak error"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("settled", justify="center")
+    table.add_column("cycle", justify="center", no_wrap=True)
     for c in comparisons:
         table.add_row(
             escape(c.case),
             c.plant,
             _number(c.predicted.delta_crit),
-            _number(c.measured.interval),
+            _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
             _error(c.relative_error.interval if c.measured.converged else None),
             _error(c.relative_error.largest_amplitude if c.measured.converged else None),
             "yes" if c.measured.converged else "no",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from icmj.attractors import Attractor
 from icmj.controller import Controller
 from icmj.linear_plant import Array, LinearPlant
 from icmj.measurement import Measurement
@@ -99,6 +100,7 @@ class Result:
         law: amplitude law, or ``None`` if not run.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
+        attractors: motions found from random starts of the linear plant; empty if not searched.
     """
 
     run: RunFile
@@ -113,3 +115,4 @@ class Result:
     law: AmplitudeLaw | None = None
     scene: Scene | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
+    attractors: tuple[Attractor, ...] = ()

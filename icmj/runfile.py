@@ -134,10 +134,15 @@ class SimulationSettings(Section):
 
 
 class Study(Section):
-    """What the study adds to one run: clock-driven points for panel (a), thresholds for the amplitude law."""
+    """What the study adds to one run.
+
+    Clock-driven points for panel (a), thresholds for the amplitude law, random starts in search of attractors.
+    """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8
     law_q_t: list[Positive] = []
+    attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
+    seed: Annotated[int, Field(ge=0)] = 0
     magnification: Positive = 10.0
 
 

@@ -15,7 +15,8 @@ from icmj.errors import IcmjError, RunFileError
 from icmj.runfile import RunFile, load_run
 
 if TYPE_CHECKING:
-    from icmj.case import PlantKind
+    from icmj.attractors import Attractor
+    from icmj.case import Case, PlantKind
     from icmj.comparison import Comparison
     from icmj.result import Result
 
@@ -86,6 +87,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     continuous = simulate(case, plant, trigger=Continuous(), progress=lambda done: report(0.5 + 0.1 * done))
     growth = measure_growth(case, plant, run.study.growth_points)
     report(0.75)
+    found = _attractors(case) if plant == "linear" else ()
     law = measure_law(case, run.study.law_q_t) if plant == "mujoco" else None
     report(0.9)
     return Result(
@@ -99,9 +101,20 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         measurement=measure(simulation, T_hat=case.system.T_hat),
         growth=growth,
         law=law,
+        attractors=found,
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
     )
+
+
+def _attractors(case: Case) -> tuple[Attractor, ...]:
+    from icmj.attractors import attractors
+
+    study = case.run.study
+    if study.attractor_starts == 0:
+        return ()
+    plant, settings = case.actual.linearisation.plant, case.run.simulation
+    return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
 
 
 def check(path: Path) -> None:

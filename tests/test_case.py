@@ -62,7 +62,11 @@ def test_refinement_divides_the_timestep(root):
     ("old", "new", "words"),
     [
         ("{ hinge = 0.02 }", "{ hip = 0.02 }", "simulation.initial: no 'hip' in the model; expected one of hinge"),
-        ("[study]", '[[simulation.disturbance]]\nkind = "step"\ninput = "x"\nsize = 1.0\n[study]', "no 'x' in the model"),
+        (
+            "[study]",
+            '[[simulation.disturbance]]\nkind = "step"\ninput = "x"\nsize = 1.0\n[study]',
+            "no 'x' in the model",
+        ),
     ],
 )
 def test_names_the_model_does_not_have_are_refused_first(root, old, new, words):
@@ -77,3 +81,16 @@ def test_a_design_error_names_the_run_file(root):
     text = path.read_text(encoding="utf-8").replace('Q_c = "output"', "Q_c = [1.0, 1.0, 1.0]")
     with pytest.raises(DesignError, match=r"simple-0.8.toml: weight Q_c"):
         prepare(parse_run(text, path))
+
+
+def test_exact_model_in_mujoco_has_an_interval_that_grows_with_the_logarithm_of_the_threshold(root):
+    """The plant's departure from its linear model is cubic: the hold error starts at q_t³ and grows as e^Δ to q_t,
+    so the interval grows by 2 ln 10 for each decade, without bound."""
+    path = root / "runs" / "simple-exact.toml"
+    text = path.read_text(encoding="utf-8").replace("duration = 60.0", "duration = 90.0")
+    intervals = []
+    for q_t in (1e-2, 1e-3):
+        changed = text.replace("q_t = 0.01 ", f"q_t = {q_t} ").replace("hinge = 0.02", f"hinge = {2 * q_t}")
+        run = simulate(prepare(parse_run(changed, path)), "mujoco")
+        intervals.append(run.events.interval[-1])
+    assert intervals[1] - intervals[0] == pytest.approx(2 * np.log(10), rel=2e-3)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.attractors import Attractor
 from icmj.controller import ClockTrigger, Continuous, Controller, EventTrigger, Hold
 from icmj.design import Design
 from icmj.errors import IcmjError, LogError
@@ -29,7 +30,20 @@ _CLASSES = {
     cls.__name__: cls
     for cls in (
         *(LinearPlant, Design, Hold, EventTrigger, ClockTrigger, Continuous, Controller),
-        *(Crossing, Orbit, Locus, Prediction, Events, Outcome, Simulation, Measurement, Growth, AmplitudeLaw, Result),
+        *(
+            Crossing,
+            Orbit,
+            Locus,
+            Prediction,
+            Events,
+            Outcome,
+            Simulation,
+            Measurement,
+            Growth,
+            AmplitudeLaw,
+            Attractor,
+            Result,
+        ),
     )
 }
 _LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities

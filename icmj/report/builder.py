@@ -6,6 +6,7 @@ import base64
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -67,6 +68,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
         sections.statements(cases),
         sections.figures(cases, panels),
         sections.law(cases, laws, first_number=len(cases) + 1),
+        sections.attractors(cases),
         sections.designs(cases),
         sections.settings(cases),
     ]
@@ -78,6 +80,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
         lstrip_blocks=True,
     )
     environment.filters["notation"] = notation
+    environment.globals["next_table"] = count(1).__next__
     return environment.get_template("page.html.j2").render(
         title=TITLE,
         subtitle=SUBTITLE,

@@ -1,5 +1,6 @@
 """The sections of the page, each a function from the cases to a heading, a template and what it prints."""
 
+from icmj.report.sections.attractors import attractors
 from icmj.report.sections.figures import figures, law
 from icmj.report.sections.plants import designs, matrix, settings
 from icmj.report.sections.section import Picture, Section
@@ -11,6 +12,7 @@ __all__ = [
     "Section",
     "abstract",
     "agrees_with_paper",
+    "attractors",
     "designs",
     "figures",
     "law",

@@ -38,10 +38,4 @@ def statements(cases: Sequence[CaseRuns]) -> Section:
 
 def _note(case: CaseRuns) -> str:
     """The run file's note on a case that the paper does not have, and what its runs say beyond the prediction."""
-    parts = [case.first.run.case.paper.note or "Not in the paper.", *verdicts(case)]
-    if case.prediction.delta_crit is None and case.mujoco is not None and case.mujoco.measurement.kind == "cycle":
-        parts.append(
-            "The controller’s model is exact for the linear plant only: for MuJoCo’s plant its linearity is a small "
-            "error, which ends the growth of the intervals."
-        )
-    return " ".join(parts)
+    return " ".join([case.first.run.case.paper.note or "Not in the paper.", *verdicts(case)])

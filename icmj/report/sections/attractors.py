@@ -1,0 +1,52 @@
+"""Coexisting attractors, as found from random starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from icmj.attractors import Attractor
+from icmj.comparison import settled_on_prediction
+from icmj.report import numbers
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.section import Section
+
+
+def attractors(cases: Sequence[CaseRuns]) -> Section | None:
+    """Every motion found for each case, or ``None`` where no log holds a search."""
+    rows = [
+        {
+            "title": case.first.run.case.title if i == 0 else "",
+            "motion": motion(found),
+            "intervals": _intervals(found),
+            "peak": f"{numbers.number(float(np.degrees(np.max(found.measurement.amplitude))), 3)}°",
+            "starts": f"{found.count} of {round(found.count / found.share)}",
+            "mark": numbers.mark(settled_on_prediction(case.prediction, found.measurement)),
+        }
+        for case in cases
+        if case.linear is not None
+        for i, found in enumerate(case.linear.attractors)
+    ]
+    return Section("attractors", "Coexisting attractors", "attractors.html.j2", {"rows": rows}) if rows else None
+
+
+def motion(found: Attractor) -> str:
+    """What the motion is, in few words."""
+    measurement = found.measurement
+    match measurement.kind:
+        case "cycle":
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"{'mirrored ' if measurement.mirrored else ''}cycle of {events}"
+        case "homoclinic":
+            return "intervals grow without bound"
+        case kind:
+            return kind
+
+
+def _intervals(found: Attractor) -> str:
+    measurement = found.measurement
+    if measurement.kind != "cycle":
+        return numbers.MISSING
+    distinct = measurement.intervals[: len(measurement.intervals) // (2 if measurement.mirrored else 1)]
+    return ", ".join(numbers.number(float(interval), 5) for interval in distinct)
