@@ -190,8 +190,9 @@ def close_loop(
 def _implementation(native: bool) -> tuple[Any, Any, Any, Find]:
     """The loop's class, the callbacks that go with it, and what finds extremes."""
     if native:
-        from icmj.engine.native import NativeLoop, callbacks
-        from icmj.engine.native import extremes as compiled_extremes
+        from icmj.engine.native_callbacks import callbacks
+        from icmj.engine.native_extremes import extremes as compiled_extremes
+        from icmj.engine.native_loop import NativeLoop
 
         return NativeLoop, *callbacks(), compiled_extremes
     return reference.ReferenceLoop, reference.control, reference.act_dyn, extremes

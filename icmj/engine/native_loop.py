@@ -1,11 +1,6 @@
-"""The controller as native callbacks and the event loop as one compiled function; caches itself on disk.
+"""The event loop as one compiled function; what :mod:`icmj.engine.reference` does in plain Python, statement by statement.
 
-Everything here repeats :mod:`icmj.engine.reference`, statement by statement, without Python in the inner loop. The
-compiled code reads and writes MuJoCo's structs in place and calls the engine's functions by their symbols, so that
-numba can keep it on disk and the next process starts without compiling. It runs without the GIL, and holds no state
-of its own: runs on different models may go on in different threads.
-
-Nothing native can raise; a run that goes wrong comes back as a status.
+It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
 """
 
 # numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
@@ -15,45 +10,25 @@ from __future__ import annotations
 
 import ctypes
 from collections import namedtuple
-from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-import llvmlite.binding  # type: ignore[import-untyped]
 import mujoco
-import numba
 import numpy as np
-from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import types
 
 from icmj.engine import composition, reference, structs
+from icmj.engine.compilation import compiled, inlined, load_engine
 from icmj.engine.composition import Block, Slot, block_of
-from icmj.engine.extremes import POINTS
 from icmj.engine.recording import Recording, Status
-from icmj.engine.reference import SPLITS
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 from icmj.errors import ModelError
 from icmj.linear_plant import Array
 
-
-def _load_engine() -> None:
-    """Make the engine's symbols known to compiled code."""
-    folder = Path(mujoco.__file__).parent
-    libraries = [*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]
-    if not libraries:
-        raise ModelError(f"{folder}: no MuJoCo library here; use the plain-Python loop (native=False)")
-    llvmlite.binding.load_library_permanently(str(libraries[0]))
-
-
-_load_engine()
+load_engine()
 
 # pointers travel as integers of their size: the same registers, and no type to convert
 _m_d = types.void(types.intp, types.intp)
 _forward = types.ExternalFunction("mj_forward", _m_d)
-_sensor_pos = types.ExternalFunction("mj_sensorPos", _m_d)
-_sensor_vel = types.ExternalFunction("mj_sensorVel", _m_d)
 _euler = types.ExternalFunction("mj_Euler", _m_d)
 _implicit = types.ExternalFunction("mj_implicit", _m_d)
 _mj_step = types.ExternalFunction("mj_step", _m_d)
@@ -62,16 +37,11 @@ _differentiate_pos = types.ExternalFunction(
     "mj_differentiatePos", types.void(types.intp, types.intp, types.float64, types.intp, types.intp)
 )
 
-# Constants that compiled code freezes. numba recompiles when this file changes, or when closure variables do, which
-# is how MuJoCo's layout enters (see callbacks); code gone stale in any other way is caught at start-up by _verify.
-_MAGIC, _VERSION, _HEADER = composition.MAGIC, composition.VERSION, composition.HEADER
-_S_MAGIC, _S_VERSION, _S_N_HAT, _S_N_U = int(Slot.MAGIC), int(Slot.VERSION), int(Slot.N_HAT), int(Slot.N_U)
-_S_N_Y, _S_ACT, _S_STAGE, _S_PHASE = int(Slot.N_Y), int(Slot.ACT), int(Slot.STAGE), int(Slot.PHASE)
-_S_TERMS, _S_TRIGGER = int(Slot.TERMS), int(Slot.TRIGGER)
-_CONTINUOUS, _EVENT, _CLOCK = composition.CONTINUOUS, composition.EVENT, composition.CLOCK
+# constants that compiled code freezes
+_EVENT, _CLOCK = composition.EVENT, composition.CLOCK
 _RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
 _DIVERGED, _WARNED = int(Status.DIVERGED), int(Status.WARNED)
-_TOLERANCE, _SPLITS, _POINTS = EVENT_TOLERANCE, SPLITS, POINTS
+_TOLERANCE, _SPLITS = EVENT_TOLERANCE, reference.SPLITS
 _RK4, _EULER, _IMPLICIT, _STEP = 0, 1, 2, 3
 _INTEGRATORS = {
     int(mujoco.mjtIntegrator.mjINT_RK4): _RK4,
@@ -80,186 +50,6 @@ _INTEGRATORS = {
     int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): _IMPLICIT,
     int(mujoco.mjtIntegrator.mjINT_DISCRETE): _STEP,
 }
-
-
-def compiled(function: Callable[..., Any]) -> Any:
-    """``numba.njit`` without the GIL, kept on disk where numba finds a folder that it may write to."""
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    except RuntimeError:  # no folder for the cache: compile in every process
-        return numba.njit(nogil=True, error_model="numpy")(function)
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """:func:`compiled` into its callers: a call would copy all arguments, which here are many.
-
-    Sums may be reassociated, so that they vectorise; the order is fixed at compile time all the same.
-    """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True}
-    options["fastmath"] = {"reassoc", "contract"}
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        return numba.njit(**options)(function)
-
-
-def _cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    def decorate(function: Callable[..., Any]) -> Any:
-        try:
-            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
-        except RuntimeError:
-            return numba.cfunc(signature, error_model="numpy")(function)
-
-    return decorate
-
-
-@intrinsic
-def _pointer(typing_context: Any, address: Any) -> Any:
-    """An address as a ``voidptr``."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.intp), codegen
-
-
-@inlined
-def _word(base, at):  # type: ignore[no-untyped-def]
-    """The 64-bit word (size or pointer) at ``base + at``."""
-    return carray(_pointer(base + at), 1, np.int64)[0]
-
-
-# --- callbacks ------------------------------------------------------------------------------------------------------
-
-
-@inlined
-def _dot(values, at, act, start, n):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for j in range(n):
-        total += values[at + j] * act[start + j]
-    return total
-
-
-@inlined
-def _control(header, values, act, ctrl, time):  # type: ignore[no-untyped-def]
-    """ctrl = ctrl_0 − K a + d(t); ``values`` are the blocks after the header."""
-    n, n_u, n_y = int(header[_S_N_HAT]), int(header[_S_N_U]), int(header[_S_N_Y])
-    at = 4 * n * n + 2 * n * n_y
-    constant = at + 2 * n * n_u + n * n + n_y
-    # K has one half that is not zero: for x_h, or for x_o under continuous control
-    used = 0 if header[_S_TRIGGER] == _CONTINUOUS else n
-    for i in range(n_u):
-        ctrl[i] = values[constant + i] - _dot(values, at + used, act, used, n)
-        at += 2 * n
-    phase = header[_S_PHASE]
-    if phase < 0:
-        phase = time
-    at = constant + n_u
-    for _ in range(int(header[_S_TERMS])):
-        if values[at + 4] <= phase < values[at + 5]:
-            ctrl[int(values[at])] += values[at + 1] * np.cos(values[at + 2] * time + values[at + 3])
-        at += 6
-
-
-@inlined
-def _rates(header, values, act, y, rate):  # type: ignore[no-untyped-def]
-    """ȧ = M a + N (y − y_0), without the halves of M and N that are zero."""
-    n, n_u, n_y = int(header[_S_N_HAT]), int(header[_S_N_U]), int(header[_S_N_Y])
-    size = 2 * n
-    continuous = header[_S_TRIGGER] == _CONTINUOUS
-    used = n if continuous else size
-    at_N = size * size
-    at_y = at_N + size * n_y + size * n_u + n * n
-    for i in range(n):
-        rate[i] = _dot(values, i * size, act, 0, used)
-    for j in range(n_y):
-        departure = y[j] - values[at_y + j]
-        for i in range(n):
-            rate[i] += values[at_N + i * n_y + j] * departure
-    if continuous:
-        for i in range(n):
-            rate[n + i] = rate[i]
-    else:
-        for i in range(n, size):
-            rate[i] = _dot(values, i * size + n, act, n, n)
-
-
-@cache
-def callbacks() -> tuple[Any, Any]:
-    """(control, act_dyn) as ctypes function objects for MuJoCo.
-
-    They act on composed models only; on others, the compiler's temporary model included, they do nothing.
-    """
-    # closure variables are part of numba's cache key, so another layout compiles anew
-    nu, n_numeric = structs.offset("mjModel", "nu"), structs.offset("mjModel", "nnumeric")
-    numeric_adr, numeric_size, numeric_data = (
-        structs.offset("mjModel", f"numeric_{part}") for part in ("adr", "size", "data")
-    )
-    na = structs.offset("mjModel", "na")
-    actadr, actnum, dyntype, dynprm = (
-        structs.offset("mjModel", f"actuator_{part}") for part in ("actadr", "actnum", "dyntype", "dynprm")
-    )
-    time, ctrl, act, act_dot, sensordata = (
-        structs.offset("mjData", part) for part in ("time", "ctrl", "act", "act_dot", "sensordata")
-    )
-    n_dyn, user = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
-    velocity = int(mujoco.mjtStage.mjSTAGE_VEL)
-
-    @_cfunc(types.void(types.intp, types.intp))
-    def control(m, d):  # type: ignore[no-untyped-def]
-        k = _word(m, n_numeric) - 1
-        if k < 0 or carray(_pointer(_word(m, numeric_size)), k + 1, np.int32)[k] < _HEADER:
-            return
-        at = _word(m, numeric_data) + 8 * carray(_pointer(_word(m, numeric_adr)), k + 1, np.int32)[k]
-        header = carray(_pointer(at), _HEADER, np.float64)
-        if header[_S_MAGIC] != _MAGIC or header[_S_VERSION] != _VERSION:
-            return
-        n, start = int(header[_S_N_HAT]), int(header[_S_ACT])
-        if _word(m, nu) != header[_S_N_U] + 1 or _word(m, na) != start + 2 * n:
-            return
-        _sensor_pos(m, d)
-        if header[_S_STAGE] >= velocity:
-            _sensor_vel(m, d)
-        values = carray(_pointer(at + 8 * _HEADER), 1 << 40, np.float64)
-        a = carray(_pointer(_word(d, act) + 8 * start), 2 * n, np.float64)
-        u = carray(_pointer(_word(d, ctrl)), int(header[_S_N_U]), np.float64)
-        _control(header, values, a, u, carray(_pointer(d + time), 1, np.float64)[0])
-
-    @_cfunc(types.float64(types.intp, types.intp, types.int32))
-    def act_dyn(m, d, actuator):  # type: ignore[no-untyped-def]
-        k = _word(m, n_numeric) - 1
-        if k < 0 or carray(_pointer(_word(m, numeric_size)), k + 1, np.int32)[k] < _HEADER:
-            return 0.0
-        at = _word(m, numeric_data) + 8 * carray(_pointer(_word(m, numeric_adr)), k + 1, np.int32)[k]
-        header = carray(_pointer(at), _HEADER, np.float64)
-        if header[_S_MAGIC] != _MAGIC or header[_S_VERSION] != _VERSION:
-            return 0.0
-        n, start = int(header[_S_N_HAT]), int(header[_S_ACT])
-        if _word(m, nu) != header[_S_N_U] + 1 or _word(m, na) != start + 2 * n:
-            return 0.0
-        a = carray(_pointer(_word(d, act)), start + 2 * n, np.float64)
-        rate = carray(_pointer(_word(d, act_dot)), start + 2 * n, np.float64)
-        if actuator == _word(m, nu) - 1:
-            values = carray(_pointer(at + 8 * _HEADER), 1 << 40, np.float64)
-            y = carray(_pointer(_word(d, sensordata)), int(header[_S_N_Y]), np.float64)
-            _rates(header, values, a[start:], y, rate[start:])
-            return 0.0
-        # one of the plant's own actuators: a second-order lag, or none of ours
-        count = carray(_pointer(_word(m, actnum)), actuator + 1, np.int32)[actuator]
-        kind = carray(_pointer(_word(m, dyntype)), actuator + 1, np.int32)[actuator]
-        parameters = carray(_pointer(_word(m, dynprm) + 8 * n_dyn * actuator), n_dyn, np.float64)
-        if kind == user and count == 2 and parameters[0] > 0:
-            first = carray(_pointer(_word(m, actadr)), actuator + 1, np.int32)[actuator]
-            u = carray(_pointer(_word(d, ctrl)), actuator + 1, np.float64)[actuator]
-            w = parameters[0]
-            rate[first] = w * w * (u - a[first + 1]) - 2 * parameters[1] * w * a[first]
-            rate[first + 1] = a[first]
-        return 0.0
-
-    return control.ctypes, act_dyn.ctypes
-
-
-# --- the loop -------------------------------------------------------------------------------------------------------
 
 # What the compiled loop works on. Arrays are views of the engine's memory or the loop's own state; scalars that change
 # are arrays of one. ``clocks`` is (grid, last event, next record, step begin, step end, step length); ``counters`` is
@@ -524,78 +314,6 @@ def _advance(run, dense, samples, events, event_at, count, steps):  # type: igno
             break
     counters[1] = 1 if armed else 0
     return status
-
-
-# --- extremes -------------------------------------------------------------------------------------------------------
-
-
-@compiled
-def _peak(s, z, c):  # type: ignore[no-untyped-def]
-    """Maximum near the highest point of the polynomial through (s, z); ``c`` is scratch of the same length."""
-    size = len(s)
-    top = 0
-    for i in range(size):
-        c[i] = z[i]
-        if z[i] > z[top]:
-            top = i
-    # Newton's divided differences, then the coefficients of the powers (Björck and Pereyra)
-    for k in range(size - 1):
-        for i in range(size - 1, k, -1):
-            c[i] = (c[i] - c[i - 1]) / (s[i] - s[i - k - 1])
-    for k in range(size - 2, -1, -1):
-        for i in range(k, size - 1):
-            c[i] -= c[i + 1] * s[k]
-    low, high = s[max(top - 1, 0)], s[min(top + 1, size - 1)]
-    at, value = s[top], 0.0
-    for _ in range(9):
-        value, d1, d2 = 0.0, 0.0, 0.0
-        for i in range(size - 1, -1, -1):
-            d2 = d2 * at + 2 * d1
-            d1 = d1 * at + value
-            value = value * at + c[i]
-        if d2 < 0:
-            at = min(max(at - d1 / d2, low), high)
-    return max(value, z[top])
-
-
-@compiled
-def _extremes(t, y, high, low):  # type: ignore[no-untyped-def]
-    gap = 0.05 * (t[-1] - t[0]) / max(len(t) - 1, 1)
-    kept = np.empty(len(t), np.int64)
-    n = 0
-    for i in range(len(t)):
-        inside = 0 < i < len(t) - 1
-        if not inside or min(t[i] - t[i - 1], t[i + 1] - t[i]) > gap:
-            kept[n] = i
-            n += 1
-    size = min(_POINTS, n)
-    s, z, c = np.empty(size), np.empty(size), np.empty(size)
-    for column in range(y.shape[1]):
-        top, bottom = -np.inf, np.inf
-        for i in range(len(t)):
-            top, bottom = max(top, y[i, column]), min(bottom, y[i, column])
-        for i in range(1, n - 1):
-            before, here, after = y[kept[i - 1], column], y[kept[i], column], y[kept[i + 1], column]
-            for sign in (1.0, -1.0):
-                peak = sign * here >= sign * before and sign * here >= sign * after
-                peak = peak or (i == 1 and sign * before > sign * here)
-                peak = peak or (i == n - 2 and sign * after > sign * here)
-                if peak:
-                    first = min(max(i - size // 2, 0), n - size)
-                    begin, scale = t[kept[first]], (t[kept[first + size - 1]] - t[kept[first]]) / 2
-                    for j in range(size):
-                        s[j] = (t[kept[first + j]] - begin) / scale - 1
-                        z[j] = sign * y[kept[first + j], column]
-                    value = sign * _peak(s, z, c)
-                    top, bottom = max(top, value), min(bottom, value)
-        high[column], low[column] = top, bottom
-
-
-def extremes(t: Array, y: Array) -> tuple[Array, Array]:
-    """:func:`icmj.engine.extremes.extremes`, compiled."""
-    high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
-    _extremes(t, y, high, low)
-    return high, low
 
 
 class NativeLoop:
