@@ -18,8 +18,8 @@ ICMJ = "from icmj.cli import main; main()"
 # where a profile shows that the time went: label, end of the file's name, function
 PARTS = [
     ("imports", "importlib._bootstrap>", "_find_and_load"),
-    ("compiled code from the disk cache", "engine/native.py", "decorate"),
-    ("stepping", "engine/native.py", "_advance"),
+    ("compiled code from the disk cache", "engine/compilation.py", "decorate"),
+    ("stepping", "engine/native_loop.py", "_advance"),
     ("writing the log", "log/writer.py", "write_log"),
 ]
 

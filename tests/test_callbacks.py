@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 from icmj.engine.callbacks import installed
-from icmj.engine.native import callbacks
+from icmj.engine.native_callbacks import callbacks
 
 
 def now() -> tuple[object, object]:

@@ -18,7 +18,7 @@ from icmj.engine import reference
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.composition import NAME, Slot, block_of, compose
-from icmj.engine.native import callbacks
+from icmj.engine.native_callbacks import callbacks
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.linear_plant import LinearPlant, transformation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.engine import native
+from icmj.engine import native_extremes
 from icmj.engine.extremes import ExtremesTracker, extremes
 
 
@@ -13,7 +13,7 @@ def signal(t: np.ndarray) -> np.ndarray:
     return np.column_stack([np.sin(7 * t) * np.exp(-0.3 * t), np.cos(20 * t + 1) + t, np.exp(t)])
 
 
-@pytest.mark.parametrize("find", [extremes, native.extremes])
+@pytest.mark.parametrize("find", [extremes, native_extremes.extremes])
 def test_extremes_converge_at_sixth_order(find) -> None:  # type: ignore[no-untyped-def]
     fine = signal(np.linspace(0, 1.3, 2_000_001))
     errors = []
@@ -32,7 +32,7 @@ def test_compiled_and_numpy_agree_on_random_spans() -> None:
         m = int(random.integers(1, 40))
         t = np.cumsum(random.choice([1e-13, 1e-3, 0.03, 0.03, 0.03], size=m))
         y = np.column_stack([np.sin(9 * t + random.normal()), np.cos(5 * t) * t])
-        for a, b in zip(extremes(t, y), native.extremes(t, y), strict=True):
+        for a, b in zip(extremes(t, y), native_extremes.extremes(t, y), strict=True):
             np.testing.assert_allclose(a, b, atol=1e-12)
 
 

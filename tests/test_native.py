@@ -16,8 +16,9 @@ from engine_cases import controller, plant
 from icmj.controller import ClockTrigger, Continuous, Trigger
 from icmj.engine import composition, structs
 from icmj.engine.callbacks import installed
+from icmj.engine.compilation import compiled
 from icmj.engine.loop import simulate
-from icmj.engine.native import callbacks, compiled
+from icmj.engine.native_callbacks import callbacks
 from icmj.errors import ModelError
 from icmj.runfile import SimulationSettings
 from icmj.simulation import Simulation
@@ -137,11 +138,11 @@ CHILD = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from engine_cases import controller, plant
-from icmj.engine import native
+from icmj.engine import native_loop
 from icmj.engine.loop import simulate
 from icmj.runfile import SimulationSettings
 run = simulate(plant("pendulum", 0.8), controller("pendulum"), SimulationSettings(duration=2.0), x0=[0.1, 0.0])
-stats = native._advance.stats
+stats = native_loop._advance.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(float(run.events.t[-1])))
 """
 

@@ -1,8 +1,8 @@
 """How this package compiles: with numba, without the GIL, kept on disk, the engine's functions within reach.
 
-Compiled code reads and writes MuJoCo's structs in place and calls the engine's functions by their symbols, so that numba
-can keep it on disk and the next process starts without compiling. numba compiles anew when the source file changes that
-a function stands in, or its closure variables do; so a module of compiled functions calls none of another module.
+Compiled code reads and writes MuJoCo's structs in place and calls the engine's functions by their symbols, so that
+numba can keep it on disk and the next process starts without compiling. numba compiles anew when the source file
+changes that a function stands in, or its closure variables do; so no compiled function calls one of another module.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The event loop as one compiled function; what :mod:`icmj.engine.reference` does in plain Python, statement by statement.
+"""The event loop as one compiled function.
 
-It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
+It is :mod:`icmj.engine.reference` statement by statement. It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
 """
 
 # numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
