@@ -1,6 +1,7 @@
 """The event loop as one compiled function.
 
-It is :mod:`icmj.engine.reference` statement by statement. It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
+It is :mod:`icmj.engine.reference` statement by statement. It runs without the GIL and cannot raise: a run that goes
+wrong comes back as a status.
 """
 
 # numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
