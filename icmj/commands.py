@@ -1,4 +1,4 @@
-"""What each command does and shows; see :mod:`icmj.cli` for their arguments."""
+"""What each command does and shows; see :mod:`icmj.arguments` for their arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from icmj import cli
+from icmj import arguments
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def execute(command: object) -> None:
 
 
 @execute.register
-def study(command: cli.Study) -> None:
+def study(command: arguments.Study) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
     from icmj.study import find_runs, run_study
 
@@ -54,7 +54,7 @@ def study(command: cli.Study) -> None:
 
 
 @execute.register
-def analyse(command: cli.Analyse) -> None:
+def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case import prepare
     from icmj.plain import plain_prediction
@@ -97,7 +97,7 @@ def analyse(command: cli.Analyse) -> None:
 
 
 @execute.register
-def run(command: cli.Run) -> None:
+def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, print what it did beside the prediction."""
     from icmj.comparison import compare
     from icmj.log import write_log
@@ -120,7 +120,7 @@ def run(command: cli.Run) -> None:
 
 
 @execute.register
-def report(command: cli.Report) -> None:
+def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.study import report as build
 
@@ -130,7 +130,7 @@ def report(command: cli.Report) -> None:
 
 
 @execute.register
-def replay(command: cli.Replay) -> None:
+def replay(command: arguments.Replay) -> None:
     """Open, serve or picture a log."""
     from icmj.log.replay import replay as show
 
@@ -138,7 +138,7 @@ def replay(command: cli.Replay) -> None:
 
 
 @execute.register
-def linearise(command: cli.Linearise) -> None:
+def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.engine.plant import load_plant
     from icmj.plain import plain_linearisation
@@ -172,7 +172,9 @@ def _progress() -> Progress:
 
 def _show(comparisons: Sequence[Comparison]) -> None:
     """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
-    table = Table(title="Predicted and measured open-loop interval", title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title="Predicted and measured open-loop interval", title_justify="left", box=SIMPLE_HEAD, pad_edge=False
+    )
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
     for column in ("Δ_crit [s]", "measured [s]", "error", "peak error"):

@@ -20,8 +20,11 @@ from icmj.measurement import Measurement
 from icmj.result import AmplitudeLaw, Growth, Result
 from icmj.runfile import parse_run
 from icmj.simulation import Events, Outcome, Simulation
+from icmj.theory.crossings import Crossing
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import Crossing, Locus, Orbit, Prediction
+from icmj.theory.locus import Locus
+from icmj.theory.orbit import Orbit
+from icmj.theory.prediction import Prediction
 
 MODELS = Path(__file__).parent.parent / "models"
 TEXT = """# a comment with ζ, kept

@@ -8,9 +8,10 @@ from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 
 from icmj.controller import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
+from icmj.theory.crossings import Crossing
 from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
 from icmj.theory.error_system import error_system
-from icmj.theory.prediction import Crossing, critical_crossing, predict
+from icmj.theory.prediction import critical_crossing, predict
 
 PUBLISHED = {
     "b=0.8": (1.807, 1, True, "attracting"),

@@ -24,7 +24,10 @@ from icmj.measurement import Measurement
 from icmj.result import AmplitudeLaw, Growth, Result
 from icmj.runfile import RunFile, parse_run
 from icmj.simulation import Events, Outcome, Simulation
-from icmj.theory.prediction import Crossing, Locus, Orbit, Prediction
+from icmj.theory.crossings import Crossing
+from icmj.theory.locus import Locus
+from icmj.theory.orbit import Orbit
+from icmj.theory.prediction import Prediction
 
 _CLASSES = {
     cls.__name__: cls

@@ -17,7 +17,7 @@ from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result import Result
 from icmj.simulation import Simulation
-from icmj.theory.prediction import Orbit
+from icmj.theory.orbit import Orbit
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,6 @@ from icmj.errors import AnalysisError
 from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.prediction import Crossing
 
 Kind = Literal["+1", "-1", "complex"]
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
@@ -53,6 +52,25 @@ _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-pane
 _DROWNED = 1e8
 
 Spectrum = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One crossing of the unit circle by an eigenvalue of φ(Δ).
+
+    Attributes:
+        delta: Δ at the crossing [s].
+        eigenvalue: where on the circle (the one with Im ≥ 0 of a complex pair).
+        kind: ``+1``, ``-1`` or ``complex`` (a pair: Neimark–Sacker).
+        direction: ``rising`` (outwards with growing Δ), ``falling`` or ``tangent``.
+        largest_other: largest magnitude of the other eigenvalues there.
+    """
+
+    delta: float
+    eigenvalue: complex
+    kind: Literal["+1", "-1", "complex"]
+    direction: Literal["rising", "falling", "tangent"]
+    largest_other: float
 
 
 @dataclass(frozen=True, eq=False)

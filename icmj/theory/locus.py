@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,12 +11,29 @@ from icmj.errors import AnalysisError
 from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.prediction import Locus
 
 POINTS = 256
 _HALVINGS = 4
 _CLEAR = 0.3  # an eigenvalue is followed safely if it moves less than this part of the way to its neighbour
 _NEGLIGIBLE = 1e-3  # moves below this are not worth a finer grid
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """Eigenvalues of φ(Δ) over a range of Δ, each branch followed continuously (panels (a) and (b)).
+
+    Attributes:
+        delta: Δ [s], shape (M,).
+        eigenvalues: shape (M, n + n̂).
+    """
+
+    delta: Array
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def largest(self) -> Array:
+        """Largest |λ| at each Δ, shape (M,)."""
+        return np.abs(self.eigenvalues).max(axis=1)
 
 
 def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:

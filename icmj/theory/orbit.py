@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from icmj.controller import EventTrigger
@@ -10,11 +12,51 @@ from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 from icmj.theory.polynomial import Maxima, maxima
-from icmj.theory.prediction import Orbit
 
 SAMPLES = 256
 # E closer to zero than this (relative to q_t²) counts as reached: an event rule in floating point would fire
 TOUCH = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """The periodic orbit that the linear theory predicts, over one interval; mirrored in the next if ``sign`` is −1.
+
+    Attributes:
+        delta: open-loop interval Δ_crit [s].
+        sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
+        period: of the whole orbit [s].
+        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
+        x_bar: x̄ = γ V_{k1} right after a sample, shape (n + n̂,).
+        t: times in [0, delta] [s], shape (M,).
+        X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
+        y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
+        E: event function, shape (M,); negative until delta if the orbit is admissible.
+        y_peak, u_peak, x_peak: largest magnitude over the whole orbit.
+        y_range, u_range, x_range: peak to peak over the whole orbit.
+        admissible: no earlier event, and delta > Δ_min.
+        reason: why not admissible, or empty.
+    """
+
+    delta: float
+    sign: int
+    period: float
+    gamma: float
+    x_bar: Array
+    t: Array
+    X: Array
+    y: Array
+    u: Array
+    e_hp: Array
+    E: Array
+    y_peak: Array
+    u_peak: Array
+    x_peak: Array
+    y_range: Array
+    u_range: Array
+    x_range: Array
+    admissible: bool
+    reason: str
 
 
 def critical_vector(phi: Array, sign: int) -> Array:

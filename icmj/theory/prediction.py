@@ -3,96 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.controller import EventTrigger
 from icmj.linear_plant import Array
-
-if TYPE_CHECKING:
-    from icmj.controller import EventTrigger
-    from icmj.theory.error_system import ErrorSystem
+from icmj.theory.crossings import Crossing, search
+from icmj.theory.eigenstructure import eigenstructure
+from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.flow import flow
+from icmj.theory.locus import Locus, locus
+from icmj.theory.orbit import Orbit
+from icmj.theory.orbit import orbit as orbit_at
+from icmj.theory.return_map import jacobian, multipliers
 
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """One crossing of the unit circle by an eigenvalue of φ(Δ).
-
-    Attributes:
-        delta: Δ at the crossing [s].
-        eigenvalue: where on the circle (the one with Im ≥ 0 of a complex pair).
-        kind: ``+1``, ``-1`` or ``complex`` (a pair: Neimark–Sacker).
-        direction: ``rising`` (outwards with growing Δ), ``falling`` or ``tangent``.
-        largest_other: largest magnitude of the other eigenvalues there.
-    """
-
-    delta: float
-    eigenvalue: complex
-    kind: Literal["+1", "-1", "complex"]
-    direction: Literal["rising", "falling", "tangent"]
-    largest_other: float
-
-
-@dataclass(frozen=True, eq=False)
-class Orbit:
-    """The periodic orbit that the linear theory predicts, over one interval; mirrored in the next if ``sign`` is −1.
-
-    Attributes:
-        delta: open-loop interval Δ_crit [s].
-        sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
-        period: of the whole orbit [s].
-        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
-        x_bar: x̄ = γ V_{k1} right after a sample, shape (n + n̂,).
-        t: times in [0, delta] [s], shape (M,).
-        X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
-        y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
-        E: event function, shape (M,); negative until delta if the orbit is admissible.
-        y_peak, u_peak, x_peak: largest magnitude over the whole orbit.
-        y_range, u_range, x_range: peak to peak over the whole orbit.
-        admissible: no earlier event, and delta > Δ_min.
-        reason: why not admissible, or empty.
-    """
-
-    delta: float
-    sign: int
-    period: float
-    gamma: float
-    x_bar: Array
-    t: Array
-    X: Array
-    y: Array
-    u: Array
-    e_hp: Array
-    E: Array
-    y_peak: Array
-    u_peak: Array
-    x_peak: Array
-    y_range: Array
-    u_range: Array
-    x_range: Array
-    admissible: bool
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class Locus:
-    """Eigenvalues of φ(Δ) over a range of Δ, each branch followed continuously (panels (a) and (b)).
-
-    Attributes:
-        delta: Δ [s], shape (M,).
-        eigenvalues: shape (M, n + n̂).
-    """
-
-    delta: Array
-    eigenvalues: NDArray[np.complex128]
-
-    @property
-    def largest(self) -> Array:
-        """Largest |λ| at each Δ, shape (M,)."""
-        return np.abs(self.eigenvalues).max(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +83,6 @@ def predict(
     Raises:
         AnalysisError: if ``delta_max`` is not positive and finite, or Q_t does not fit.
     """
-    from icmj.theory.crossings import search
-    from icmj.theory.eigenstructure import eigenstructure
-    from icmj.theory.error_system import error_system
-    from icmj.theory.flow import flow
-    from icmj.theory.locus import locus
-    from icmj.theory.orbit import orbit as orbit_at
-    from icmj.theory.return_map import jacobian, multipliers
-
     exact = exact or error_system(system.design.plant, system.design)
     prepared = flow(system.A_C)
     found = search(system, delta_max, prepared=prepared)

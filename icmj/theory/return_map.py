@@ -15,7 +15,7 @@ from icmj.controller import EventTrigger
 from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.prediction import Orbit
+from icmj.theory.orbit import Orbit
 
 
 def jacobian(system: ErrorSystem, trigger: EventTrigger, orbit: Orbit, *, prepared: Flow | None = None) -> Array:

@@ -11,8 +11,7 @@ from icmj.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.theory.error_system import error_system
-from icmj.theory.locus import locus
-from icmj.theory.prediction import Locus
+from icmj.theory.locus import Locus, locus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

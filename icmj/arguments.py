@@ -1,0 +1,112 @@
+"""The arguments of each command, and its help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Study:
+    """Run every case on the linear plant and in MuJoCo, and write logs, report.html and summary.json.
+
+    Example: icmj study --out runs/out
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]] = (Path("runs"),)
+    """Run files, or folders of them."""
+    out: Path = Path("runs/out")
+    """Folder for the outputs."""
+    jobs: int | None = None
+    """Processes; as many as there are cores by default."""
+
+
+@dataclass(frozen=True)
+class Analyse:
+    """Predict from the linear theory: critical interval, eigenvalue, cycle, amplitude, all crossings.
+
+    Example: icmj analyse runs/simple-0.8.toml --json
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run file."""
+    json: bool = False
+    """Print JSON instead of a table."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Simulate one case, write its log and say what it did.
+
+    Example: icmj run runs/three-link-0.9.toml --plant mujoco
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run file."""
+    plant: Literal["linear", "mujoco"] = "mujoco"
+    """Plant to simulate."""
+    out: Path = Path("runs/out")
+    """Folder for the log."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Build the comparison report from logs alone.
+
+    Example: icmj report runs/out/simple-0.8.linear.rrd runs/out/simple-0.8.mujoco.rrd --out report.html
+    """
+
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """Logs; those of one case on both plants are shown together."""
+    out: Path = Path("report.html")
+    """The page; its figures go into a folder beside it."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Open a log in the rerun viewer, serve it to a browser on this machine, or render a picture of it.
+
+    Example: icmj replay runs/out/three-link-0.9.mujoco.rrd --screenshot pose.png --time 20
+    """
+
+    log: tyro.conf.Positional[Path]
+    """Log. One that was cut short is salvaged as far as it goes."""
+    web: bool = False
+    """Serve to a browser on the loopback address and print the address."""
+    screenshot: Path | None = None
+    """Render to this PNG file, without a screen."""
+    time: float | None = None
+    """Instant of the screenshot [s]."""
+
+
+@dataclass(frozen=True)
+class Linearise:
+    """Linearise any MJCF model by centred finite differences: A, B, C, poles, names.
+
+    Example: icmj linearise models/three_link.xml --keyframe upright
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file."""
+    keyframe: str | None = None
+    """Operating point; the reference configuration by default."""
+    json: bool = False
+    """Print JSON instead of tables."""
+
+
+Command = (
+    Annotated[Study, tyro.conf.subcommand("study")]
+    | Annotated[Analyse, tyro.conf.subcommand("analyse")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Replay, tyro.conf.subcommand("replay")]
+    | Annotated[Linearise, tyro.conf.subcommand("linearise")]
+)
+
+DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the
+linear plant and in MuJoCo, and compare.
+
+Example: icmj study"""
