@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from icmj.linear.bernstein import evaluate, first_root, from_powers, largest, square
+from icmj.bernstein import evaluate, first_root, from_powers, largest, square
 
 
 def powers(*roots, sign=1.0):

@@ -45,7 +45,7 @@ def test_random_designs_solve_their_riccati_equations(seed):
 
 
 def test_plant_that_cannot_be_stabilised_is_refused():
-    with pytest.raises(DesignError, match="LQ design|not stable"):
+    with pytest.raises(DesignError, match=r"LQ design|not stable"):
         design_lq(LinearPlant([[1, 0], [0, 2]], [[0], [1]], [[1, 1]]), Q_c=np.eye(2))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.linear.bernstein import from_powers
+from icmj.bernstein import from_powers
 from icmj.linear_plant import Array
 
 _STEP_NORM = 2.0  # ‖M h‖ of one step: the terms of its series stay below 2, so nothing cancels

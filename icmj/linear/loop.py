@@ -2,7 +2,7 @@
 
 Between samples the state follows a matrix exponential. A step of the internal grid only fixes where its series is
 expanded; on each step the event function is a polynomial (to round-off), and whether it reaches zero anywhere on the
-step is decided by its Bernstein coefficients (:mod:`icmj.linear.bernstein`), not by sampling. The same holds for the
+step is decided by its Bernstein coefficients (:mod:`icmj.bernstein`), not by sampling. The same holds for the
 limit on positions and for the extremes of the outputs.
 """
 

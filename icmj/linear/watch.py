@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from icmj.bernstein import first_root, largest, square
 from icmj.controller import EventTrigger
-from icmj.linear.bernstein import first_root, largest, square
 from icmj.linear.closed_loop import ClosedLoop
 from icmj.linear.flow import Flow
 from icmj.linear_plant import Array

@@ -7,11 +7,10 @@ value found are dropped, the others halved, so that no extremum is missed howeve
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from scipy.special import comb
 
+from icmj.bernstein import from_powers, halves
 from icmj.linear_plant import Array
 
 
@@ -28,19 +27,6 @@ class Maxima:
     value: Array
     cell: np.ndarray
     s: Array
-
-
-@cache
-def _to_bernstein(degree: int) -> Array:
-    i, k = np.ogrid[: degree + 1, : degree + 1]
-    return np.where(k <= i, comb(i, k) / comb(degree, k), 0.0)
-
-
-@cache
-def _halves(degree: int) -> tuple[Array, Array]:
-    i, k = np.ogrid[: degree + 1, : degree + 1]
-    left = np.where(k <= i, comb(i, k) * 0.5**i, 0.0)
-    return left, left[::-1, ::-1].copy()
 
 
 def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
@@ -62,9 +48,9 @@ def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
     slack = tolerance * size.max(axis=(0, 1))
     # most cells fall to this cheap bound, before any Bernstein coefficient is computed
     index, group = np.nonzero(coefficients[0] + size[1:].sum(axis=0) > value + slack)
-    b = _to_bernstein(d) @ coefficients[:, index, group]
+    b = from_powers(d) @ coefficients[:, index, group]
     start, width = np.zeros(b.shape[1]), 1.0
-    left, right = _halves(d)
+    left, right = halves(d)
     for _ in range(60):
         open_ = b.max(axis=0) > value[group] + slack[group]
         if not open_.any():

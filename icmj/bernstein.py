@@ -28,7 +28,7 @@ def from_powers(degree: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _halves(degree: int) -> tuple[Array, Array]:
+def halves(degree: int) -> tuple[Array, Array]:
     """De Casteljau's matrices from the coefficients on [0, 1] to those on [0, ½] and [½, 1]."""
     left = np.array([[comb(i, j) / 2.0**i for j in range(degree + 1)] for i in range(degree + 1)])
     return left, left[::-1, ::-1].copy()
@@ -52,7 +52,7 @@ def first_root(powers: Array) -> float | None:
     """
     powers = np.asarray(powers, dtype=float)
     degree = len(powers) - 1
-    left, right = _halves(degree)
+    left, right = halves(degree)
     pending = [(from_powers(degree) @ powers, 0.0, 1.0, 0)]
     while pending:
         b, start, end, depth = pending.pop()
