@@ -114,7 +114,7 @@ def run(command: arguments.Run) -> None:
         bar.update(task, completed=1.0)
     _show([compare(result)])
     outcome = result.simulation.outcome
-    OUT.print(escape(f"{outcome.kind} at {outcome.t:g} s: {outcome.message}"), highlight=False)
+    OUT.print(escape(f"The run {outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
 

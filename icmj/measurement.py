@@ -107,7 +107,7 @@ def measure(
     events, K = simulation.events, len(simulation.events)
     states = reduced_states(simulation, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
-        return _other(simulation, "growth", f"The motion grew: the run {simulation.outcome.message}.")
+        return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")
     if K == 0:
         return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s.")
     if _homoclinic(simulation, states):

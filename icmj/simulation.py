@@ -21,7 +21,7 @@ class Outcome:
         kind: ``completed``; ``fell`` (a state passed the limit in the run file); ``diverged`` (not finite, or
             an engine warning); ``interrupted``; ``sliding`` (every interval collapsed to Δ_min).
         t: when [s].
-        message: one sentence for people.
+        message: what the run did, to be read after "The run": ``ran to 40 s``.
     """
 
     kind: OutcomeKind

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
+AFTER_INTERRUPT = 30.0  # [s] of continuous control beside a run that was interrupted: enough to see it settle
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFile, ...]:
 def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
     """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
 
+    A run that is interrupted keeps what was simulated until then, and leaves out what would take long.
+
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
@@ -84,11 +87,21 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     case = prepare(run)
     report(0.1)
     simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
-    continuous = simulate(case, plant, trigger=Continuous(), progress=lambda done: report(0.5 + 0.1 * done))
-    growth = measure_growth(case, plant, run.study.growth_points)
-    report(0.75)
-    found = _attractors(case) if plant == "linear" else ()
-    law = measure_law(case, run.study.law_q_t) if plant == "mujoco" else None
+    interrupted = simulation.outcome.kind == "interrupted"
+    continuous = simulate(
+        case,
+        plant,
+        trigger=Continuous(),
+        duration=min(simulation.outcome.t, AFTER_INTERRUPT) if interrupted else None,
+        progress=lambda done: report(0.5 + 0.1 * done),
+    )
+    growth = law = None
+    found: tuple[Attractor, ...] = ()
+    if not interrupted:
+        growth = measure_growth(case, plant, run.study.growth_points)
+        report(0.75)
+        found = _attractors(case) if plant == "linear" else ()
+        law = measure_law(case, run.study.law_q_t) if plant == "mujoco" else None
     report(0.9)
     return Result(
         run=run,

@@ -7,8 +7,9 @@ import pytest
 
 from icmj.comparison import compare
 from icmj.errors import ModelError, RunFileError
-from icmj.log import read_log
-from icmj.study import find_runs, run_study
+from icmj.log import read_log, write_log
+from icmj.runfile import parse_run
+from icmj.study import find_runs, run_case, run_study
 
 CYCLES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1", "neglected-0.1", "neglected-0.5")
 
@@ -102,3 +103,37 @@ def test_bad_case_stops_the_study_before_anything_is_written(root, tmp_path):
     with pytest.raises(ModelError, match="no such model file"):
         run_study(find_runs([tmp_path]), tmp_path / "out", jobs=1)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_an_interrupted_run_keeps_what_was_simulated(root, plant):
+    path = root / "runs" / "simple-0.8.toml"
+    text = path.read_text(encoding="utf-8").replace("duration = 40.0", "duration = 100000.0")
+    text = text.replace("record_interval = 0.01", "record_interval = 0.5")
+    calls = []
+
+    def interrupt(done):
+        calls.append(done)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+
+    result = run_case(parse_run(text, path), plant, interrupt)
+    outcome = result.simulation.outcome
+    assert outcome.kind == "interrupted"
+    assert 0 < outcome.t < 100000
+    assert result.simulation.t[-1] <= outcome.t
+    assert result.growth is None
+    assert f"was interrupted at {outcome.t:.6g} s" in outcome.message
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_a_run_that_fell_is_logged_and_said_so(root, tmp_path, plant):
+    path = root / "runs" / "simple-0.8.toml"
+    text = path.read_text(encoding="utf-8").replace("limit = 1.0", "limit = 0.021")
+    text = text.replace("{ hinge = 0.02 }", "{ hinge = 0.02, hinge_rate = 0.1 }")
+    result = run_case(parse_run(text.replace("growth_points = 9", "growth_points = 0"), path), plant)
+    write_log(result, tmp_path / "fell.rrd")
+    back = read_log(tmp_path / "fell.rrd")
+    assert back.simulation.outcome.kind == "fell"
+    assert "hinge departed further than its limit of 0.021" in back.simulation.outcome.message
+    assert "the run fell" in compare(back).words

@@ -139,8 +139,28 @@ class ClosedLoop:
                 t = float(dense[-1, 0]) if n_dense else t
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
-        outcome = _outcome(Status.RUNNING if interrupted else status, t, data, schedule, at_events[:, 0])
+        outcome = self._outcome(Status.RUNNING if interrupted else status, t, data, schedule, at_events[:, 0])
         return Rows(np.concatenate(samples), at_events, y_max, y_min, steps, outcome)
+
+    def _outcome(self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
+        if status == Status.RUNNING:
+            return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {schedule.t_end:g} s")
+        if status == Status.FELL:
+            departure = np.zeros(self.model.nv)
+            mujoco.mj_differentiatePos(self.model, departure, 1.0, self.plant.linearisation.point.qpos, data.qpos)
+            name = self.plant.linearisation.plant.states[int(np.argmax(np.abs(departure)))]
+            return Outcome(
+                "fell", t, f"fell at {t:.6g} s: {name} departed further than its limit of {schedule.limit:g}"
+            )
+        if status == Status.DIVERGED:
+            return Outcome("diverged", t, f"diverged at {t:.6g} s: the state stopped being finite")
+        if status == Status.WARNED:
+            names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
+            return Outcome("diverged", t, f"diverged at {t:.6g} s: the engine warned ({', '.join(names)})")
+        late = np.diff(events, prepend=0.0)[-20:]
+        if len(late) == 20 and schedule.delta_min > 0 and (late <= schedule.delta_min * (1 + 1e-6)).all():
+            return Outcome("sliding", t, f"slid: the last intervals all collapsed to Δ_min = {schedule.delta_min:g} s")
+        return Outcome("completed", t, f"ran to {t:g} s")
 
     @contextmanager
     def _lent(self) -> Iterator[None]:
@@ -196,19 +216,3 @@ def _implementation(native: bool) -> tuple[Any, Any, Any, Find]:
 
         return NativeLoop, *callbacks(), compiled_extremes
     return reference.ReferenceLoop, reference.control, reference.act_dyn, extremes
-
-
-def _outcome(status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
-    if status == Status.RUNNING:
-        return Outcome("interrupted", t, f"interrupted at {t:.3f} s of {schedule.t_end:g} s")
-    if status == Status.FELL:
-        return Outcome("fell", t, f"a position departed further than {schedule.limit:g} at {t:.3f} s")
-    if status == Status.DIVERGED:
-        return Outcome("diverged", t, f"the state stopped being finite at {t:.3f} s")
-    if status == Status.WARNED:
-        names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
-        return Outcome("diverged", t, f"the engine warned at {t:.3f} s: {', '.join(names)}")
-    late = np.diff(events, prepend=0.0)[-20:]
-    if len(late) == 20 and schedule.delta_min > 0 and (late <= schedule.delta_min * (1 + 1e-6)).all():
-        return Outcome("sliding", t, f"the last intervals all collapsed to Δ_min = {schedule.delta_min:g} s")
-    return Outcome("completed", t, f"ran to {t:g} s")

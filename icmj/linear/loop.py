@@ -67,7 +67,7 @@ def simulate(
     try:
         outcome = _run(loop, settings, disturbance, history, progress)
     except KeyboardInterrupt:
-        outcome = Outcome("interrupted", history.t, f"interrupted at {history.t:.6g} s")
+        outcome = Outcome("interrupted", history.t, f"was interrupted at {history.t:.6g} s of {settings.duration:g} s")
     return history.simulation(outcome)
 
 
@@ -99,9 +99,9 @@ def _run(
             end = stop if piece.complete and piece.kind == "end" else t + piece.length
             history.append(watch, piece, end)
             if piece.kind == "fell":
-                return _fell(loop, positions, history)
+                return _fell(loop, positions, history, settings.limit)
             if piece.kind == "diverged":
-                return Outcome("diverged", end, f"a state exceeded 1e12 at {end:.6g} s")
+                return Outcome("diverged", end, f"diverged at {end:.6g} s: a state exceeded 1e12")
             if piece.kind == "event" or (isinstance(trigger, ClockTrigger) and end == due):
                 history.sample()
             if progress is not None:
@@ -119,12 +119,12 @@ def _due(trigger: EventTrigger | ClockTrigger | Continuous, history: History) ->
     return np.inf, False
 
 
-def _fell(loop: ClosedLoop, positions: Array, history: History) -> Outcome:
+def _fell(loop: ClosedLoop, positions: Array, history: History, limit: float) -> Outcome:
     state = positions[np.argmax(np.abs(history.z[positions]))]
     return Outcome(
         "fell",
         history.t,
-        f"fell at {history.t:.6g} s: {loop.plant.states[state]} reached its limit of {abs(history.z[state]):.4g}",
+        f"fell at {history.t:.6g} s: {loop.plant.states[state]} departed further than its limit of {limit:g}",
     )
 
 
@@ -136,10 +136,10 @@ def _ended(trigger: EventTrigger | ClockTrigger | Continuous, history: History, 
             return Outcome(
                 "sliding",
                 duration,
-                f"the last {successive} intervals all collapsed to the least one, {trigger.delta_min:g} s: "
+                f"slid: the last {successive} intervals all collapsed to the least one, {trigger.delta_min:g} s: "
                 "the event rule no longer decides when to sample",
             )
-    return Outcome("completed", duration, f"completed {duration:g} s")
+    return Outcome("completed", duration, f"ran to {duration:g} s")
 
 
 def _start(named: Mapping[str, float], names: tuple[str, ...], given: Array | None, what: str) -> Array:

@@ -102,7 +102,7 @@ def markdown(result: Result) -> str:
         f"The linear theory predicts {cycle};{eigenvalue} the orbit under the event rule: {predicted.verdict}.",
         "",
         "## Run",
-        f"- outcome: {simulation.outcome.kind} at {simulation.outcome.t:.6g} s",
+        f"- outcome: the run {simulation.outcome.message}",
         f"- motion: {result.measurement.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} samples",
         *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),

@@ -13,6 +13,7 @@ from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
 from icmj.report.style import NAME
+from icmj.result import Result
 
 
 def designs(cases: Sequence[CaseRuns]) -> Section:
@@ -124,10 +125,11 @@ def _provenance(cases: Sequence[CaseRuns]) -> list[tuple[str, str]]:
     results = [result for case in cases for result in case.runs.values()]
     for result in results:
         keys.extend(key for key in result.provenance if key not in keys)
-    return [
-        (
-            key.replace("_", " "),
-            ", ".join(dict.fromkeys(str(r.provenance[key]) for r in results if key in r.provenance)),
-        )
-        for key in keys
-    ]
+    return [(key.replace("_", " "), _values(key, results)) for key in keys]
+
+
+def _values(key: str, results: Sequence[Result]) -> str:
+    values = list(dict.fromkeys(str(r.provenance[key]) for r in results if key in r.provenance))
+    if key == "date" and len(values) > 1:
+        return f"{min(values)} to {max(values)}"
+    return ", ".join(values)
