@@ -21,19 +21,16 @@ that comes so close to the circle that its crossings would be so, are reported a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from icmj.errors import AnalysisError
 from icmj.linear_plant import Array
+from icmj.theory.chebyshev import coefficients, nodes, roots
+from icmj.theory.circle import KINDS, Kind, Spectrum, circle_function, outside
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-
-Kind = Literal["+1", "-1", "complex"]
-KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
 
 _DEGREE = 24
 _PANELS = 8
@@ -44,14 +41,10 @@ _PLATEAU = 1e-6  # above _DECAYED they may stay below this (or 1e4 ε‖φ‖) w
 _NOISY = 5
 # so many panels of one width are not all needed by zeros: what keeps them from decaying is rounding
 _CROWD = 128
-# fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
-_FLOOR = 0.3
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
-
-Spectrum = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -144,16 +137,16 @@ class _Finder:
         for depth in range(_DEPTH + 1):
             delta, g, size = self._panels(left, width)
             plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
-            series = {kind: _test(kind, g, delta) @ _coefficients(_DEGREE).T for kind in KINDS}
+            series = {kind: circle_function(kind, g, delta) @ coefficients(_DEGREE).T for kind in KINDS}
             tail = np.max([np.abs(c[:, -3:]).max(axis=1) / np.abs(c).max(axis=1) for c in series.values()], axis=0)
             standstill = (tail > tails / 4) | (len(left) > _CROWD)
             resolved = (tail < _DECAYED) | ((tail < plateau) & standstill) | (depth == _DEPTH)
-            outside = _outside(g[:, [0, -1]], delta[:, [0, -1]])
+            beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 centre = left[m] + width / 2
                 here = [x for kind, c in series.items() for x in self._zeros(kind, c[m], centre, width / 2)]
                 explained = sum(_step(c) for c in here if abs(c.delta - centre) <= width / 2)
-                if depth == _DEPTH or outside[m, 1] - outside[m, 0] == explained:
+                if depth == _DEPTH or beyond[m, 1] - beyond[m, 0] == explained:
                     found += here
                 else:
                     resolved[m] = False
@@ -187,7 +180,7 @@ class _Finder:
 
     def _panels(self, left: Array, width: float) -> tuple[Array, Spectrum, Array]:
         """Nodes, spectra of G and size of φ − I of each panel, shapes (P, nodes), (P, nodes, n + n̂) and (P,)."""
-        s = (1 + _nodes(_DEGREE)) / 2 * width
+        s = (1 + nodes(_DEGREE)) / 2 * width
         F_s = self.flow.increment(s) @ self.T_bar
         F_a = self.flow.increment(left)
         F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
@@ -205,7 +198,7 @@ class _Finder:
         """Crossings from the zeros of one interpolant, those close together by zooming in."""
         if abs(c[0]) > np.abs(c[1:]).sum():
             return []
-        z = _roots(c)
+        z = roots(c)
         z = z[(np.abs(z.real) <= 1 + 1e-9) & (np.abs(z.imag) <= _NEAR)]
         z = z[np.argsort(z.real)]
         found = []
@@ -229,10 +222,10 @@ class _Finder:
         degree = 8
         low = max(centre - radius, 0.0)
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
-        delta = centre + radius * _nodes(degree)
+        delta = centre + radius * nodes(degree)
         delta[0] = max(delta[0], delta[1] * 1e-3)
-        f = _test(kind, self._spectrum(delta), delta)
-        return self._zeros(kind, _coefficients(degree) @ f, centre, radius)
+        f = circle_function(kind, self._spectrum(delta), delta)
+        return self._zeros(kind, coefficients(degree) @ f, centre, radius)
 
     def _crossing(self, kind: Kind, delta: float, tangent: bool) -> Crossing | None:
         """The eigenvalue that a zero belongs to, its Δ polished; ``None`` if the zero is no crossing."""
@@ -292,66 +285,6 @@ class _Finder:
         return np.asarray(1 + delta * np.concatenate([[g[i]], rest]), complex), complex(dlam)
 
 
-def _test(kind: Kind, g: Spectrum, delta: Array) -> Array:
-    """One test function at the Chebyshev nodes of each panel, times a positive function that flattens it.
-
-    The product of many factors varies by many decades over a panel, and a zero where it is small would be lost.
-    Its logarithm, with zeros filled in, is therefore fitted by a parabola, and the function divided by the exponential
-    of that: this has no zeros and is analytic, so neither zeros nor the decay of the coefficients suffer.
-
-    A factor that vanishes at every node belongs to an eigenvalue that stays on the circle (a mode that neither
-    control nor error moves); it crosses nothing and is left out.
-
-    Args:
-        kind: which function.
-        g: eigenvalues of G, shape (..., nodes, n + n̂).
-        delta: Δ at the nodes [s], shape (..., nodes).
-    """
-    d = delta[..., None]
-    if kind == "+1":
-        factors = g
-    elif kind == "-1":
-        factors = 2 + d * g
-    else:
-        i, j = _pairs(g.shape[-1])
-        g_i, g_j = g[..., i], g[..., j]
-        factors = g_i + g_j + d * g_i * g_j
-    if not factors.shape[-1]:
-        return np.ones(delta.shape)
-    size = np.abs(factors)
-    rounding = 1e-12 * np.maximum(np.abs(g).max(axis=-1), 1.0)
-    smallest = size.min(axis=-1)
-    if (smallest <= rounding).all(axis=-1).any():
-        factors = _without_stuck(factors, size, rounding)
-        size = np.abs(factors)
-    tiny = np.finfo(float).tiny
-    size = np.maximum(size, tiny)
-    sign = np.prod(factors / size, axis=-1).real
-    floor = _FLOOR * size.max(axis=-2, keepdims=True)
-    trend = np.log(size**2 + floor**2).sum(axis=-1) / 2
-    log = np.log(size).sum(axis=-1) - trend @ _parabola(delta.shape[-1] - 1).T
-    return np.asarray(sign * np.exp(log - log.max(axis=-1, keepdims=True)))
-
-
-def _without_stuck(factors: Spectrum, size: Array, rounding: Array) -> Spectrum:
-    """Factors with those that vanish at every node of a panel set to one."""
-    order = np.argsort(size, axis=-1)
-    factors = np.take_along_axis(factors, order, axis=-1)
-    size = np.take_along_axis(size, order, axis=-1)
-    stuck = (size <= rounding[..., None]).all(axis=-2, keepdims=True)
-    return np.where(stuck, 1.0 + 0j, factors)
-
-
-@cache
-def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    return np.triu_indices(count, 1)
-
-
-def _outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
-    """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
-    return np.asarray((2 * g.real + delta[..., None] * np.abs(g) ** 2 > 1e-10).sum(axis=-1))
-
-
 def _step(crossing: Crossing) -> int:
     sign = {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
     return sign * (2 if crossing.kind == "complex" else 1)
@@ -371,30 +304,3 @@ def _distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
         if not same:
             kept.append(c)
     return kept
-
-
-@cache
-def _nodes(degree: int) -> Array:
-    """Chebyshev points of the second kind, rising."""
-    x = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    x.flags.writeable = False
-    return x
-
-
-@cache
-def _coefficients(degree: int) -> Array:
-    """Matrix from values at the nodes to Chebyshev coefficients."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(_nodes(degree), degree)))
-
-
-@cache
-def _parabola(degree: int) -> Array:
-    """Matrix from values at the nodes to the values of their quadratic Chebyshev part."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(_nodes(degree), 2) @ _coefficients(degree)[:3])
-
-
-def _roots(c: Array) -> Spectrum:
-    size = np.abs(c)
-    keep = np.flatnonzero(size > 1e-15 * size.max())
-    degree = int(keep[-1]) if len(keep) else 0
-    return np.atleast_1d(np.polynomial.chebyshev.chebroots(c[: degree + 1])).astype(complex)
