@@ -124,7 +124,8 @@ def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.study import report as build
 
-    comparisons = build(command.logs, command.out)
+    with ERR.status("building the report"):
+        comparisons = build(command.logs, command.out)
     _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)
 

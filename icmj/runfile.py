@@ -13,6 +13,7 @@ from icmj.errors import RunFileError
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+MOST_SAMPLES = 2e6  # some hundred bytes each, in memory and in the log
 Weight = Literal["output", "identity"] | list[Finite] | list[list[Finite]]
 
 
@@ -131,6 +132,16 @@ class SimulationSettings(Section):
     record_interval: Positive = 0.01
     limit: Positive = 1.0
     disturbance: list[Disturbance] = []
+
+    @model_validator(mode="after")
+    def _samples_fit_into_memory(self) -> SimulationSettings:
+        samples = self.duration / self.record_interval
+        if samples > MOST_SAMPLES:
+            raise ValueError(
+                f"duration / record_interval asks for {samples:.3g} samples; expected at most {MOST_SAMPLES:.0e}, "
+                "raise record_interval"
+            )
+        return self
 
 
 class Study(Section):

@@ -102,3 +102,14 @@ def test_model_without_inputs_or_outputs_is_refused(part, word):
     )
     with pytest.raises(ModelError, match=word):
         linearise(model)
+
+
+def test_user_dynamics_that_are_not_known_are_refused():
+    """Their activations would stand still in the linear model without a word."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
+        <actuator><general name="muscle" joint="j" dyntype="user" actdim="3" dynprm="1"/></actuator>
+        <sensor><jointpos joint="j"/></sensor></mujoco>"""
+    )
+    with pytest.raises(ModelError, match="actuator 'muscle' has user activation dynamics"):
+        linearise(model)

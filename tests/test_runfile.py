@@ -56,6 +56,7 @@ def test_values_the_paper_does_not_print_are_marked(root):
         (GOOD.replace('name = "a"', 'name = "../a"'), ["case.name", "pattern"]),
         (GOOD.replace('[assumed]\nmodel = "m.xml"', ""), ["assumed", "required"]),
         (GOOD + "[study]\nlaw_q_t = [1e-2]", ["law_q_t", "two"]),
+        (GOOD + "[simulation]\nduration = 1e6", ["simulation", "record_interval", "1e+08"]),
         (GOOD + '[[simulation.disturbance]]\nkind = "storm"\ninput = "u"', ["disturbance", "storm"]),
     ],
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from icmj.engine.actuator import second_order_lag
+from icmj.engine.actuator import is_second_order_lag, second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import (
     OperatingPoint,
@@ -48,13 +48,19 @@ def linearise(model: mujoco.MjModel, keyframe: str | None = None, eps: float = E
     second-order lags (see :mod:`icmj.engine.actuator`) are included; any callback installed is taken off meanwhile.
 
     Raises:
-        ModelError: if there is no such keyframe, the model has no input or no output, or a derivative
-            is not finite.
+        ModelError: if there is no such keyframe, the model has no input or no output, an actuator has user
+            dynamics other than a second-order lag, or a derivative is not finite.
     """
     name = model_name(model)
     if model.nu == 0 or model.nsensordata == 0:
         missing = "actuator" if model.nu == 0 else "sensor"
         raise ModelError(f"model {name!r} has no {missing}; inputs are its actuators and outputs its sensors")
+    for i in range(model.nu):
+        if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_USER and not is_second_order_lag(model, i):
+            raise ModelError(
+                f"model {name!r}: actuator {input_names(model)[i]!r} has user activation dynamics that icmj does not "
+                'know; it knows second-order lags, actdim="2" dynprm="ω_n ζ" with ω_n > 0'
+            )
     point = operating_point(model, keyframe)
     data = mujoco.MjData(model)
     nv, na, nu = model.nv, model.na, model.nu
