@@ -66,7 +66,7 @@ def analyse(command: arguments.Analyse) -> None:
     if command.json:
         print(json.dumps(plain_prediction(prediction, outputs), indent=2, allow_nan=False))
         return
-    table = Table("", "value", title=escape(run.case.title), title_justify="left")
+    table = Table("", "", title=escape(run.case.title), title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
         ("critical interval Δ_crit", _seconds(prediction.delta_crit)),
         ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
@@ -89,7 +89,9 @@ def analyse(command: arguments.Analyse) -> None:
     for row in rows:
         table.add_row(*row)
     OUT.print(table)
-    crossings = Table("Δ [s]", "eigenvalue", "kind", "direction", "largest other |λ|", title_justify="left")
+    crossings = Table(
+        "Δ (s)", "eigenvalue", "kind", "direction", "largest other |λ|", title_justify="left", box=SIMPLE_HEAD
+    )
     crossings.title = f"Unit-circle crossings up to {prediction.delta_max:g} s"
     for c in prediction.crossings:
         crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
@@ -154,11 +156,11 @@ def linearise(command: arguments.Linearise) -> None:
         ("B", plant.B, plant.states, plant.inputs),
         ("C", plant.C, plant.outputs, plant.states),
     ):
-        table = Table(name, *(escape(c) for c in columns), title_justify="left")
+        table = Table(name, *(escape(c) for c in columns), box=SIMPLE_HEAD)
         for label, values in zip(rows, matrix, strict=True):
-            table.add_row(escape(label), *(f"{value:.6g}" for value in values))
+            table.add_row(escape(label), *(f"{value:.5g}" for value in values))
         OUT.print(table)
-    OUT.print("poles [rad/s]: " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
+    OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
     if linearisation.residual > 1e-9:
         OUT.print(
             f"note: not an equilibrium, the largest acceleration there is {linearisation.residual:.3g}; "
@@ -178,7 +180,7 @@ def _show(comparisons: Sequence[Comparison]) -> None:
     )
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
-    for column in ("Δ_crit [s]", "measured [s]", "error", "peak error"):
+    for column in ("Δ_crit (s)", "measured", "error", "peak error"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("cycle", justify="center", no_wrap=True)
     for c in comparisons:
@@ -212,7 +214,7 @@ def _error(value: float | None) -> str:
 def _complex(value: complex) -> str:
     if abs(value.imag) < 1e-12 * max(1.0, abs(value)):
         return f"{value.real:.4g}"
-    return f"{value.real:.4g} {'+' if value.imag > 0 else '−'} {abs(value.imag):.4g}j"
+    return f"{value.real:.4g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j"
 
 
 def _stable(stable: bool) -> str:
