@@ -180,7 +180,7 @@ def _show(comparisons: Sequence[Comparison]) -> None:
     )
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
-    for column in ("Δ_crit (s)", "measured", "error", "peak error"):
+    for column in ("Δ_crit", "measured", "error", "peak error"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("cycle", justify="center", no_wrap=True)
     for c in comparisons:
