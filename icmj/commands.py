@@ -175,9 +175,8 @@ def _progress() -> Progress:
 
 def _show(comparisons: Sequence[Comparison]) -> None:
     """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
-    table = Table(
-        title="Predicted and measured open-loop interval", title_justify="left", box=SIMPLE_HEAD, pad_edge=False
-    )
+    title = "Predicted and measured open-loop interval, in seconds"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("case", "plant"):
         table.add_column(column, no_wrap=True)
     for column in ("Δ_crit", "measured", "error", "peak error"):
