@@ -30,7 +30,7 @@ def rows() -> list[Row]:
     loop, python, folded = task.loop(), PythonLoop(task, False), PythonLoop(task, True)
     model = loop.model
     record = recording(STEPS, 3, 1 + model.nq + model.nv + model.na + 3)
-    schedule = loop.schedule(SimulationSettings(duration=1e6), model.opt.timestep)
+    schedule = loop.schedule(SimulationSettings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
     with installed(*callbacks()):
         native = NativeLoop(model, loop.start(task.x, task.x_o, task.x_o), schedule, point)

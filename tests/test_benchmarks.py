@@ -1,0 +1,24 @@
+"""The benchmark suite runs and keeps its numbers; what they are is not a test's business."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.slow
+def test_benchmarks_run_save_and_compare(root, tmp_path):
+    def benchmarks(*words):
+        command = [sys.executable, "-m", "benchmarks", *words]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False, timeout=300)
+        assert "Traceback" not in done.stderr, done.stderr
+        assert done.returncode in (0, 1)  # 1: a bound was missed, as it may be on a busy machine
+        return done.stdout
+
+    saved = tmp_path / "a.json"
+    assert "closed loop / bare" in benchmarks("--only", "stepping", "--only", "analysis", "--save", str(saved))
+    rows = json.loads(saved.read_text(encoding="utf-8"))["rows"]
+    assert {"closed loop", "three-link analysis"} <= {row["name"] for row in rows}
+    assert all(row["value"] > 0 for row in rows)
+    assert "B / A" in benchmarks("--compare", str(saved), str(saved))
