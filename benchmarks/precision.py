@@ -18,10 +18,15 @@ from icmj.runfile import SimulationSettings
 
 DURATION = 15.0
 LAST = 5
+REPEATS = 3  # of every way alike
 TIMESTEPS = np.array([20, 16, 13, 11, 10, 8, 7, 6, 5, 4.5, 4, 3.5, 3, 2.5, 2]) * 1e-3
 PYTHON_TIMESTEPS = np.array([16, 13, 11, 10, 8, 5, 4.5, 4]) * 1e-3
-RTOL = {"RK45": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "DOP853": (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)}
-ATOL = (1e-2, 1e-3)  # relative to rtol; SciPy's default is 1e-3 at its default rtol
+# as fine as the timesteps, and loose enough that the loosest miss the target: nobody is held to more than is asked
+RTOL = {
+    "RK45": (0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8),
+    "DOP853": (0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9),
+}
+ATOL = (1.0, 1e-1, 1e-2, 1e-3)  # relative to rtol; SciPy's default is 1e-3 at its default rtol
 GROUP = "work–precision"
 
 
@@ -109,7 +114,7 @@ def _engine(task: Task, exact: Exact) -> Iterable[Point]:
     for h in TIMESTEPS:
         rows = run(h)
         error = abs(max(rows.y_max[-1, 0], -rows.y_min[-1, 0]) - exact.peak)
-        seconds = least(lambda: run(h), 5)  # noqa: B023 - called at once
+        seconds = least(lambda: run(h), REPEATS)  # noqa: B023 - called at once
         yield Point("icmj", f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(rows.events[:, 0]), error)
 
 
@@ -118,7 +123,7 @@ def _python(task: Task, exact: Exact) -> Iterable[Point]:
         loop = PythonLoop(task, folded)
         for h in PYTHON_TIMESTEPS:
             times, peak = loop.run(DURATION, h)
-            seconds = least(lambda: loop.run(DURATION, h), 2)  # noqa: B023 - called at once
+            seconds = least(lambda: loop.run(DURATION, h), REPEATS)  # noqa: B023 - called at once
             yield Point(way, f"RK4 {1e3 * h:g} ms", seconds, exact.interval_error(times), abs(peak - exact.peak))
 
 
@@ -129,7 +134,7 @@ def _scipy(loop: ScipyLoop, exact: Exact) -> Iterable[Point]:
                 atol = rtol * ratio
                 times, state = loop.run(DURATION, method, rtol, atol)
                 peak = loop.peak(state, method, rtol, atol)
-                seconds = least(lambda: loop.run(DURATION, method, rtol, atol), 2)  # noqa: B023 - called at once
+                seconds = least(lambda: loop.run(DURATION, method, rtol, atol), REPEATS)  # noqa: B023 - called at once
                 yield Point(
                     f"SciPy {method}",
                     f"rtol {rtol:g}, atol {atol:g}",

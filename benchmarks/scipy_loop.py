@@ -13,7 +13,9 @@ class ScipyLoop:
     """Plant, observer and hold as one system, restarted at every event."""
 
     def __init__(self, task: Task) -> None:
-        self.model = task.plant.spec.copy().compile()
+        spec = task.plant.spec.copy()
+        spec.compiler.discardvisual = True  # as the closed loop does
+        self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         gains, self.trigger = task.controller.design, task.trigger
         self.k, self.L, self.A_h = gains.k, gains.L, task.controller.hold.A_h
