@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from icmj.controller import EventTrigger, output_weight
-from icmj.design import design_lq
+from icmj.controller.design import design_lq
+from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import Deviation, load_spec
 from icmj.theory.crossings import search

@@ -14,7 +14,7 @@ from benchmarks.row import Row, least
 from benchmarks.scipy_loop import ScipyLoop
 from benchmarks.task import Task, three_link
 from icmj.engine.closed_loop import Rows
-from icmj.runfile import SimulationSettings
+from icmj.simulation.settings import SimulationSettings
 
 DURATION = 15.0
 LAST = 5

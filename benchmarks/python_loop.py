@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.task import Task
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import block_of
-from icmj.engine.native_extremes import extremes
+from icmj.engine.native.extremes import extremes
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 

@@ -10,10 +10,10 @@ from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.callbacks import installed
-from icmj.engine.native_callbacks import callbacks
-from icmj.engine.native_loop import NativeLoop
+from icmj.engine.native.callbacks import callbacks
+from icmj.engine.native.loop import NativeLoop
 from icmj.engine.recording import Status, recording
-from icmj.runfile import SimulationSettings
+from icmj.simulation.settings import SimulationSettings
 
 STEPS = 2000
 REPEATS = 60

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.controller import Controller, EventTrigger, output_weight, system_matched
-from icmj.design import design_lq
-from icmj.disturbance import no_disturbance
+from icmj.controller.controller import Controller
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.closed_loop import ClosedLoop, close_loop
 from icmj.engine.model import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.simulation.disturbance import no_disturbance
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

@@ -11,7 +11,7 @@ import mujoco
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.closed_loop import ClosedLoop
-from icmj.runfile import SimulationSettings
+from icmj.simulation.settings import SimulationSettings
 
 RUNS = 8
 DURATION = 15.0

@@ -6,7 +6,7 @@ Run from the folder of the checkout: python examples/disturbed_stance.py
 from pathlib import Path
 
 import icmj
-from icmj.runfile import parse_run
+from icmj.runfile.reading import parse_run
 
 path = Path("runs/three-link-0.9.toml")
 push = """

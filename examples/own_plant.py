@@ -4,9 +4,9 @@ import control
 import numpy as np
 
 import icmj
-from icmj.controller import system_matched
-from icmj.linear.loop import simulate
-from icmj.runfile import SimulationSettings
+from icmj.controller.hold import system_matched
+from icmj.linear.run import simulate
+from icmj.simulation.settings import SimulationSettings
 
 # An unstable plant, and the same with an input gain 20 % higher than the controller believes
 assumed = icmj.LinearPlant.from_statespace(control.ss(control.tf([2], [1, 0.5, -3])))

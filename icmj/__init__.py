@@ -11,7 +11,10 @@ or without a run file, from python-control systems::
 
     assumed = LinearPlant.from_statespace(system)
     design = design_lq(assumed, R_c=0.1, R_o=0.01)
-    prediction = predict(error_system(assumed.scaled(0.8), design), EventTrigger(output_weight(design), q_t=0.01))
+    rule = EventTrigger(output_weight(design), q_t=0.01)
+    prediction = predict(error_system(assumed.scaled(0.8), design), rule)
+    controller = Controller(design, system_matched(design), rule)
+    simulation = simulate_plant(assumed.scaled(0.8), controller, Settings(duration=20.0), x0=[0.02, 0.0])
 
 Names below are loaded on first use, so that importing icmj costs nothing.
 """
@@ -21,40 +24,109 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from icmj.case import Case, prepare, simulate
-    from icmj.comparison import Comparison, compare
-    from icmj.controller import ClockTrigger, Continuous, Controller, EventTrigger, output_weight
-    from icmj.design import Design, design_lq
+    from icmj.case.case import Case, open_loop, prepare, simulate, simulate_plant
+    from icmj.comparison.comparison import Comparison, compare
+    from icmj.controller.controller import Controller
+    from icmj.controller.design import Design, design_lq
+    from icmj.controller.hold import Hold, system_matched, zero_order
+    from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, EventTrigger, output_weight
+    from icmj.engine.accuracy import choose_timestep
     from icmj.engine.plant import MujocoPlant, load_plant
     from icmj.errors import IcmjError
-    from icmj.linear_plant import LinearPlant
+    from icmj.experiment.amplitude_law import measure_law
+    from icmj.experiment.attractors import attractors
+    from icmj.experiment.growth import measure_growth
     from icmj.log import read_log, write_log
-    from icmj.measurement import Measurement, measure
+    from icmj.measurement.measurement import Measurement, measure
+    from icmj.plant.linear_plant import LinearPlant
     from icmj.report import build_report
-    from icmj.result import Result
-    from icmj.runfile import RunFile, load_run
-    from icmj.simulation import Simulation
-    from icmj.study import run_case, run_study
+    from icmj.result.result import Result
+    from icmj.runfile.reading import load_run, parse_run
+    from icmj.runfile.schema import RunFile
+    from icmj.simulation.interval import OpenLoop, OpenLoopInterval
+    from icmj.simulation.settings import Impulse, Noise, Settings, Step
+    from icmj.simulation.simulation import Simulation
+    from icmj.study.study import run_case, run_study
     from icmj.theory.error_system import ErrorSystem, error_system
     from icmj.theory.prediction import Prediction, predict
 
 _HOMES = {
-    "icmj.case": ("Case", "prepare", "simulate"),
-    "icmj.comparison": ("Comparison", "compare"),
-    "icmj.controller": ("ClockTrigger", "Continuous", "Controller", "EventTrigger", "output_weight"),
-    "icmj.design": ("Design", "design_lq"),
-    "icmj.engine.plant": ("MujocoPlant", "load_plant"),
+    "icmj.case.case": (
+        "Case",
+        "open_loop",
+        "prepare",
+        "simulate",
+        "simulate_plant",
+    ),
+    "icmj.comparison.comparison": (
+        "Comparison",
+        "compare",
+    ),
+    "icmj.controller.controller": ("Controller",),
+    "icmj.controller.design": (
+        "Design",
+        "design_lq",
+    ),
+    "icmj.controller.hold": (
+        "Hold",
+        "system_matched",
+        "zero_order",
+    ),
+    "icmj.controller.trigger": (
+        "ClockTrigger",
+        "Continuous",
+        "EventRule",
+        "EventTrigger",
+        "output_weight",
+    ),
+    "icmj.engine.accuracy": ("choose_timestep",),
+    "icmj.engine.plant": (
+        "MujocoPlant",
+        "load_plant",
+    ),
     "icmj.errors": ("IcmjError",),
-    "icmj.linear_plant": ("LinearPlant",),
-    "icmj.log": ("read_log", "write_log"),
-    "icmj.measurement": ("Measurement", "measure"),
+    "icmj.experiment.amplitude_law": ("measure_law",),
+    "icmj.experiment.attractors": ("attractors",),
+    "icmj.experiment.growth": ("measure_growth",),
+    "icmj.log": (
+        "read_log",
+        "write_log",
+    ),
+    "icmj.measurement.measurement": (
+        "Measurement",
+        "measure",
+    ),
+    "icmj.plant.linear_plant": ("LinearPlant",),
     "icmj.report": ("build_report",),
-    "icmj.result": ("Result",),
-    "icmj.runfile": ("RunFile", "load_run"),
-    "icmj.simulation": ("Simulation",),
-    "icmj.study": ("run_case", "run_study"),
-    "icmj.theory.error_system": ("ErrorSystem", "error_system"),
-    "icmj.theory.prediction": ("Prediction", "predict"),
+    "icmj.result.result": ("Result",),
+    "icmj.runfile.reading": (
+        "load_run",
+        "parse_run",
+    ),
+    "icmj.runfile.schema": ("RunFile",),
+    "icmj.simulation.interval": (
+        "OpenLoop",
+        "OpenLoopInterval",
+    ),
+    "icmj.simulation.settings": (
+        "Impulse",
+        "Noise",
+        "Settings",
+        "Step",
+    ),
+    "icmj.simulation.simulation": ("Simulation",),
+    "icmj.study.study": (
+        "run_case",
+        "run_study",
+    ),
+    "icmj.theory.error_system": (
+        "ErrorSystem",
+        "error_system",
+    ),
+    "icmj.theory.prediction": (
+        "Prediction",
+        "predict",
+    ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -82,28 +154,45 @@ __all__ = [
     "Controller",
     "Design",
     "ErrorSystem",
+    "EventRule",
     "EventTrigger",
+    "Hold",
     "IcmjError",
+    "Impulse",
     "LinearPlant",
     "Measurement",
     "MujocoPlant",
+    "Noise",
+    "OpenLoop",
+    "OpenLoopInterval",
     "Prediction",
     "Result",
     "RunFile",
+    "Settings",
     "Simulation",
+    "Step",
+    "attractors",
     "build_report",
+    "choose_timestep",
     "compare",
     "design_lq",
     "error_system",
     "load_plant",
     "load_run",
     "measure",
+    "measure_growth",
+    "measure_law",
+    "open_loop",
     "output_weight",
+    "parse_run",
     "predict",
     "prepare",
     "read_log",
     "run_case",
     "run_study",
     "simulate",
+    "simulate_plant",
+    "system_matched",
     "write_log",
+    "zero_order",
 ]

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from icmj.controller import Controller, EventTrigger, output_weight, system_matched
-from icmj.design import Design, design_lq
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.model import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.runfile.schema import SimulationTable
+from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict
 
 MODELS = Path(__file__).parents[1] / "models"
+
+
+def settings_from(table: dict[str, Any]) -> Settings:
+    """Settings from a run file's table."""
+    return SimulationTable.model_validate(table).settings()
 
 
 @cache
@@ -39,7 +49,6 @@ def controller(model: str, q_t: float = 1e-2, delta_min: float = 1e-3) -> Contro
 def predicted(actual: MujocoPlant, control: Controller, delta_max: float = 3.0) -> Prediction:
     """The linear prediction."""
     system = error_system(actual.linearisation.plant, control.design, control.hold)
-    assert isinstance(control.trigger, EventTrigger)
     return predict(system, control.trigger, delta_max=delta_max)
 
 

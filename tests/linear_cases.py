@@ -3,10 +3,12 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from icmj.controller import Controller, EventTrigger, as_weight, system_matched, zero_order
-from icmj.design import Design, design_lq
-from icmj.linear_plant import LinearPlant
-from icmj.runfile import SimulationSettings
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.trigger import EventTrigger, as_weight
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.settings import Settings
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))
 
@@ -29,8 +31,8 @@ def event_controller(design, *, Q_t="output", q_t=0.01, delta_min=0.01, hold="sy
     return Controller(design, held, EventTrigger(as_weight(Q_t, design), q_t, delta_min))
 
 
-def settings(duration=20.0, **more) -> SimulationSettings:
-    return SimulationSettings(duration=duration, **{"limit": 1e6, **more})
+def settings(duration=20.0, **more) -> Settings:
+    return Settings(duration=duration, **{"limit": 1e6, **more})
 
 
 def random_loop(seed: int, n: int, n_hat: int, n_u: int, n_y: int) -> tuple[LinearPlant, Design]:

@@ -12,13 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.controller import Continuous, Controller, EventTrigger, output_weight, system_matched
-from icmj.design import Design, design_lq
-from icmj.linear.loop import simulate
-from icmj.linear_plant import LinearPlant, transformation
-from icmj.measurement import measure
-from icmj.result import AmplitudeLaw, Growth, Result
-from icmj.runfile import parse_run
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import Continuous, EventTrigger, output_weight
+from icmj.linear.run import simulate
+from icmj.measurement.measurement import measure
+from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.result.result import AmplitudeLaw, Growth, Result
+from icmj.runfile.reading import parse_run
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from icmj.design import Design, design_lq
+from icmj.controller.design import Design, design_lq
 from icmj.errors import DesignError
-from icmj.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.error_system import ErrorSystem, error_system
 
 NAMES = ("v", "y")

@@ -1,7 +1,7 @@
 """How accurate a run is, measured by repeating a stretch of it at half the timestep.
 
-The stretch is the last complete open-loop interval, from the state right after the sample that begins it; where
-there are fewer than two samples it is the last second. With a method of order p the error at step h is
+The stretch is the last complete open-loop interval, from the state right after the event that begins it; where
+there are fewer than two events it is the last second. With a method of order p the error at step h is
 2^p/(2^p − 1) times the difference between h and h/2. It costs as much as three intervals of the run.
 
 What the step should be follows from the same number: errors fall with h^p, so :func:`choose_timestep` measures one
@@ -16,9 +16,13 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from icmj.controller import EventTrigger
-from icmj.engine.closed_loop import ClosedLoop, Rows
+from icmj.base.array import Array
+from icmj.controller.controller import layout_of
+from icmj.engine.closed_loop import ComposedLoop, Record
+from icmj.engine.open_loop import EngineOpenLoop
 from icmj.engine.schedule import Schedule
+from icmj.errors import SimulationError
+from icmj.simulation.simulation import Simulation
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 
@@ -45,50 +49,81 @@ def order_of(model: mujoco.MjModel) -> int:
     return ORDERS.get(mujoco.mjtIntegrator(model.opt.integrator), 1)
 
 
-def estimate(loop: ClosedLoop, schedule: Schedule, rows: Rows) -> Accuracy:
+def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     """Estimate the error of a run; all NaN where the run is too short to repeat a stretch of it."""
-    p = order_of(loop.model)
-    scale = 2**p / (2**p - 1)
-    nothing = Accuracy(p, float("nan"), float("nan"), 0.0)
-    triggered = isinstance(loop.controller.trigger, EventTrigger)
-    by_events = len(rows.events) >= 2
-    if by_events:
-        first, last = rows.events[-2], rows.events[-1]
-    else:
-        # a sample that is an event shows the state before the reset
-        usable = rows.samples[~np.isin(rows.samples[:, 0], rows.events[:, 0])]
-        if len(usable) < 3:
-            return nothing
-        first, last = usable[np.searchsorted(usable[:, 0], usable[-1, 0] - 1.0)], usable[-1]
+    if len(record.events) >= 2:
+        return _over_an_interval(loop, schedule, record)
+    return _over_a_second(loop, schedule, record)
+
+
+def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
+    first, last = loop.departures(record.events[-2:-1]), record.events[-1]
+    begin, stretch = float(record.events[-2, 0]), float(last[0] - record.events[-2, 0])
+    if stretch < 2 * schedule.timestep:
+        return _nothing(loop)
+    end = float(last[0]) + 0.1 * stretch + 10 * schedule.timestep
+    flights = [
+        EngineOpenLoop(loop, replace(schedule, timestep=h, t_end=end))(first.x[0], first.x_o[0], None, begin)
+        for h in (schedule.timestep, schedule.timestep / 2)
+    ]
+    if any(flight.outcome is not None for flight in flights):
+        return _nothing(loop)
+    coarse, fine = flights
+    size = max(float(np.abs([flight.y_max, flight.y_min]).max()) for flight in flights)
+    # a clock's interval has no error
+    interval = float("nan") if np.isfinite(schedule.clock) else abs(coarse.length - fine.length)
+    return _scaled(loop, interval, coarse.y - fine.y, size, stretch)
+
+
+def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
+    # a row that is an event shows the state before the reset
+    usable = record.rows[~np.isin(record.rows[:, 0], record.events[:, 0])]
+    if len(usable) < 3:
+        return _nothing(loop)
+    first, last = usable[np.searchsorted(usable[:, 0], usable[-1, 0] - 1.0)], usable[-1]
     stretch = float(last[0] - first[0])
     if stretch < 2 * schedule.timestep:
-        return nothing
-    margin = 0.1 * stretch + 10 * schedule.timestep if by_events and triggered else 0.0
+        return _nothing(loop)
     start = loop.departures(first[None, :])
+    a = layout_of(loop.controller).join(x_o=start.x_o[0], x_h=start.x_h[0])
     ends, size = [], 0.0
     for h in (schedule.timestep, schedule.timestep / 2):
-        data = loop.start(start.x[0], start.x_o[0], (start.x_o if by_events else start.x_h)[0], float(first[0]))
-        again = loop.run(data, replace(schedule, timestep=h, t_end=float(last[0]) + margin))
-        if by_events and not len(again.events):
-            return nothing
-        ends.append(again.events[:1] if by_events else again.samples[-1:])
-        size = max(size, float(np.abs(loop.departures(again.samples).y).max()))
-    y_1, y_2 = (loop.departures(end).y for end in ends)
-    interval = scale * abs(float(ends[0][0, 0] - ends[1][0, 0])) if by_events and triggered else float("nan")
-    output = scale * float(np.abs(y_1 - y_2).max()) / size if size > 0 else 0.0
-    return Accuracy(p, interval, output, stretch)
+        data = loop.data(start.x[0], a, float(first[0]))
+        again = loop.departures(loop.run(data, replace(schedule, timestep=h, t_end=float(last[0]))).rows)
+        ends.append(again.y[-1])
+        size = max(size, float(np.abs(again.y).max()))
+    return _scaled(loop, float("nan"), ends[0] - ends[1], size, stretch)
 
 
-def choose_timestep(timestep: float, accuracy: Accuracy, tolerance: float, fastest: float) -> float:
-    """The timestep at which the relative error of an interval is ``tolerance``, from one measured at ``timestep``.
+def _scaled(loop: ComposedLoop, interval: float, output: Array, size: float, stretch: float) -> Accuracy:
+    p = order_of(loop.model)
+    scale = 2**p / (2**p - 1)
+    return Accuracy(p, scale * interval, scale * float(np.abs(output).max()) / size if size > 0 else 0.0, stretch)
+
+
+def _nothing(loop: ComposedLoop) -> Accuracy:
+    return Accuracy(order_of(loop.model), float("nan"), float("nan"), 0.0)
+
+
+def choose_timestep(simulation: Simulation, tolerance: float) -> float:
+    """The timestep [s] at which the relative error of an interval would be ``tolerance``, from one run.
 
     Args:
-        timestep: h of the run that ``accuracy`` was measured on [s].
-        accuracy: its estimate.
-        tolerance: relative error of the interval wanted.
-        fastest: fastest rate of the loop [rad/s]; the step stays below 1/``fastest``, where the estimate holds.
+        simulation: a run on the engine, with an error estimate.
+        tolerance: relative error of the interval wanted; of the outputs where the run has no events.
+
+    Returns:
+        at most the inverse of the loop's fastest rate, beyond which the estimate does not hold.
+
+    Raises:
+        SimulationError: if the simulation is not one of the engine.
     """
-    error = accuracy.interval / accuracy.stretch if np.isfinite(accuracy.interval) else accuracy.output
+    facts = simulation.precision
+    if "timestep" not in facts or "fastest_rate" not in facts:
+        raise SimulationError("a timestep can only be chosen from a run on the engine")
+    timestep, longest = float(facts["timestep"]), 1 / float(facts["fastest_rate"])
+    error, stretch = float(facts["interval_error"]), float(facts["error_stretch"])
+    error = error / stretch if np.isfinite(error) and stretch > 0 else float(facts["output_error"])
     if not (np.isfinite(error) and error > 0):
-        return min(timestep, 1 / fastest)
-    return float(min(0.9 * timestep * (tolerance / error) ** (1 / accuracy.order), 1 / fastest))
+        return min(timestep, longest)
+    return float(min(0.9 * timestep * (tolerance / error) ** (1 / float(facts["order"])), longest))

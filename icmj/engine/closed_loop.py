@@ -5,24 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 
-from icmj.controller import ClockTrigger, Controller, EventTrigger
-from icmj.disturbance import Disturbance
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, layout_of, realise
 from icmj.engine import reference
+from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import Slot, block_of, compose
+from icmj.engine.composition import compose
 from icmj.engine.extremes import ExtremesTracker, Find, extremes
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
-from icmj.linear_plant import Array
-from icmj.runfile import SimulationSettings
-from icmj.simulation import Outcome
-from icmj.theory.error_system import error_system
+from icmj.errors import SimulationError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation import ending
+from icmj.simulation.disturbance import Disturbance, disturbance_of
+from icmj.simulation.ending import Outcome
+from icmj.simulation.settings import Settings
 
 CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
 
@@ -30,8 +33,19 @@ CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
 class Loop(Protocol):
     """Steps a composed model; see :class:`icmj.engine.reference.ReferenceLoop`."""
 
+    def begin(self) -> None:
+        """Start, or start anew, from where the data stand, right after an event."""
+
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
+
+
+class Implementation(NamedTuple):
+    """What runs a loop: its class, its callbacks (control, act_dyn), and what finds extremes."""
+
+    loop: Callable[[mujoco.MjModel, mujoco.MjData, Schedule, Array], Loop]
+    callbacks: tuple[Any, Any]
+    find: Find
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +59,17 @@ class States:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Record:
     """What a run recorded.
 
     Attributes:
-        samples, events: rows (t, qpos, qvel, act, sensordata), shapes (N, width), (K, width).
+        rows, events: rows (t, qpos, qvel, act, sensordata), shapes (N, width), (K, width).
         y_max, y_min: extremes of the outputs (departures) over the interval before each event, shapes (K, n_y).
         steps: steps taken.
         outcome: how it ended.
     """
 
-    samples: Array
+    rows: Array
     events: Array
     y_max: Array
     y_min: Array
@@ -64,7 +78,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
+class ComposedLoop:
     """Plant and controller in one model. A run changes ``model.opt.timestep``: use one for each thread.
 
     Attributes:
@@ -80,90 +94,104 @@ class ClosedLoop:
     model: mujoco.MjModel
     native: bool
 
-    def start(self, x: Array, x_o: Array, x_h: Array, t: float = 0.0) -> mujoco.MjData:
-        """Engine data at the state given as departures from the operating point."""
+    def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
+        """Engine data at a state of plant and controller; see :meth:`place`."""
+        data = mujoco.MjData(self.model)
+        self.place(data, x, a, t)
+        return data
+
+    def place(self, data: mujoco.MjData, x: Array, a: Array, t: float = 0.0) -> None:
+        """Put the plant at a departure from the operating point, and the controller at a state in its layout."""
         point, nv, block = self.plant.linearisation.point, self.model.nv, block_of(self.model)
         assert block is not None
-        data = mujoco.MjData(self.model)
         data.time = t
         data.qpos[:] = point.qpos
         mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(x[:nv]), 1.0)
         data.qvel[:] = point.qvel + x[nv : 2 * nv]
         data.act[: block.act.start] = point.act + x[2 * nv :]
-        data.act[block.act] = np.concatenate([x_o, x_h])
-        return data
+        data.act[block.act] = a
 
-    def schedule(self, settings: SimulationSettings, timestep: float) -> Schedule:
+    def schedule(self, settings: Settings, timestep: float) -> Schedule:
         """The times of a run with these settings."""
-        trigger, design = self.controller.trigger, self.controller.design
-        A_C = error_system(self.plant.linearisation.plant, design, self.controller.hold).A_C
+        trigger = self.controller.trigger
         return Schedule(
             timestep=timestep,
             t_end=settings.duration,
-            delta_min=trigger.delta_min if isinstance(trigger, EventTrigger) else 0.0,
-            clock=trigger.interval if isinstance(trigger, ClockTrigger) else np.inf,
+            delta_min=trigger.delta_min,
+            clock=trigger.clock,
             edges=self.disturbance.edges,
             phases=phases_of(self.disturbance.edges),
             record_interval=settings.record_interval,
             limit=settings.limit,
-            rate=float(np.abs(np.linalg.eigvals(A_C)).max()),
+            rate=fastest_rate(self.plant.linearisation.plant, self.controller),
         )
 
-    def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Rows:
+    def implementation(self) -> Implementation:
+        """The loop's class, the callbacks that go with it, and what finds extremes."""
+        if not self.native:
+            return Implementation(reference.ReferenceLoop, (reference.control, reference.act_dyn), extremes)
+        from icmj.engine.native.callbacks import callbacks
+        from icmj.engine.native.extremes import extremes as compiled_extremes
+        from icmj.engine.native.loop import NativeLoop
+
+        return Implementation(NativeLoop, callbacks(), compiled_extremes)
+
+    def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Record:
         """Run from ``data`` until the schedule's end or until the plant falls or diverges, or the user interrupts."""
-        model, point = self.model, self.plant.linearisation.point
+        model, width = self.model, self.width
         y_0 = self.plant.linearisation.y
-        width = 1 + model.nq + model.nv + model.na + model.nsensordata
         record = recording(CHUNK, model.nsensordata, width)
-        make, control, act_dyn, find = _implementation(self.native)
-        status, steps, interrupted, t = Status.RUNNING, 0, False, data.time
-        with installed(control, act_dyn), self._lent():
-            loop: Loop = make(model, data, schedule, point.qpos)
+        use = self.implementation()
+        status, steps, stopped, t = Status.RUNNING, 0, False, data.time
+        with installed(*use.callbacks), self.lent():
+            loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
-            samples, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges, find)
-            while status == Status.RUNNING and not interrupted:
+            rows, events = [first[None, :]], [np.empty((0, width))]
+            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges, use.find)
+            while status == Status.RUNNING and not stopped:
                 record.clear()
                 try:
                     status = loop.advance(record, CHUNK)
                     if progress is not None:
                         progress(min(data.time / schedule.t_end, 1.0))
                 except KeyboardInterrupt:
-                    interrupted = True
-                n_dense, n_samples, n_events = (int(n) for n in record.count)
+                    stopped = True
+                n_dense, n_rows, n_events = (int(n) for n in record.count)
                 steps += n_dense
-                samples.append(record.samples[:n_samples].copy())
+                rows.append(record.rows[:n_rows].copy())
                 events.append(record.events[:n_events].copy())
                 dense = record.dense[:n_dense]
                 tracker.add(dense[:, 0], dense[:, 1:] - y_0, record.event_at[:n_events])
                 t = float(dense[-1, 0]) if n_dense else t
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
-        outcome = self._outcome(Status.RUNNING if interrupted else status, t, data, schedule, at_events[:, 0])
-        return Rows(np.concatenate(samples), at_events, y_max, y_min, steps, outcome)
+        outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, at_events[:, 0])
+        return Record(np.concatenate(rows), at_events, y_max, y_min, steps, outcome)
 
-    def _outcome(self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
+    @property
+    def width(self) -> int:
+        """Length of a row (t, qpos, qvel, act, sensordata)."""
+        model = self.model
+        return int(1 + model.nq + model.nv + model.na + model.nsensordata)
+
+    def outcome(self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
+        """How it ended, from why the loop returned; ``RUNNING`` means that it was stopped."""
         if status == Status.RUNNING:
-            return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {schedule.t_end:g} s")
+            return ending.interrupted(t, schedule.t_end)
         if status == Status.FELL:
             departure = np.zeros(self.model.nv)
             mujoco.mj_differentiatePos(self.model, departure, 1.0, self.plant.linearisation.point.qpos, data.qpos)
             name = self.plant.linearisation.plant.states[int(np.argmax(np.abs(departure)))]
-            return Outcome(
-                "fell", t, f"fell at {t:.6g} s: {name} departed further than its limit of {schedule.limit:g}"
-            )
+            return ending.fell(t, name, schedule.limit)
         if status == Status.DIVERGED:
-            return Outcome("diverged", t, f"diverged at {t:.6g} s: the state stopped being finite")
+            return ending.diverged(t, "the state stopped being finite")
         if status == Status.WARNED:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
-            return Outcome("diverged", t, f"diverged at {t:.6g} s: the engine warned ({', '.join(names)})")
-        late = np.diff(events, prepend=0.0)[-20:]
-        if len(late) == 20 and schedule.delta_min > 0 and (late <= schedule.delta_min * (1 + 1e-6)).all():
-            return Outcome("sliding", t, f"slid: the last intervals all collapsed to Δ_min = {schedule.delta_min:g} s")
-        return Outcome("completed", t, f"ran to {t:g} s")
+            return ending.diverged(t, f"the engine warned ({', '.join(names)})")
+        return ending.ran(t, np.diff(events, prepend=0.0), schedule.delta_min)
 
     @contextmanager
-    def _lent(self) -> Iterator[None]:
+    def lent(self) -> Iterator[None]:
         """Put back on leaving what a loop changes in the model."""
         timestep, block = self.model.opt.timestep, block_of(self.model)
         assert block is not None
@@ -176,43 +204,48 @@ class ClosedLoop:
 
     def departures(self, rows: Array) -> States:
         """Recorded rows as departures from the operating point."""
-        point, n = self.plant.linearisation.point, self.controller.design.plant.n
+        point = self.plant.linearisation.point
         nq, nv, na = len(point.qpos), len(point.qvel), len(point.act)
-        qpos, qvel, act, x_o, x_h, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, n, n]), axis=1)
+        layout = layout_of(self.controller)
+        qpos, qvel, act, a, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, layout.size]), axis=1)
         position = np.zeros((len(rows), nv))
         if nq == nv:
             position = qpos - point.qpos
         else:
             for departure, q in zip(position, qpos, strict=True):
                 mujoco.mj_differentiatePos(self.model, departure, 1.0, point.qpos, np.ascontiguousarray(q))
-        x = np.hstack([position, qvel - point.qvel, act - point.act])
-        return States(x, x_o, x_h, y - self.plant.linearisation.y)
+        x, parts = np.hstack([position, qvel - point.qvel, act - point.act]), layout.split(a)
+        return States(x, parts["x_o"], parts["x_h"], y - self.plant.linearisation.y)
 
 
-def close_loop(
-    plant: MujocoPlant,
-    controller: Controller,
-    disturbance: Disturbance,
-    integrator: str | None = None,
-    native: bool = True,
-) -> ClosedLoop:
-    """Compose plant and controller; an ``integrator`` of ``None`` is the model's.
+def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop:
+    """Compose plant and controller, with the disturbance, integrator and implementation that ``settings`` name.
 
     Raises:
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
+        SimulationError: if a disturbance names an unknown input.
     """
+    disturbance = disturbance_of(settings.disturbance, plant.linearisation.plant.inputs)
     model = compose(plant, controller, disturbance)
-    if integrator is not None:
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
-    return ClosedLoop(plant, controller, disturbance, model, native)
+    if settings.integrator is not None:
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
+    return ComposedLoop(plant, controller, disturbance, model, settings.native)
 
 
-def _implementation(native: bool) -> tuple[Any, Any, Any, Find]:
-    """The loop's class, the callbacks that go with it, and what finds extremes."""
-    if native:
-        from icmj.engine.native_callbacks import callbacks
-        from icmj.engine.native_extremes import extremes as compiled_extremes
-        from icmj.engine.native_loop import NativeLoop
+def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
+    """The timestep of the settings, or the model's [s].
 
-        return NativeLoop, *callbacks(), compiled_extremes
-    return reference.ReferenceLoop, reference.control, reference.act_dyn, extremes
+    Raises:
+        SimulationError: if it is shorter than 1e-9 s or longer than the run.
+    """
+    timestep = float(settings.timestep or loop.model.opt.timestep)
+    if not 1e-9 <= timestep <= settings.duration:
+        raise SimulationError(f"timestep {timestep} s: expected between 1e-9 s and the duration, {settings.duration} s")
+    return timestep
+
+
+def fastest_rate(plant: LinearPlant, controller: Controller) -> float:
+    """Largest |λ| of plant, observer and hold between events [rad/s]."""
+    controls = realise(controller)
+    closed = np.block([[plant.A, -plant.B @ controls.K], [controls.N @ plant.C, controls.M]])
+    return float(np.abs(np.linalg.eigvals(closed)).max())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
 

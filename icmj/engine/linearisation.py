@@ -7,18 +7,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.engine.actuator import is_second_order_lag, second_order_lag
 from icmj.engine.callbacks import installed
-from icmj.engine.model import (
-    OperatingPoint,
-    input_names,
-    model_name,
-    operating_point,
-    output_names,
-    state_names,
-)
+from icmj.engine.model import OperatingPoint, input_names, model_name, operating_point, output_names, state_names
 from icmj.errors import ModelError
-from icmj.linear_plant import Array, LinearPlant
+from icmj.plant.linear_plant import LinearPlant
 
 EPS = 1e-5  # balances truncation (eps²) against rounding (1/eps): 2e-9 on the three-link model
 

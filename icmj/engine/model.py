@@ -9,8 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.errors import ModelError
-from icmj.linear_plant import Array
 
 
 @dataclass(frozen=True)

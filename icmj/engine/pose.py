@@ -5,11 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
-from icmj.linear_plant import Array
-from icmj.result import Geom, Scene
-from icmj.simulation import Simulation
+from icmj.simulation.scene import Geom, Scene
+from icmj.simulation.simulation import Simulation
 
 SHAPES = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")  # what the replay can draw; others are left out
 

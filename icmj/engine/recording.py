@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 
 class Status(IntEnum):
@@ -18,25 +18,25 @@ class Status(IntEnum):
     FELL = 2
     DIVERGED = 3
     WARNED = 4
+    REACHED = 5  # as many events as were asked for
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """Buffers for one chunk of at most N steps.
+class Recording(NamedTuple):
+    """Buffers for one chunk of at most N steps; a named tuple, which compiled code takes.
 
     Attributes:
         dense: time and outputs at the end of every step, shape (N, 1 + n_y).
-        samples: decimated rows (t, qpos, qvel, act, sensordata), shape (N, width).
+        rows: decimated rows (t, qpos, qvel, act, sensordata), shape (N, width).
         events: the same rows at the events, before the reset, shape (N, width).
         event_at: index of each event's row in ``dense``, shape (N,).
-        count: rows filled in dense, samples, events; shape (3,).
+        count: rows filled in dense, rows, events; shape (3,).
     """
 
     dense: Array
-    samples: Array
+    rows: Array
     events: Array
     event_at: np.ndarray
-    count: np.ndarray
+    count: np.ndarray  # type: ignore[assignment]
 
     def clear(self) -> None:
         """Start a new chunk."""

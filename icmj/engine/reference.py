@@ -7,11 +7,12 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from icmj.base.array import Array
+from icmj.controller.trigger import Faces
 from icmj.engine.actuator import second_order_lag
-from icmj.engine.composition import CLOCK, EVENT, Block, Slot, block_of
+from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
-from icmj.linear_plant import Array
 
 INTEGRATORS: dict[int, Callable[[mujoco.MjModel, mujoco.MjData], None]] = {
     mujoco.mjtIntegrator.mjINT_RK4: lambda m, d: mujoco.mj_RungeKutta(m, d, 4),
@@ -27,7 +28,7 @@ SPLITS = 64  # finest division of a step in which E is looked at before a near-t
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """MuJoCo control callback: fresh outputs, then ctrl = ctrl_0 − K a + d(t)."""
     block = block_of(model)
-    if block is None or model.nu != block.header[Slot.N_U] + 1:
+    if block is None or model.nu != len(block.ctrl_0) + 1:
         return
     mujoco.mj_sensorPos(model, data)
     if block.header[Slot.STAGE] >= int(mujoco.mjtStage.mjSTAGE_VEL):
@@ -78,12 +79,17 @@ class ReferenceLoop:
         block = block_of(model)
         assert block is not None
         self.model, self.data, self.block, self.schedule, self.qpos_0 = model, data, block, schedule, qpos_0
-        self.trigger = int(block.header[Slot.TRIGGER])
+        self.faces = Faces(block.R, block.edges)
         self.integrate = INTEGRATORS[model.opt.integrator]
         self._saved = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+        self.begin()
+
+    def begin(self) -> None:
+        """Start, or start anew, from where the data stand, right after an event."""
+        model, data, block, schedule = self.model, self.data, self.block, self.schedule
         t = data.time
         self._grid, self._i = t, 0  # the step grid starts at ``grid``; ``i`` steps of it are done
-        self._last, self._armed = t, False
+        self._last, self._armed, self._events = t, False, 0
         self._clock, self._edge = schedule.first_clock(t), schedule.first_edge(t)
         self._begin, self._end, self._length = t, t, 0.0
         self._next_record = t + schedule.record_interval
@@ -102,8 +108,8 @@ class ReferenceLoop:
     def _advance(self, record: Recording) -> Status:
         plan, data = self.schedule, self.data
         t = data.time
-        arm = self._last + plan.delta_min if self.trigger == EVENT and not self._armed else np.inf
-        clock = self._clock * plan.clock if self.trigger == CLOCK else np.inf
+        arm = self._last + plan.delta_min if len(self.faces) and not self._armed else np.inf
+        clock = self._clock * plan.clock if np.isfinite(plan.clock) else np.inf
         edge = plan.edges[self._edge] if self._edge < len(plan.edges) else np.inf
         target = min(plan.t_end, arm, clock, edge)
         lands = target - t <= plan.timestep * (1 + 1e-9)
@@ -111,13 +117,13 @@ class ReferenceLoop:
         fired = False
         self._length = step
         if step > 0:
-            E, dE = self._event_function() if self._armed else (0.0, 0.0)
+            levels = self._levels()
             mujoco.mj_getState(self.model, data, self._saved, mujoco.mjtState.mjSTATE_INTEGRATION)
             self._begin = t
             self._end = target if lands else self._grid + (self._i + 1) * plan.timestep
             self._step(step, first=True)
             if self._armed:
-                fired = self._event_in(step, E, dE)
+                fired = self._event_in(step, *levels)
                 lands = lands and data.time >= target
         if fired or lands:
             self._grid, self._i = data.time, 0
@@ -128,18 +134,22 @@ class ReferenceLoop:
             # what was planned for this time
             if data.time >= arm:
                 self._armed = True
-                fired = fired or self._event_function()[0] >= 0
+                fired = fired or self._levels()[0].max() >= 0
             if data.time >= clock:
                 self._clock += 1
                 fired = True
             if data.time >= plan.t_end:
                 status = Status.COMPLETED
+        if fired:
+            self._events += 1
+            if status == Status.RUNNING and self._events >= plan.events:
+                status = Status.REACHED
         due = data.time >= self._next_record - 1e-9 * plan.timestep
         self._record(record, fired, due or status != Status.RUNNING)
         if fired:
-            mid = self.block.act.start + self.block.n_hat
-            data.act[mid : self.block.act.stop] = data.act[self.block.act.start : mid]
-            self._last, self._armed = data.time, self.trigger == EVENT and plan.delta_min == 0
+            a = data.act[self.block.act]
+            a[:] = self.block.J @ a
+            self._last, self._armed = data.time, len(self.faces) > 0 and plan.delta_min == 0
         passed = lands and data.time >= edge
         if passed:
             self._edge += 1
@@ -159,25 +169,21 @@ class ReferenceLoop:
         self.data.time = self._end if step == self._length else self._begin + step
         mujoco.mj_forward(self.model, self.data)
 
-    def _event_function(self) -> tuple[float, float]:
-        """E and dE/dt, after a forward pass."""
-        a, rate = self.data.act[self.block.act], self.data.act_dot[self.block.act]
-        n = self.block.n_hat
-        e, e_rate = a[n:] - a[:n], rate[n:] - rate[:n]
-        Qe = self.block.Q_t @ e
-        return float(e @ Qe - self.block.header[Slot.Q2]), float(2 * e_rate @ Qe)
+    def _levels(self) -> tuple[Array, Array]:
+        """E_j and dE_j/dt of every face of the event rule, after a forward pass; shapes (F,), (F,)."""
+        a, rate = (vector[self.block.act] for vector in (self.data.act, self.data.act_dot))
+        return self.faces.levels(a), self.faces.rates(a, rate)
 
-    def _event_in(self, step: float, E_0: float, dE_0: float) -> bool:
+    def _event_in(self, step: float, E_0: Array, dE_0: Array) -> bool:
         """Whether E reaches zero within the step just taken; leaves the state at the first event, or at the end."""
-        E_1, dE_1 = self._event_function()
-        q2 = self.block.header[Slot.Q2]
-        top = max(abs(E_0 + q2), abs(E_1 + q2))
-        if not np.isfinite(E_1):
+        E_1, dE_1 = self._levels()
+        if not np.isfinite(E_1).all():
             return False
-        if not may_reach_zero(E_0, dE_0, E_1, dE_1, step, self.schedule.margin(step) * top):
-            if E_1 >= 0:
+        top = np.maximum(np.abs(E_0 + 1), np.abs(E_1 + 1))
+        if not any_may_reach_zero(E_0, dE_0, E_1, dE_1, step, self.schedule.margin(step) * top):
+            if E_1.max() >= 0:
                 self._locate(0.0, E_0, dE_0, step, E_1, dE_1)
-            return bool(E_1 >= 0)
+            return bool(E_1.max() >= 0)
         # E may have touched zero between the ends: look inside, ever finer
         pieces = 2
         while pieces <= SPLITS:
@@ -187,23 +193,25 @@ class ReferenceLoop:
             for j in range(1, pieces + 1):
                 s_b = step * j / pieces
                 self._step(s_b)
-                E_b, dE_b = self._event_function()
-                if E_b >= 0:
+                E_b, dE_b = self._levels()
+                if E_b.max() >= 0:
                     self._locate(s_a, E_a, dE_a, s_b, E_b, dE_b)
                     return True
-                settled = settled and not may_reach_zero(E_a, dE_a, E_b, dE_b, s_b - s_a, margin)
+                settled = settled and not any_may_reach_zero(E_a, dE_a, E_b, dE_b, s_b - s_a, margin)
                 s_a, E_a, dE_a = s_b, E_b, dE_b
             if settled:
                 break
             pieces *= 2
         return False
 
-    def _locate(self, low: float, E_l: float, dE_l: float, high: float, E_h: float, dE_h: float) -> None:
-        """Find the root of E between ``low`` (E < 0) and ``high`` (E ≥ 0); leave the state there."""
-        s = hermite_root(low, E_l, dE_l, high, E_h, dE_h)
+    def _locate(self, low: float, E_l: Array, dE_l: Array, high: float, E_h: Array, dE_h: Array) -> None:
+        """Find the root of max E_j between ``low`` (all negative) and ``high`` (one is not); leave the state there."""
+        reached = np.flatnonzero(E_h >= 0)
+        s = min(hermite_root(low, E_l[j], dE_l[j], high, E_h[j], dE_h[j]) for j in reached)
         for trial in range(60):
             self._step(s)
-            E, dE = self._event_function()
+            levels, rates = self._levels()
+            E, dE = levels.max(), rates[levels.argmax()]
             if E >= 0:
                 high = s
             else:
@@ -227,12 +235,12 @@ class ReferenceLoop:
     def _record(self, record: Recording, fired: bool, due: bool) -> None:
         data = self.data
         y = data.sensordata
-        n_dense, n_samples, n_events = record.count
+        n_dense, n_rows, n_events = record.count
         record.dense[n_dense] = [data.time, *y]
         if fired or due:
             row = np.concatenate([[data.time], data.qpos, data.qvel, data.act, y])
-            if self._length > 0:  # else an event at the very start, whose sample is there already
-                record.samples[n_samples] = row
+            if self._length > 0:  # else an event at the very start, whose row is there already
+                record.rows[n_rows] = row
                 record.count[1] += 1
             if fired:
                 record.events[n_events] = row
@@ -240,6 +248,12 @@ class ReferenceLoop:
                 record.count[2] += 1
             self._next_record = data.time + self.schedule.record_interval
         record.count[0] += 1
+
+
+def any_may_reach_zero(E_0: Array, dE_0: Array, E_1: Array, dE_1: Array, step: float, margin: Array) -> bool:
+    """Whether any face's E_j may reach zero inside the step; see :func:`may_reach_zero`."""
+    faces = zip(E_0, dE_0, E_1, dE_1, margin, strict=True)
+    return any(may_reach_zero(e_0, de_0, e_1, de_1, step, m) for e_0, de_0, e_1, de_1, m in faces)
 
 
 def may_reach_zero(E_0: float, dE_0: float, E_1: float, dE_1: float, step: float, margin: float) -> bool:

@@ -1,4 +1,4 @@
-"""When the closed loop steps, samples, records and stops: everything a loop needs besides the model."""
+"""When the closed loop steps, acts, records and stops: everything a loop needs besides the model."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
+
+NO_END = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +24,10 @@ class Schedule:
         clock: interval of the clock trigger [s]; infinite for others.
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
-        record_interval: least time between two recorded samples [s]; events are always recorded.
+        record_interval: least time between two recorded rows [s]; events are always recorded.
         limit: the run has fallen when a position departs further than this [rad or m].
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
+        events: number of events after which to stop.
     """
 
     timestep: float
@@ -36,11 +39,12 @@ class Schedule:
     record_interval: float
     limit: float
     rate: float
+    events: int = NO_END
 
     def margin(self, step: float) -> float:
-        """How far E + q_t² may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.
+        """How far E_j + 1 may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.
 
-        E + q_t² = eᵀQ_te is a sum of exponentials with rates up to twice the loop's, and a Hermite cubic errs by
+        E_j + 1 = |R_j a|² is a sum of exponentials with rates up to twice the loop's, and a Hermite cubic errs by
         h⁴/384 times the fourth derivative; the factor 10 is for what the nonlinear plant adds.
         """
         return float(10 * (2 * self.rate * step) ** 4 / 384)
@@ -50,7 +54,7 @@ class Schedule:
         return int(np.searchsorted(self.edges, t, side="right"))
 
     def first_clock(self, t: float) -> int:
-        """Number of the first clock sample after ``t``."""
+        """Number of the first event of the clock after ``t``."""
         return int(np.floor(t / self.clock * (1 + 1e-12))) + 1
 
 

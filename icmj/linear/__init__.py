@@ -1,1 +1,1 @@
-"""The exact event-driven simulation of the intermittently controlled linear plant."""
+"""The exact simulation of the linear plant: events root-found, nothing integrated by steps."""

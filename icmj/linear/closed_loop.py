@@ -1,4 +1,4 @@
-"""The closed loop between samples as one linear system in z = (x, d, e), plus the disturbance.
+"""The closed loop between events as one linear system in z = (x, d, e), plus the disturbance.
 
 d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error. With e as a state the reset x_h := x_o is e := 0,
 and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays exact (no round-off of x leaks
@@ -12,28 +12,33 @@ from itertools import pairwise
 
 import numpy as np
 
-from icmj.controller import Continuous, Controller
-from icmj.disturbance import Disturbance
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, layout_of
+from icmj.controller.layout import Layout
+from icmj.controller.trigger import Faces
 from icmj.errors import SimulationError
-from icmj.linear.flow import Flow
-from icmj.linear_plant import Array, LinearPlant, transformation
+from icmj.linear.propagator import Propagator
+from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.simulation.disturbance import Disturbance
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
-    """Plant, observer and hold between samples: ż = M z + disturbance, z = (x, d, e) (eqs. sys, obs, hold).
+class LinearLoop:
+    """Plant, observer and hold between events: ż = M z + disturbance, z = (x, d, e) (eqs. sys, obs, hold).
 
     Attributes:
         plant: the actual plant.
         controller: design, hold and trigger. Under continuous control e stays zero.
         T_hat: T̂, states of the same name matched, shape (n̂, n).
         M: shape (n + 2n̂, n + 2n̂).
+        faces: of the event rule; none for a clock or continuous control.
     """
 
     plant: LinearPlant
     controller: Controller
     T_hat: Array
     M: Array
+    faces: Faces
 
     @property
     def n(self) -> int:
@@ -45,28 +50,46 @@ class ClosedLoop:
         """Number of states of the assumed plant."""
         return self.controller.design.plant.n
 
-    def state(self, x: Array, x_o: Array, x_h: Array) -> Array:
-        """z from (x, x_o, x_h)."""
-        return np.concatenate([x, x_o - self.T_hat @ x, x_h - x_o])
+    @property
+    def positions(self) -> np.ndarray:
+        """Indices of the states that the limit guards: those with a ``<name>_rate`` beside them, else all."""
+        states = self.plant.states
+        return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(self.n))
+
+    @property
+    def layout(self) -> Layout:
+        """The segments of z."""
+        return Layout.of(x=self.n, d=self.n_hat, e=self.n_hat)
+
+    def state(self, x: Array, a: Array) -> Array:
+        """z from the plant's state and the controller's, in its layout."""
+        known = layout_of(self.controller).split(a)
+        return self.layout.join(x=x, d=known["x_o"] - self.T_hat @ x, e=known["x_h"] - known["x_o"])
 
     def x(self, Z: Array) -> Array:
         """Plant state, last axis; any leading shape."""
-        return Z[..., : self.n]
+        return Z[..., self.layout["x"]]
 
     def x_o(self, Z: Array) -> Array:
         """Observer state."""
-        return Z[..., self.n : self.n + self.n_hat] + self.x(Z) @ self.T_hat.T
+        return Z[..., self.layout["d"]] + self.x(Z) @ self.T_hat.T
 
     def e(self, Z: Array) -> Array:
         """Hold error e_hp = x_h − x_o."""
-        return Z[..., self.n + self.n_hat : self.n + 2 * self.n_hat]
+        return Z[..., self.layout["e"]]
 
     def x_h(self, Z: Array) -> Array:
         """Hold state."""
         return self.x_o(Z) + self.e(Z)
 
+    def reset(self, z: Array) -> Array:
+        """z right after an event: x_h := x_o."""
+        after = z.copy()
+        after[self.layout["e"]] = 0
+        return after
 
-def closed_loop(plant: LinearPlant, controller: Controller) -> ClosedLoop:
+
+def closed_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
     """Build the closed loop of ``plant`` under ``controller``; their orders may differ.
 
     Raises:
@@ -85,14 +108,15 @@ def closed_loop(plant: LinearPlant, controller: Controller) -> ClosedLoop:
     observer_row = np.hstack(
         [assumed.A @ T - T @ plant.A - B_tilde_k @ T - L @ C_tilde, design.A_o - B_tilde_k, -B_tilde_k]
     )
-    if isinstance(controller.trigger, Continuous):
+    if not controller.trigger.holds:
         error_row = np.zeros((assumed.n, plant.n + 2 * assumed.n))
     else:
         # e' = A_h x_h − x_o'; the first difference is exactly zero for the system-matched hold
         A_h = controller.hold.A_h
         H = A_h - design.A_c
         error_row = np.hstack([H @ T + L @ C_tilde, H + L @ assumed.C, A_h + assumed.B @ k])
-    return ClosedLoop(plant, controller, T, np.vstack([plant_row, observer_row, error_row]))
+    M = np.vstack([plant_row, observer_row, error_row])
+    return LinearLoop(plant, controller, T, M, controller.trigger.faces(design))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +125,13 @@ class Stretch:
 
     Attributes:
         start, end: [s].
-        flow: of z followed by two oscillator states for each acting term, a cos(ωt + φ) and a sin(ωt + φ).
+        propagator: of z followed by two oscillator states for each acting term, a cos(ωt + φ) and a sin(ωt + φ).
         amplitude, omega, phase: of these terms.
     """
 
     start: float
     end: float
-    flow: Flow
+    propagator: Propagator
     amplitude: Array
     omega: Array
     phase: Array
@@ -118,7 +142,7 @@ class Stretch:
         return np.concatenate([z, self.amplitude * np.cos(angle), self.amplitude * np.sin(angle)])
 
 
-def stretches(loop: ClosedLoop, disturbance: Disturbance, duration: float) -> list[Stretch]:
+def stretches(loop: LinearLoop, disturbance: Disturbance, duration: float) -> list[Stretch]:
     """The run from 0 to ``duration`` cut where the disturbance switches; its terms become oscillators."""
     size = len(loop.M)
     edges = [0.0, *(float(t) for t in disturbance.edges if t < duration), duration]
@@ -134,5 +158,7 @@ def stretches(loop: ClosedLoop, disturbance: Disturbance, duration: float) -> li
         M[loop.n : loop.n + loop.n_hat, size : size + count] = -loop.T_hat @ into
         M[size : size + count, size + count :] = -np.diag(omega)
         M[size + count :, size : size + count] = np.diag(omega)
-        result.append(Stretch(start, end, Flow(M), disturbance.amplitude[acting], omega, disturbance.phase[acting]))
+        result.append(
+            Stretch(start, end, Propagator(M), disturbance.amplitude[acting], omega, disturbance.phase[acting])
+        )
     return result

@@ -1,34 +1,31 @@
-"""What a simulation collects while it runs: recorded samples and events."""
+"""What a simulation collects while it runs: rows and events."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from icmj.controller import ClockTrigger, Continuous, EventTrigger
-from icmj.linear.closed_loop import ClosedLoop
+from icmj.base.array import Array
+from icmj.linear.closed_loop import LinearLoop
 from icmj.linear.watch import Piece, Watch
-from icmj.linear_plant import Array
-from icmj.simulation import Events, Outcome, Simulation
+from icmj.simulation.ending import Outcome
+from icmj.simulation.simulation import Events, Simulation
 
 _SAME = 1e-12  # a recording instant this close to an event [s] is the event
 
 
 class History:
-    """Samples of z at multiples of ``interval`` and at events, and the events themselves.
+    """Rows of z at multiples of ``interval`` and at events, and the events themselves.
 
     Attributes:
         t, z: where the run is now; z = (x, d, e).
-        last_sample: time of the controller's last sample [s].
-        samples: number of samples after the one at t = 0.
     """
 
-    def __init__(self, loop: ClosedLoop, interval: float, z: Array) -> None:
+    def __init__(self, loop: LinearLoop, interval: float, z: Array) -> None:
         self.loop, self.interval = loop, interval
         self.t, self.z = 0.0, z
-        self.last_sample, self.samples = 0.0, 0
         self._recorded: list[tuple[Array, Array]] = [(np.zeros(1), z[None, :])]
         self._next = 1
-        self._flow: tuple[float, int] = (0.0, 0)
+        self._grid: tuple[float, int] = (0.0, 0)
         self._events: list[tuple[float, Array, Array, Array]] = []
         self._reset_extremes()
 
@@ -42,27 +39,25 @@ class History:
         first, last = self._next, int(np.floor((end - _SAME) / self.interval))
         times: Array = np.arange(first, last + 1, dtype=float) * self.interval
         if len(times) > 0:
-            position = (times - self.t) / watch.flow.h
+            position = (times - self.t) / watch.propagator.h
             step = np.clip(position.astype(int), 0, len(piece.Z) - 1)
-            Z = watch.flow.within(piece.Z[step], position - step)[:, :size]
+            Z = watch.propagator.within(piece.Z[step], position - step)[:, :size]
             self._recorded.append((times, Z))
         self._next = max(self._next, last + 1)
-        self._flow = (watch.flow.h, watch.flow.degree)
+        self._grid = (watch.propagator.h, watch.propagator.degree)
         self.t, self.z = end, piece.z[:size]
         self._y_max = np.maximum(self._y_max, piece.y_max)
         self._y_min = np.minimum(self._y_min, piece.y_min)
 
-    def sample(self) -> None:
-        """The controller samples now: an event is noted and x_h := x_o."""
+    def event(self) -> None:
+        """The controller takes up feedback now: an event is noted and x_h := x_o."""
         self._record_now()
         self._events.append((self.t, self.z, self._y_max, self._y_min))
-        self.z = self.z.copy()
-        self.loop.e(self.z)[:] = 0
-        self.last_sample, self.samples = self.t, self.samples + 1
+        self.z = self.loop.reset(self.z)
         self._reset_extremes()
 
     def intervals(self) -> Array:
-        """Intervals between samples so far [s], shape (samples,)."""
+        """Open-loop intervals so far [s], shape (K,)."""
         return np.diff([0.0, *(event[0] for event in self._events)])
 
     def _record_now(self) -> None:
@@ -73,26 +68,21 @@ class History:
 
     def simulation(self, outcome: Outcome) -> Simulation:
         """Everything collected, as data."""
-        loop, trigger = self.loop, self.loop.controller.trigger
+        loop = self.loop
         self._record_now()
         t = np.concatenate([times for times, _ in self._recorded])
         Z = np.vstack([states for _, states in self._recorded])
-        E = np.full(len(t), np.nan)
-        if isinstance(trigger, EventTrigger):
-            e = loop.e(Z)
-            E = np.einsum("ni,ij,nj->n", e, trigger.Q_t, e) - trigger.q_t**2
-        control = "clock" if isinstance(trigger, ClockTrigger) else "event"
-        step, degree = self._flow
+        step, degree = self._grid
         return Simulation(
             plant="linear",
-            control="continuous" if isinstance(trigger, Continuous) else control,  # type: ignore[arg-type]
+            control=loop.controller.trigger.kind,
             t=t,
             x=loop.x(Z),
             y=loop.x(Z) @ loop.plant.C.T,
             u=-loop.x_h(Z) @ loop.controller.design.k.T,
             x_o=loop.x_o(Z),
             x_h=loop.x_h(Z),
-            E=E,
+            E=loop.faces.E(loop.e(Z)),
             events=self._event_data(),
             outcome=outcome,
             precision={

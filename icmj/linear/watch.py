@@ -1,17 +1,16 @@
-"""Watching a flow: where the event function, a limit or divergence ends it, and how far the outputs go."""
+"""Watching the motion: where the event function, a limit or divergence ends it, and how far the outputs go."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from icmj.bernstein import first_root, largest, square
-from icmj.controller import EventTrigger
-from icmj.linear.closed_loop import ClosedLoop
-from icmj.linear.flow import Flow
-from icmj.linear_plant import Array
+from icmj.base.array import Array
+from icmj.base.bernstein import first_root, largest
+from icmj.linear.closed_loop import LinearLoop
+from icmj.linear.propagator import Propagator
 
 DIVERGED = 1e12
 _LANDING = 1e-12  # an event this close after the end of a piece [s] is at its end
@@ -19,7 +18,7 @@ _LANDING = 1e-12  # an event this close after the end of a piece [s] is at its e
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A piece of the flow, at most one block of steps long.
+    """A piece of the motion, at most one block of steps long.
 
     Attributes:
         kind: why it ended; ``end`` is the end of the block or of the time asked for.
@@ -38,51 +37,49 @@ class Piece:
     y_max: Array
     y_min: Array
 
+    def as_event(self) -> Piece:
+        """The same piece, ended by an event that falls due at its end."""
+        return replace(self, kind="event")
+
 
 class Watch:
-    """Advances a flow and looks for its end on every step by certified bounds.
+    """Advances the motion and looks for its end on every step by certified bounds.
 
-    The curve R e(θ) with RᵀR = Q_t stays within the largest norm of its control points, so a step whose control
-    points are all shorter than q_t holds no event; only the others are looked at more closely.
+    A curve R_j e(θ) stays within the largest norm of its control points, so a step whose control points are all
+    inside every face of the event rule holds no event; only the others are looked at more closely.
     """
 
-    def __init__(self, loop: ClosedLoop, flow: Flow, positions: Array, limit: float) -> None:
-        self.flow = flow
-        n, n_hat, n_y, size = loop.n, loop.n_hat, loop.plant.n_y, len(flow.M)
-        trigger = loop.controller.trigger
-        Q_t = trigger.Q_t if isinstance(trigger, EventTrigger) else np.zeros((n_hat, n_hat))
-        self.q_t = trigger.q_t if isinstance(trigger, EventTrigger) else np.inf
-        values, vectors = np.linalg.eigh(Q_t)
-        kept = values > 1e-15 * max(values[-1], 1e-300)
-        R = (np.sqrt(values[kept])[:, None] * vectors[:, kept].T).reshape(-1, n_hat)
-        rows = np.zeros((len(R) + len(positions) + n_y, size))
-        rows[: len(R), n + n_hat : n + 2 * n_hat] = R
-        rows[len(R) + np.arange(len(positions)), positions] = 1 / limit
-        rows[len(R) + len(positions) :, :n] = loop.plant.C
-        cuts = [len(R), len(R) + len(positions)]
-        self._error, self._position, self._output = np.split(np.arange(len(rows)), cuts)
+    def __init__(self, loop: LinearLoop, propagator: Propagator, limit: float) -> None:
+        self.propagator, self.faces = propagator, loop.faces
+        positions, n_y, size = loop.positions, loop.plant.n_y, len(propagator.M)
+        r = len(self.faces.R)
+        rows = np.zeros((r + len(positions) + n_y, size))
+        rows[:r, loop.layout["e"]] = self.faces.R
+        rows[r + np.arange(len(positions)), positions] = 1 / limit
+        rows[r + len(positions) :, loop.layout["x"]] = loop.plant.C
+        self._error, self._position, self._output = np.split(np.arange(len(rows)), [r, r + len(positions)])
         self._rows = rows
-        self._powers = flow.powers_of(rows)
-        self._controls = flow.controls_of(rows).reshape(-1, size)
-        self._shape = (flow.degree + 1, len(rows))
+        self._powers = propagator.powers_of(rows)
+        self._controls = propagator.controls_of(rows).reshape(-1, size)
+        self._shape = (propagator.degree + 1, len(rows))
 
     def advance(self, z: Array, length: float, armed: bool) -> Piece:
-        """The flow from ``z`` for ``length`` seconds or one block, whichever is shorter, or until something ends it.
+        """The motion from ``z`` for ``length`` seconds or one block, whichever is shorter, or until something ends it.
 
         Args:
             z: state at the start, shape (m,).
             length: time asked for [s].
             armed: whether the event function is watched.
         """
-        h = self.flow.h
-        steps = int(min(np.ceil(length / h * (1 - 1e-14)), self.flow.block)) or 1
+        h = self.propagator.h
+        steps = int(min(np.ceil(length / h * (1 - 1e-14)), self.propagator.block)) or 1
         complete = steps * h >= length * (1 - 1e-14)
         last = min((length - (steps - 1) * h) / h, 1.0) if complete else 1.0
-        Z = self.flow.states(z)[: steps + 1]
+        Z = self.propagator.states(z)[: steps + 1]
         controls = (Z[:-1] @ self._controls.T).reshape(steps, *self._shape)
         kind, step, theta = self._first_end(Z, controls, last, armed)
         Z = Z[: step + 1]
-        end = self.flow.within(Z[-1:], np.array([theta]))[0]
+        end = self.propagator.within(Z[-1:], np.array([theta]))[0]
         span = length if complete and kind == "end" else min((step + theta) * h, length)
         y_max, y_min = self._extremes(Z, end, controls[: step + 1], theta)
         return Piece(kind, span, complete, Z, end, y_max, y_min)
@@ -95,10 +92,10 @@ class Watch:
         until = grown[0] + 1 if len(grown) else steps
         suspect = np.abs(controls[:until, :, self._position]).max(axis=(1, 2), initial=0) >= 1
         if armed:
-            norms = np.square(controls[:until, :, self._error]).sum(axis=2).max(axis=1)
-            suspect |= norms >= self.q_t**2 * (1 - 1e-12)
+            norms = self.faces.squares(controls[:until, :, self._error]).max(axis=(1, 2))
+            suspect |= norms >= 1 - 1e-12
         for step in np.nonzero(suspect)[0]:
-            longest = min(last + _LANDING / self.flow.h, 1.0) if step == steps - 1 else 1.0
+            longest = min(last + _LANDING / self.propagator.h, 1.0) if step == steps - 1 else 1.0
             kind, theta = self._root(Z[step], armed)
             if theta <= longest:
                 return kind, int(step), min(theta, last) if step == steps - 1 else theta
@@ -118,11 +115,10 @@ class Watch:
                 theta = first_root(distance)
                 first = min(first, np.inf if theta is None else theta)
         if armed:
-            E = square(powers[:, self._error] / self.q_t)
-            E[0] -= 1
-            theta = first_root(E)
-            if theta is not None and theta < first:
-                kind, first = "event", theta
+            for level in self.faces.polynomials(powers[:, self._error]).T:
+                theta = first_root(level)
+                if theta is not None and theta < first:
+                    kind, first = "event", theta
         return kind, first
 
     def _extremes(self, Z: Array, end: Array, controls: Array, theta: float) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from icmj.result import Result
+    from icmj.result.result import Result
 
 
 def write_log(result: Result, path: Path | str) -> None:

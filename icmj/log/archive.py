@@ -15,40 +15,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.attractors import Attractor
-from icmj.controller import ClockTrigger, Continuous, Controller, EventTrigger, Hold
-from icmj.design import Design
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold
+from icmj.controller.trigger import TRIGGERS
 from icmj.errors import IcmjError, LogError
-from icmj.linear_plant import LinearPlant
-from icmj.measurement import Measurement
-from icmj.result import AmplitudeLaw, Growth, Result
-from icmj.runfile import RunFile, parse_run
-from icmj.simulation import Events, Outcome, Simulation
+from icmj.measurement.measurement import Measurement
+from icmj.plant.linear_plant import LinearPlant
+from icmj.result.attractor import Attractor
+from icmj.result.result import AmplitudeLaw, Growth, Result
+from icmj.runfile.reading import parse_run
+from icmj.runfile.schema import RunFile
+from icmj.simulation.ending import Outcome
+from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.crossings import Crossing
-from icmj.theory.locus import Locus
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
-_CLASSES = {
-    cls.__name__: cls
-    for cls in (
-        *(LinearPlant, Design, Hold, EventTrigger, ClockTrigger, Continuous, Controller),
-        *(
-            Crossing,
-            Orbit,
-            Locus,
-            Prediction,
-            Events,
-            Outcome,
-            Simulation,
-            Measurement,
-            Growth,
-            AmplitudeLaw,
-            Attractor,
-            Result,
-        ),
-    )
-}
+_DATA: tuple[type, ...] = (
+    *(LinearPlant, Design, Hold, Controller, *TRIGGERS),
+    *(Crossing, Orbit, Prediction),
+    *(Events, Outcome, Simulation, Measurement),
+    *(Growth, AmplitudeLaw, Attractor, Result),
+)
+_CLASSES = {cls.__name__: cls for cls in _DATA}
 _LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
 
 _KINDS = "fciub"  # float, complex, integers, bool

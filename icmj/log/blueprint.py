@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from icmj.log.columns import TIMELINE
 from icmj.log.figure import eye
 from icmj.log.phase import WIDE
-from icmj.result import Result
+from icmj.result.result import Result
 
 BACKGROUND = (52, 58, 66, 255)
 HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a whole run would be a smear

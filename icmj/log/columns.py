@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 TIMELINE = "time"
 

@@ -8,10 +8,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.columns import time_column
-from icmj.result import Geom, Scene
+from icmj.simulation.scene import Geom, Scene
 
 ROOT = "scene"
 FLOOR_COLOUR = (150, 156, 164, 255)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.columns import time_column
 from icmj.log.figure import frames
 from icmj.log.signals import orbit_at
-from icmj.result import Result
+from icmj.result.result import Result
 
 ROOT = "phase"
 WIDE = 1.6  # width of the frame over its height

@@ -10,7 +10,7 @@ from icmj.errors import IcmjError, LogError
 from icmj.log import archive
 from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
-from icmj.result import Result
+from icmj.result.result import Result
 
 
 class DamagedLog(LogError):

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote
 
+from icmj.base.files import write_bytes
 from icmj.errors import LogError
 from icmj.log.program import program, salvage
 from icmj.log.reader import DamagedLog, read_summary
@@ -128,14 +129,10 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
             raise LogError(f"{log}: no picture: {why}") from error
     if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
         raise LogError(f"{log}: the viewer gave no complete picture")
-    part = target.with_name(target.name + ".tmp")
     try:
-        part.write_bytes(picture)
-        os.replace(part, target)
+        write_bytes(target, picture)
     except OSError as error:
         raise LogError(f"{target}: cannot be written: {error.strerror}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _picture(port: int, at: float) -> bytes:

@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 
-from icmj.controller import EventTrigger
-from icmj.linear_plant import Array, transformation
+from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.palette import Colour
-from icmj.result import Result
-from icmj.simulation import Simulation
+from icmj.plant.linear_plant import transformation
+from icmj.result.result import Result
+from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 
 
@@ -133,11 +133,12 @@ def _signals(result: Result) -> Iterator[Group]:
 
 def _trigger(result: Result) -> Iterator[Group]:
     """E/q_t² with its threshold and the events on it."""
-    simulation, trigger = result.simulation, result.controller.trigger
-    if not isinstance(trigger, EventTrigger) or not np.isfinite(simulation.E).any():
+    simulation, controller = result.simulation, result.controller
+    faces = controller.trigger.faces(controller.design)
+    if not len(faces) or not np.isfinite(simulation.E).any():
         return
     events = simulation.events
-    t, E = with_resets(simulation, simulation.E[:, None] / trigger.q_t**2, -np.ones((len(events), 1)))
+    t, E = with_resets(simulation, simulation.E[:, None] / faces.unit, -np.ones((len(events), 1)))
     yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.PREDICTED,), 1.0)
     yield Group("trigger/E", t, E, ("E / q_t²",), (palette.E,))
     if len(events):

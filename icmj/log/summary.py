@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from icmj.comparison import compare
-from icmj.result import Result
+from icmj.comparison.comparison import compare
+from icmj.result.result import Result
 
 Properties = dict[str, dict[str, float | int | bool | str]]
 

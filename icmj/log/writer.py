@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,14 @@ import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from icmj.base.files import whole
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary
 from icmj.log.blueprint import blueprint
 from icmj.log.columns import time_column
 from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
-from icmj.result import Result
+from icmj.result.result import Result
 
 APPLICATION = "icmj"
 FORMAT = 1
@@ -30,7 +30,7 @@ FORMAT = 1
 def write_log(result: Result, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
-    It is written beside ``path`` as ``.tmp``, read back for completeness, and renamed: under its name a log is whole.
+    It is written under another name, read back for completeness, and renamed: under its name a log is whole.
     The archive that :func:`icmj.log.read_log` returns carries its own digest, so there is no file beside the log to
     lose or to forget.
 
@@ -38,19 +38,15 @@ def write_log(result: Result, path: Path | str) -> None:
         LogError: if the result cannot be stored or the file cannot be written.
     """
     path = Path(path)
-    part = path.with_name(path.name + ".tmp")
     tree, arrays = archive.pack(result)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with strictly(), np.errstate(invalid="ignore", over="ignore"):  # a run that diverged is logged too
+        # a run that diverged is logged too
+        with whole(path) as part, strictly(), np.errstate(invalid="ignore", over="ignore"):
             _write(result, tree, arrays, part)
             _verify(part)
-        os.replace(part, path)
     except (OSError, RuntimeError, ValueError, TypeError) as error:
         raise LogError(f"{path}: the log cannot be written ({_one_line(error)})") from error
-    finally:
-        with suppress(OSError):
-            part.unlink()
 
 
 @contextmanager

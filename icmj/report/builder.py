@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import base64
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from icmj import __version__
+from icmj.base.files import write_bytes
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.notation import notation
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import Picture, Section
 from icmj.report.statements import in_paper_order
-from icmj.result import Result
+from icmj.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,8 +51,8 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
                 if path.name != out.name:
-                    _place(path, figures / path.name)
-            _place(staged / out.name, out)
+                    write_bytes(figures / path.name, path.read_bytes())
+            write_bytes(out, (staged / out.name).read_bytes())
     except OSError as error:
         raise ReportError(f"{error.filename or out}: the report cannot be written: {error.strerror}") from error
 
@@ -114,19 +113,3 @@ def _save(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
     (folder / f"{name}.svg").write_bytes(svg)
     (folder / f"{name}.pdf").write_bytes(style.save(figure, "pdf"))
     return Picture(name, f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}", alt)
-
-
-def _place(staged: Path, target: Path) -> None:
-    """Move a finished file to its name, also across file systems, whole or not at all."""
-    with _beside(target) as temporary:
-        temporary.write_bytes(staged.read_bytes())
-        os.replace(temporary, target)
-
-
-@contextmanager
-def _beside(target: Path) -> Iterator[Path]:
-    temporary = target.with_name(f".{target.name}.tmp")
-    try:
-        yield temporary
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.report import style
-from icmj.result import AmplitudeLaw
+from icmj.result.result import AmplitudeLaw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

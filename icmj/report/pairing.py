@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from icmj.comparison import Comparison, compare
+from icmj.comparison.comparison import Comparison, compare
 from icmj.errors import ReportError
-from icmj.result import Result
+from icmj.result.result import Result
 from icmj.theory.prediction import Prediction
 
 

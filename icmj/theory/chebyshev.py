@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 
 @cache

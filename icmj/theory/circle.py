@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 from icmj.theory.chebyshev import parabola
 
 Kind = Literal["+1", "-1", "complex"]

@@ -25,8 +25,8 @@ from typing import Literal
 
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.linear_plant import Array
 from icmj.theory.chebyshev import coefficients, nodes, roots
 from icmj.theory.circle import KINDS, Kind, Spectrum, circle_function, outside
 from icmj.theory.error_system import ErrorSystem

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 
 # an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
 ILL_CONDITIONED = 1e6

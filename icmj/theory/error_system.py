@@ -1,7 +1,7 @@
 """The error system of intermittent control with a wrong model (paper, section 3; general orders).
 
 With T̂ (n̂ × n), x̃_o = x_o − T̂x and x̃_h = x_h − T̂x, the closed loop between samples is X̄' = Ā_C X̄ with
-X̄ = (x, x̃_o, x̃_h); a sample sets x̃_h := x̃_o (A_D), and from sample to sample x̄ = (x, x̃_o) goes by φ(Δ).
+X̄ = (x, x̃_o, x̃_h); an event sets x̃_h := x̃_o (A_D), and from event to event x̄ = (x, x̃_o) goes by φ(Δ).
 """
 
 from __future__ import annotations
@@ -11,15 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from icmj.controller import Hold, system_matched
-from icmj.design import Design
+from icmj.base.array import Array
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold, system_matched
 from icmj.errors import AnalysisError
-from icmj.linear_plant import Array, LinearPlant, transformation
+from icmj.plant.linear_plant import LinearPlant, transformation
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorSystem:
-    """X̄' = Ā_C X̄ between samples, X̄ := A_D X̄ at a sample (eqs. X_c, imp_X_D).
+    """X̄' = Ā_C X̄ between events, X̄ := A_D X̄ at an event (eqs. X_c, imp_X_D).
 
     Attributes:
         A_C: Ā_C, shape (n + 2n̂, n + 2n̂) (eq. AC_smh_sens, generalised to n ≠ n̂ and to any hold).
@@ -64,7 +65,7 @@ class ErrorSystem:
 
     @property
     def T_bar(self) -> Array:
-        """𝔗̄ with X̄ = 𝔗̄ x̄ after a sample (eq. Tb), shape (n + 2n̂, n + n̂)."""
+        """𝔗̄ with X̄ = 𝔗̄ x̄ after an event (eq. Tb), shape (n + 2n̂, n + n̂)."""
         n, m = self.n, self.n_hat
         return np.vstack([np.eye(n + m), np.eye(m, n + m, n)])
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import matrix_balance
 
+from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.linear_plant import Array
 
 _TERMS = 18  # 1/19! = 8e-18: the Taylor series to rounding for ‖Ā_C t‖ ≤ 1
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.controller import EventTrigger
+from icmj.base.array import Array
+from icmj.controller.trigger import EventRule
 from icmj.errors import AnalysisError
-from icmj.linear_plant import Array
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.polynomial import Maxima, maxima
+from icmj.theory.polynomial import maxima
 
 SAMPLES = 256
-# E closer to zero than this (relative to q_t²) counts as reached: an event rule in floating point would fire
+# E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
 
 
@@ -27,7 +27,7 @@ class Orbit:
         sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
         period: of the whole orbit [s].
         gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
-        x_bar: x̄ = γ V_{k1} right after a sample, shape (n + n̂,).
+        x_bar: x̄ = γ V_{k1} right after an event, shape (n + n̂,).
         t: times in [0, delta] [s], shape (M,).
         X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
         y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
@@ -68,14 +68,12 @@ def critical_vector(phi: Array, sign: int) -> Array:
     return v * np.sign(v[np.abs(v).argmax()])
 
 
-def orbit(
-    system: ErrorSystem, trigger: EventTrigger, delta: float, sign: int, *, prepared: Flow | None = None
-) -> Orbit:
+def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, prepared: Flow | None = None) -> Orbit:
     """The orbit at Δ = ``delta`` where φ has the eigenvalue ``sign``.
 
     Args:
         system: the error system.
-        trigger: Q_t, q_t and Δ_min.
+        trigger: the event rule, with its Δ_min.
         delta: open-loop interval Δ_crit [s].
         sign: +1, or −1 for mirrored halves.
         prepared: the flow of ``system``, if at hand.
@@ -91,31 +89,31 @@ def orbit(
         raise AnalysisError(f"an orbit has the eigenvalue +1 or −1, got {sign}")
     if not (np.isfinite(delta) and delta > 0):
         raise AnalysisError(f"an orbit's interval must be positive, got {delta}")
-    if trigger.Q_t.shape != (system.n_hat, system.n_hat):
-        raise AnalysisError(f"Q_t has shape {trigger.Q_t.shape}; the hold has {system.n_hat} states")
+    faces = trigger.faces(system.design)
     phi_t = prepared or flow(system.A_C)
     v = critical_vector(system.T @ phi_t.exponential(delta) @ system.T_bar, sign)
-    # cells short enough for one Taylor series each, so that every signal is a polynomial between samples
+    # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
     t, X = phi_t.trajectory(system.T_bar @ v, delta, points)
-    e = X @ system.T_t.T
-    # relative to its largest value on the way e_0 must not be rounding
-    seen = np.einsum("mi,ij,mj->m", e, trigger.Q_t, e)
-    scale = np.abs(trigger.Q_t).max() * (np.abs(X[:, system.n :]).max() ** 2)
-    unseen = not seen[-1] > 1e-20 * scale
-    e_0 = np.sqrt(max(seen[-1], 0.0))
-    gamma = np.inf if unseen else trigger.q_t / e_0
+    squares = faces.squares(X @ system.T_t.T @ faces.R.T)
+    # the face that is reached; relative to the largest values on the way it must not be rounding
+    face = int(squares[-1].argmax())
+    seen = float(squares[-1, face])
+    scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
+    unseen = not seen > 1e-20 * scale
+    gamma = np.inf if unseen else 1 / np.sqrt(seen)
     factor = 1.0 if unseen else gamma
     X = X * factor
     polynomials = phi_t.polynomials(X[:-1], t[1])
-    E = seen * factor**2 - trigger.q_t**2
+    E = faces.unit * (squares.max(axis=1) * factor**2 - 1)
     rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
     peak, spread = _extremes(polynomials, rows, sign)
     if unseen:
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
-        reason = "Q_t does not see this orbit: its event error is zero at the event (e_0 = 0)"
+        reason = "the event rule does not see this orbit: its event error is zero at the event (e_0 = 0)"
     else:
-        reason = _obstacle(system, trigger, polynomials, t)
+        levels = faces.polynomials(polynomials @ (faces.R @ system.T_t).T)
+        reason = _obstacle(levels, face, trigger.delta_min, t)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
     y_peak, u_peak, x_peak = np.split(peak, cuts)
     y_range, u_range, x_range = np.split(spread, cuts)
@@ -142,22 +140,6 @@ def orbit(
     )
 
 
-def event_polynomials(system: ErrorSystem, trigger: EventTrigger, polynomials: Array) -> Array:
-    """E in each cell from the states' Taylor polynomials (d + 1, cells, N), shape (2d + 1, cells, 1).
-
-    E is a square of polynomials, so its product is exact where the states' series are.
-    """
-    values, vectors = np.linalg.eigh(trigger.Q_t)
-    root = np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
-    w = polynomials @ (root @ system.T_t).T
-    d = len(w) - 1
-    E = np.zeros((2 * d + 1, w.shape[1]))
-    for i in range(d + 1):
-        E[i : i + d + 1] += np.einsum("mr,kmr->km", w[i], w)
-    E[0] -= trigger.q_t**2
-    return E[:, :, None]
-
-
 def _extremes(polynomials: Array, rows: Array, sign: int) -> tuple[Array, Array]:
     """Peak magnitude and peak to peak of each row over the whole orbit, mirrored half included."""
     signals = polynomials @ rows.T
@@ -167,29 +149,39 @@ def _extremes(polynomials: Array, rows: Array, sign: int) -> tuple[Array, Array]
     return peak, (up + down if sign > 0 else 2 * peak)
 
 
-def _obstacle(system: ErrorSystem, trigger: EventTrigger, polynomials: Array, t: Array) -> str:
-    """Why the orbit is not admissible; empty if E < 0 on [Δ_min, Δ) and E rises through zero at Δ."""
+def _obstacle(levels: Array, face: int, delta_min: float, t: Array) -> str:
+    """Why the orbit is not admissible; empty if E < 0 on [Δ_min, Δ) and E rises through zero at Δ.
+
+    Args:
+        levels: E_j in each cell as power coefficients, shape (2d + 1, cells, F).
+        face: the one that is reached at Δ.
+        delta_min: Δ_min [s].
+        t: ends of the cells, the last is Δ [s]; shape (cells + 1,).
+    """
     delta = t[-1]
-    if not delta > trigger.delta_min:
-        return f"Δ_crit = {delta:.6g} s is not longer than Δ_min = {trigger.delta_min:.6g} s"
-    E = event_polynomials(system, trigger, polynomials)
-    threshold = trigger.q_t**2
-    # in the last cell the zero of E at Δ itself is divided out: E = (s − 1) D, and E < 0 there means D > 0
-    last = -_deflate(E[:, -1, 0])
+    if not delta > delta_min:
+        return f"Δ_crit = {delta:.6g} s is not longer than Δ_min = {delta_min:.6g} s"
     h = t[1]
-    first = min(int(trigger.delta_min / h), len(t) - 2)
-    cut = trigger.delta_min / h - first
-    cells = E.copy()
-    cells[:, first, 0] = _tail(cells[:, first, 0], cut)
+    first = min(int(delta_min / h), len(t) - 2)
+    cut = delta_min / h - first
+    cells = levels[:, first:].copy()
+    for j in range(cells.shape[2]):
+        cells[:, 0, j] = _tail(cells[:, 0, j], cut)
+    # in the last cell the zero of E_face at Δ itself is divided out: E = (s − 1) D, and E < 0 there means D > 0
+    last = -_deflate(levels[:, -1, face])
     if first == len(t) - 2:
         last = _tail(last, cut)
-    if last.sum() >= -TOUCH * threshold:
+    if last.sum() >= -TOUCH:
         return "E does not rise through zero at Δ_crit: the event there is a graze, or comes from above"
-    before: Maxima | None = maxima(cells[:, first:-1]) if first < len(t) - 2 else None
-    if before is not None and before.value[0] >= -TOUCH * threshold:
-        cell = int(before.cell[0])
-        s = before.s[0] if cell else cut + (1 - cut) * before.s[0]
-        return _earlier((first + cell + s) * h, before.value[0] / threshold)
+    for j in range(cells.shape[2]):
+        watched = cells[:, :-1, j] if j == face else cells[:, :, j]
+        if not watched.shape[1]:
+            continue
+        highest = maxima(watched[:, :, None])
+        if highest.value[0] >= -TOUCH:
+            cell = int(highest.cell[0])
+            s = highest.s[0] if cell else cut + (1 - cut) * highest.s[0]
+            return _earlier((first + cell + s) * h, highest.value[0])
     in_last = maxima(last[:, None, None])
     if in_last.value[0] >= 0:
         return _earlier((len(t) - 2 + in_last.s[0]) * h, 0.0)
@@ -197,7 +189,8 @@ def _obstacle(system: ErrorSystem, trigger: EventTrigger, polynomials: Array, t:
 
 
 def _earlier(tau: float, height: float) -> str:
-    return f"the event function is not negative before Δ_crit: E/q_t² reaches {height:.3g} at τ = {tau:.6g} s"
+    reached = f"E reaches {height:.3g} times the threshold squared at τ = {tau:.6g} s"
+    return f"the event function is not negative before Δ_crit: {reached}"
 
 
 def _deflate(p: Array) -> Array:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.bernstein import from_powers, halves
-from icmj.linear_plant import Array
+from icmj.base.array import Array
+from icmj.base.bernstein import from_powers, halves
 
 
 @dataclass(frozen=True, eq=False)

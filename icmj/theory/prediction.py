@@ -1,4 +1,4 @@
-"""The prediction: what the linear eigen-analysis says of the closed loop (paper, section 3; notes, sections 2–3)."""
+"""The prediction: what the linear eigen-analysis says of the closed loop (paper, section 3; docs/theory.md)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.controller import EventTrigger
-from icmj.linear_plant import Array
+from icmj.base.array import Array
+from icmj.controller.trigger import EventRule
 from icmj.theory.crossings import Crossing, search
 from icmj.theory.eigenstructure import eigenstructure
-from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import flow
-from icmj.theory.locus import Locus, locus
 from icmj.theory.orbit import Orbit
 from icmj.theory.orbit import orbit as orbit_at
 from icmj.theory.return_map import jacobian, multipliers
@@ -46,7 +45,6 @@ class Prediction:
             the complementary invariant subspace's annihilator, from a Schur form.)
         state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant).
         observer_feedback_stable: whether plant + observer under continuous control is stable.
-        locus, locus_exact: eigenvalues over Δ for ρ = 1 (actual) and ρ = 0 (model exact).
     """
 
     delta_crit: float | None
@@ -64,26 +62,19 @@ class Prediction:
     V_inv: NDArray[np.complex128] | None
     state_feedback_stable: bool
     observer_feedback_stable: bool
-    locus: Locus
-    locus_exact: Locus
 
 
-def predict(
-    system: ErrorSystem, trigger: EventTrigger, *, exact: ErrorSystem | None = None, delta_max: float = 3.0
-) -> Prediction:
+def predict(system: ErrorSystem, trigger: EventRule, *, delta_max: float = 3.0) -> Prediction:
     """The whole linear analysis of one controller on one plant.
 
     Args:
         system: the error system of the actual plant.
-        trigger: Q_t, q_t and Δ_min of the event rule.
-        exact: the error system at ρ = 0, where the actual plant is the assumed one; by default that of
-            ``system``'s design with the system-matched hold.
+        trigger: the event rule, with its Δ_min.
         delta_max: end of the interval of Δ searched [s].
 
     Raises:
-        AnalysisError: if ``delta_max`` is not positive and finite, or Q_t does not fit.
+        AnalysisError: if ``delta_max`` is not positive and finite, or the rule does not fit.
     """
-    exact = exact or error_system(system.design.plant, system.design)
     prepared = flow(system.A_C)
     found = search(system, delta_max, prepared=prepared)
     critical, cycle = critical_crossing(found.crossings)
@@ -117,13 +108,11 @@ def predict(
         V_inv=V_inv,
         state_feedback_stable=_stable(system.actual.A - system.actual.B @ system.k),
         observer_feedback_stable=_stable(closed_loop),
-        locus=locus(system, delta_max, prepared=prepared),
-        locus_exact=locus(exact, delta_max),
     )
 
 
 def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
-    """The crossing that defines Δ_crit, and whether it predicts a cycle (notes, section 2)."""
+    """The crossing that defines Δ_crit, and whether it predicts a cycle (docs/theory.md)."""
     real = [c for c in crossings if c.kind != "complex"]
     for c in real:
         if c.direction == "rising" and c.largest_other < 1:

@@ -1,9 +1,9 @@
-"""The return map of the event-driven rule, linearised at an orbit: is the orbit attracting? (notes, section 3)
+"""The return map of the event-driven rule, linearised at an orbit: is the orbit attracting? (docs/theory.md)
 
-From one sample to the next x̄ ↦ φ(Δ(x̄)) x̄, with Δ(x̄) given by E = 0. On a mirrored orbit (λ = −1) the map takes
+From one event to the next x̄ ↦ φ(Δ(x̄)) x̄, with Δ(x̄) given by E = 0. On a mirrored orbit (λ = −1) the map takes
 x̄* to −x̄*; it is odd, so its derivative at −x̄* is the same J, and two intervals have J². The multipliers given are
 those of J, for one interval, in both cases: the orbit is attracting iff every one is inside the unit circle. One is
-always zero, because the state after a sample lies on the image of the surface E = 0.
+always zero, because the state after an event lies on the image of the surface E = 0.
 """
 
 from __future__ import annotations
@@ -11,21 +11,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.controller import EventTrigger
-from icmj.linear_plant import Array
+from icmj.base.array import Array
+from icmj.controller.trigger import EventRule
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 from icmj.theory.orbit import Orbit
 
 
-def jacobian(system: ErrorSystem, trigger: EventTrigger, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
-    """J = φ − (𝔗A_D Ā_C X⁻)(2X⁻ᵀM e^{Ā_CΔ}𝔗̄)/(2X⁻ᵀM Ā_C X⁻), with M = 𝔗_tᵀQ_t𝔗_t, shape (n + n̂, n + n̂).
+def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+    """J = φ − (𝔗A_D Ā_C X⁻)(g e^{Ā_CΔ}𝔗̄)/(g Ā_C X⁻), with g the gradient of E at X⁻, shape (n + n̂, n + n̂).
+
+    For the paper's rule g = 2X⁻ᵀM with M = 𝔗_tᵀQ_t𝔗_t; in general it is the gradient on the active face.
 
     NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
     """
     e_A = (prepared or flow(system.A_C)).exponential(orbit.delta)
     X = e_A @ (system.T_bar @ orbit.x_bar)
-    gradient = X @ system.T_t.T @ trigger.Q_t @ system.T_t
+    gradient = trigger.faces(system.design).gradient(system.T_t @ X) @ system.T_t
     velocity = system.A_C @ X
     slope = gradient @ velocity
     if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):

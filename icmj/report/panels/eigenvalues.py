@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.theory.error_system import error_system

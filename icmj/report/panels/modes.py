@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array, transformation
+from icmj.base.array import Array
+from icmj.plant.linear_plant import transformation
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.window import latter_part, repeated_orbit
-from icmj.result import Result
+from icmj.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

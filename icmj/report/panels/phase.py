@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.linear_plant import Array
+from icmj.base.array import Array
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.window import DEGREES, latter_part, orbit_sign
-from icmj.result import Result
+from icmj.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array
-from icmj.result import Result
+from icmj.base.array import Array
+from icmj.result.result import Result
 
 Signal = TypeVar("Signal", NDArray[np.float64], NDArray[np.complex128])
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from icmj.attractors import Attractor
-from icmj.comparison import settled_on_prediction
+from icmj.comparison.comparison import settled_on_prediction
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
+from icmj.result.attractor import Attractor
 
 
 def attractors(cases: Sequence[CaseRuns]) -> Section | None:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.linear_plant import Array, LinearPlant
+from icmj.base.array import Array
+from icmj.plant.linear_plant import LinearPlant
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
 from icmj.report.style import NAME
-from icmj.result import Result
+from icmj.result.result import Result
 
 
 def designs(cases: Sequence[CaseRuns]) -> Section:

@@ -1,0 +1,1 @@
+"""The case: a run file made real, and simulated on either plant."""

@@ -1,0 +1,198 @@
+"""The case: from a run file to plants, linearisation, design, error system and prediction; then to a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import HOLDS
+from icmj.controller.trigger import EventRule, Trigger
+from icmj.engine.model import Deviation
+from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.errors import IcmjError, RunFileError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.schema import RunFile, Weights
+from icmj.simulation.interval import OpenLoop
+from icmj.simulation.settings import Settings
+from icmj.simulation.simulation import Simulation
+from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.prediction import Prediction, predict
+
+PlantKind = Literal["linear", "mujoco"]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A run file made real.
+
+    Attributes:
+        run: the run file.
+        assumed, actual: plants on the engine, each with its linearisation.
+        controller: design on the assumed plant, hold and event rule.
+        rule: the event rule, which is the controller's trigger.
+        settings: of its runs.
+        system: error system of the actual plant under that controller.
+        prediction: the linear theory of it.
+    """
+
+    run: RunFile
+    assumed: MujocoPlant
+    actual: MujocoPlant
+    controller: Controller
+    rule: EventRule
+    settings: Settings
+    system: ErrorSystem
+    prediction: Prediction
+
+
+def prepare(run: RunFile) -> Case:
+    """Load and linearise both plants, design the controller, form the error system, and predict.
+
+    Raises:
+        RunFileError: if the run file asks for what its models do not have; the message names the run file.
+        ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
+    """
+    deviation = Deviation(run.actual.gain, run.actual.dynprm, run.actual.rho)
+    assumed = load_plant(run.assumed_path, keyframe=run.assumed.keyframe)
+    actual_keyframe = run.actual.keyframe or (run.assumed.keyframe if run.actual.model is None else None)
+    actual = load_plant(run.actual_path, deviation, actual_keyframe)
+    _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
+    try:
+        design = _design(assumed.linearisation.plant, run.design)
+        rule = run.controller.trigger(design)
+        controller = Controller(design, HOLDS[run.controller.hold](design), rule)
+        system = error_system(actual.linearisation.plant, design, controller.hold)
+        prediction = predict(system, rule, delta_max=run.analysis.delta_max)
+    except IcmjError as error:
+        raise type(error)(f"{run.path}: {error}") from error
+    return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction)
+
+
+def simulate(
+    case: Case,
+    plant: PlantKind = "mujoco",
+    *,
+    trigger: Trigger | None = None,
+    start: tuple[Array, Array] | None = None,
+    duration: float | None = None,
+    refinement: float = 1.0,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate a case on the linear plant (exactly) or on the engine.
+
+    Args:
+        case: the case.
+        plant: ``linear`` or ``mujoco``.
+        trigger: instead of the case's event rule (a clock, or continuous control).
+        start: plant and observer state at t = 0, shapes (n,) and (n̂,), instead of the run file's.
+        duration: instead of the run file's [s].
+        refinement: factor on the timestep of the run file or, where it has none, of the model.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        SimulationError: if the simulation cannot be started.
+    """
+    x0, x_o0 = start if start is not None else (None, None)
+    parts = _parts(case, plant, trigger, duration, refinement)
+    return simulate_plant(*parts, x0=x0, x_o0=x_o0, progress=progress)
+
+
+def simulate_plant(
+    plant: LinearPlant | MujocoPlant,
+    controller: Controller,
+    settings: Settings,
+    *,
+    x0: Array | None = None,
+    x_o0: Array | None = None,
+    x_h0: Array | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate any plant under any controller, without a run file: a linear plant exactly, an MJCF one on the engine.
+
+    Args:
+        plant: a linear plant, or one of :func:`icmj.load_plant`.
+        controller: design, hold and trigger.
+        settings: duration, start, step, disturbance.
+        x0, x_o0, x_h0: start of plant, observer and hold as whole vectors, instead of the named states in ``settings``.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        SimulationError, ModelError: if plant and controller do not fit, or the start is not one.
+    """
+    if isinstance(plant, LinearPlant):
+        from icmj.linear.run import simulate as simulate_linear
+
+        return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    from icmj.engine.run import simulate as simulate_mujoco
+
+    return simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+
+
+def open_loop(
+    case: Case,
+    plant: PlantKind = "mujoco",
+    *,
+    trigger: Trigger | None = None,
+    duration: float | None = None,
+    refinement: float = 1.0,
+) -> OpenLoop:
+    """One open-loop interval of a case as a function, from the state at an event to the state at the next.
+
+    Args:
+        case, plant, trigger, refinement: as for :func:`simulate`.
+        duration: longest flight [s], counted from t = 0; the run file's by default.
+
+    Raises:
+        SimulationError: if it cannot be prepared.
+    """
+    parts = _parts(case, plant, trigger, duration, refinement)
+    if plant == "linear":
+        from icmj.linear.open_loop import open_loop as linear_open_loop
+
+        return linear_open_loop(*parts)
+    from icmj.engine.open_loop import open_loop as engine_open_loop
+
+    return engine_open_loop(*parts)
+
+
+def _parts(
+    case: Case, plant: PlantKind, trigger: Trigger | None, duration: float | None, refinement: float
+) -> tuple[Any, Controller, Settings]:
+    """Plant, controller and settings of a run of the case."""
+    settings = case.settings
+    if duration is not None:
+        settings = replace(settings, duration=duration)
+    if refinement != 1.0:
+        settings = replace(settings, timestep=refinement * (settings.timestep or case.actual.spec.option.timestep))
+    controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
+    return (case.actual.linearisation.plant if plant == "linear" else case.actual), controller, settings
+
+
+def _design(plant: LinearPlant, weights: Weights) -> Design:
+    def square(weight: str | list, named: Array) -> Array | list | float:
+        if weight == "identity":
+            return 1.0
+        return named if isinstance(weight, str) else weight
+
+    return design_lq(
+        plant,
+        Q_c=square(weights.Q_c, plant.C.T @ plant.C),
+        R_c=weights.R_c,
+        Q_o=square(weights.Q_o, plant.B @ plant.B.T),
+        R_o=weights.R_o,
+    )
+
+
+def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> None:
+    """Names in the run file are checked before anything is computed from them."""
+    settings = run.simulation
+    wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
+    wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
+    wanted += [("simulation.disturbance", d.input, actual.inputs) for d in settings.disturbance]
+    for key, name, known in wanted:
+        if name not in known:
+            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model; expected one of {', '.join(known)}")

@@ -1,0 +1,220 @@
+"""What each command does and shows; see :mod:`icmj.arguments` for their arguments."""
+
+from __future__ import annotations
+
+import json
+from functools import singledispatch
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from icmj.cli import arguments
+from icmj.errors import RunFileError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from icmj.comparison.comparison import Comparison
+
+OUT = Console()
+ERR = Console(stderr=True)
+
+
+@singledispatch
+def execute(command: object) -> None:
+    """Carry out one parsed command."""
+    raise TypeError(f"no command {type(command).__name__}")
+
+
+@execute.register
+def study(command: arguments.Study) -> None:
+    """Run the study with a progress bar; print the table and where the files are."""
+    from icmj.study.study import find_runs, run_study
+
+    if command.jobs is not None and command.jobs < 1:
+        raise RunFileError(f"--jobs {command.jobs}: expected at least 1")
+    runs = find_runs(command.runs)
+    with _progress() as bar:
+        task = bar.add_task("study", total=1.0)
+        outputs = run_study(
+            runs,
+            command.out,
+            jobs=command.jobs,
+            progress=lambda label, done: bar.update(task, completed=done, description=label),
+        )
+    _show(outputs.comparisons)
+    size = sum(log.stat().st_size for log in outputs.logs) / 1e6
+    OUT.print(f"{len(outputs.logs)} logs, {size:.0f} MB together, in {escape(str(command.out))}")
+    OUT.print(f"report   {escape(str(outputs.report))}\nsummary  {escape(str(outputs.summary))}", highlight=False)
+
+
+@execute.register
+def analyse(command: arguments.Analyse) -> None:
+    """Print the prediction for one run file."""
+    from icmj.case.case import prepare
+    from icmj.cli.records import plain_prediction
+    from icmj.runfile.reading import load_run
+
+    run = load_run(command.run)
+    case = prepare(run)
+    prediction, outputs = case.prediction, case.assumed.linearisation.plant.outputs
+    if command.json:
+        print(json.dumps(plain_prediction(prediction, outputs), indent=2, allow_nan=False))
+        return
+    table = Table("", "", title=escape(run.case.title), title_justify="left", box=SIMPLE_HEAD, show_header=False)
+    rows: list[tuple[str, str]] = [
+        ("critical interval Δ_crit", _seconds(prediction.delta_crit)),
+        ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
+        ("cycle predicted", "yes" if prediction.cycle else "no"),
+        ("period", _seconds(prediction.period)),
+        ("γ", "–" if prediction.gamma is None else f"{prediction.gamma:.6g}"),
+    ]
+    if prediction.amplitude is not None:
+        rows += [
+            (f"peak of {name}", f"{peak:.6g} rad ({np.degrees(peak):.3f}°)")
+            for name, peak in zip(outputs, prediction.amplitude, strict=True)
+        ]
+    if prediction.multipliers is not None:
+        rows.append(("largest multiplier of the event-driven orbit", f"{abs(prediction.multipliers[0]):.4g}"))
+    rows += [
+        ("verdict on the orbit", prediction.verdict),
+        ("continuous state feedback on the actual plant", _stable(prediction.state_feedback_stable)),
+        ("continuous observer feedback on the actual plant", _stable(prediction.observer_feedback_stable)),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    OUT.print(table)
+    crossings = Table(
+        "Δ (s)", "eigenvalue", "kind", "direction", "largest other |λ|", title_justify="left", box=SIMPLE_HEAD
+    )
+    crossings.title = f"Unit-circle crossings up to {prediction.delta_max:g} s"
+    for c in prediction.crossings:
+        crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
+    OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
+
+
+@execute.register
+def run(command: arguments.Run) -> None:
+    """Simulate one case, write its log, print what it did beside the prediction."""
+    from icmj.comparison.comparison import compare
+    from icmj.log import write_log
+    from icmj.runfile.reading import load_run
+    from icmj.study.study import run_case
+
+    run_file = load_run(command.run)
+    with _progress() as bar:
+        task = bar.add_task(run_file.case.name, total=1.0)
+        result = run_case(run_file, command.plant, lambda done: bar.update(task, completed=done))
+        command.out.mkdir(parents=True, exist_ok=True)
+        log = command.out / f"{run_file.case.name}.{command.plant}.rrd"
+        write_log(result, log)
+        bar.update(task, completed=1.0)
+    _show([compare(result)])
+    outcome = result.simulation.outcome
+    OUT.print(escape(f"The run {outcome.message}."), highlight=False)
+    OUT.print(escape(result.measurement.words), highlight=False)
+    OUT.print(f"log  {escape(str(log))}", highlight=False)
+
+
+@execute.register
+def report(command: arguments.Report) -> None:
+    """Build the report page from logs."""
+    from icmj.study.study import report as build
+
+    with ERR.status("building the report"):
+        comparisons = build(command.logs, command.out)
+    _show(comparisons)
+    OUT.print(f"report  {escape(str(command.out))}", highlight=False)
+
+
+@execute.register
+def replay(command: arguments.Replay) -> None:
+    """Open, serve or picture a log."""
+    from icmj.log.replay import replay as show
+
+    show(command.log, web=command.web, screenshot=command.screenshot, time=command.time)
+
+
+@execute.register
+def linearise(command: arguments.Linearise) -> None:
+    """Linearise an MJCF model and print it."""
+    from icmj.cli.records import plain_linearisation
+    from icmj.engine.plant import load_plant
+
+    linearisation = load_plant(command.model, keyframe=command.keyframe).linearisation
+    plant = linearisation.plant
+    if command.json:
+        print(json.dumps(plain_linearisation(linearisation), allow_nan=False))
+        return
+    for name, matrix, rows, columns in (
+        ("A", plant.A, plant.states, plant.states),
+        ("B", plant.B, plant.states, plant.inputs),
+        ("C", plant.C, plant.outputs, plant.states),
+    ):
+        table = Table(name, *(escape(c) for c in columns), box=SIMPLE_HEAD)
+        for label, values in zip(rows, matrix, strict=True):
+            table.add_row(escape(label), *(f"{value:.5g}" for value in values))
+        OUT.print(table)
+    OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
+    if linearisation.residual > 1e-9:
+        OUT.print(
+            f"note: not an equilibrium, the largest acceleration there is {linearisation.residual:.3g}; "
+            "choose a keyframe at rest",
+            highlight=False,
+        )
+
+
+def _progress() -> Progress:
+    return Progress(TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn(), console=ERR, transient=True)
+
+
+def _show(comparisons: Sequence[Comparison]) -> None:
+    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
+    title = "Predicted and measured open-loop interval, in seconds"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column in ("case", "plant"):
+        table.add_column(column, no_wrap=True)
+    for column in ("Δ_crit", "measured", "error", "peak error"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("cycle", justify="center", no_wrap=True)
+    for c in comparisons:
+        table.add_row(
+            escape(c.case),
+            c.plant,
+            _number(c.predicted.delta_crit),
+            _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
+            _error(c.relative_error.interval if c.measured.converged else None),
+            _error(c.relative_error.largest_amplitude if c.measured.converged else None),
+            "yes" if c.measured.converged else "no",
+        )
+    OUT.print(table)
+    for c in comparisons:
+        if not c.measured.converged:
+            OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.6f}"
+
+
+def _seconds(value: float | None) -> str:
+    return "–" if value is None else f"{value:.6f} s"
+
+
+def _error(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.1e}"
+
+
+def _complex(value: complex) -> str:
+    if abs(value.imag) < 1e-12 * max(1.0, abs(value)):
+        return f"{value.real:.4g}"
+    return f"{value.real:.4g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j"
+
+
+def _stable(stable: bool) -> str:
+    return "stable" if stable else "unstable"

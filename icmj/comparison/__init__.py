@@ -1,0 +1,1 @@
+"""Prediction and measurement side by side: numbers, and a verdict in words."""

@@ -1,0 +1,237 @@
+"""The comparison of one simulated run with its prediction: numbers for the table, a verdict in words.
+
+A relative error is (measured − predicted)/predicted and is given only where both exist: the interval wherever the
+run had events and Δ_crit is defined by a predicted cycle, the others only where the run settled on a cycle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.plain import plain
+from icmj.measurement.measurement import Measurement, measured_gamma
+from icmj.plant.linear_plant import transformation
+from icmj.result.result import Result
+from icmj.theory.prediction import Prediction
+
+INTERVAL_TOLERANCE = 0.05
+"""Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
+one. The nonlinear plant's own departure grows as q_t² and stays far below; coexisting cycles are further away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """What the linear theory says: Δ_crit [s], λ_crit, period [s], γ, peak of every output, verdict on the orbit."""
+
+    delta_crit: float | None
+    eigenvalue: complex | None
+    cycle: bool
+    period: float | None
+    gamma: float | None
+    amplitude: Array | None
+    verdict: str
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the run did: interval and period [s], peak of every output, |χ_k1| at events, kind of motion.
+
+    ``converged`` says whether it settled on the predicted cycle: that number of events in a period, mirrored or not,
+    every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit.
+    """
+
+    interval: float | None
+    period: float | None
+    amplitude: Array
+    gamma: float | None
+    converged: bool
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeError:
+    """(measured − predicted)/predicted, ``None`` where either is missing; amplitude for every output, shape (n_y,)."""
+
+    interval: float | None
+    period: float | None
+    amplitude: Array | None
+    gamma: float | None
+
+    @property
+    def largest_amplitude(self) -> float | None:
+        """The amplitude error of largest magnitude, with its sign."""
+        if self.amplitude is None or not len(self.amplitude):
+            return None
+        return float(self.amplitude[np.argmax(np.abs(self.amplitude))])
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One run beside its prediction.
+
+    Attributes:
+        case, plant: the case's name, and ``linear`` or ``mujoco``.
+        predicted, measured, relative_error: the numbers.
+        words: the verdict in one or two sentences for people.
+    """
+
+    case: str
+    plant: str
+    predicted: Predicted
+    measured: Measured
+    relative_error: RelativeError
+    words: str
+
+
+def compare(result: Result) -> Comparison:
+    """Compare a simulated run with the prediction for it."""
+    prediction, measurement = result.prediction, result.measurement
+    converged = settled_on_prediction(prediction, measurement)
+    gamma = None
+    if prediction.cycle and prediction.V_inv is not None and measurement.kind == "cycle":
+        T_hat = transformation(result.assumed, result.actual)
+        gamma = finite(measured_gamma(result.simulation, prediction.V_inv, T_hat))
+    predicted = Predicted(
+        delta_crit=finite(prediction.delta_crit),
+        eigenvalue=prediction.eigenvalue,
+        cycle=bool(prediction.cycle),
+        period=finite(prediction.period),
+        gamma=finite(prediction.gamma),
+        amplitude=None if prediction.amplitude is None else np.asarray(prediction.amplitude, float),
+        verdict=prediction.verdict,
+    )
+    measured = Measured(
+        interval=finite(measurement.interval),
+        period=finite(measurement.period),
+        amplitude=np.asarray(measurement.amplitude, float),
+        gamma=gamma,
+        converged=converged,
+        kind=measurement.kind,
+    )
+    error = RelativeError(
+        interval=_relative(measured.interval, predicted.delta_crit if predicted.cycle else None),
+        period=_relative(measured.period, predicted.period),
+        amplitude=_relative_each(measured.amplitude, predicted.amplitude)
+        if predicted.cycle and measurement.kind == "cycle"
+        else None,
+        gamma=_relative(measured.gamma, predicted.gamma),
+    )
+    return Comparison(
+        result.run.case.name, result.simulation.plant, predicted, measured, error, verdict_in_words(result, converged)
+    )
+
+
+def settled_on_prediction(prediction: Prediction, measurement: Measurement) -> bool:
+    """Whether the run ended on the predicted cycle (see :class:`Measured`); false where none is predicted."""
+    if not prediction.cycle or prediction.delta_crit is None or prediction.eigenvalue is None:
+        return False
+    if measurement.kind != "cycle" or measurement.interval is None:
+        return False
+    mirrored = prediction.eigenvalue.real < 0
+    if measurement.p != (2 if mirrored else 1) or measurement.mirrored != mirrored:
+        return False
+    intervals = np.append(measurement.intervals, measurement.interval)
+    return bool(np.all(np.abs(intervals / prediction.delta_crit - 1) <= INTERVAL_TOLERANCE))
+
+
+def to_json(comparison: Comparison) -> dict[str, Any]:
+    """A record of ``summary.json``: plain numbers, lists and ``None``; a complex number is [re, im]."""
+    return {
+        "case": comparison.case,
+        "plant": comparison.plant,
+        "predicted": plain(vars(comparison.predicted)),
+        "measured": plain(vars(comparison.measured)),
+        "relative_error": plain(vars(comparison.relative_error)),
+        "words": comparison.words,
+    }
+
+
+def verdict_in_words(result: Result, converged: bool) -> str:
+    """What was predicted and what came of it, for a reader who has not read the theory."""
+    prediction, measurement, outcome = result.prediction, result.measurement, result.simulation.outcome
+    if converged:
+        mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
+        return f"Settles on the predicted cycle (period is {mirror})."
+    ended = _how_it_ended(measurement, prediction.cycle)
+    if outcome.kind in ("fell", "diverged", "interrupted"):
+        ended = f"the run {'was interrupted' if outcome.kind == 'interrupted' else outcome.kind} at {outcome.t:.3g} s"
+    elif outcome.kind == "sliding":
+        ended = "every interval collapses to Δ_min"
+    if prediction.delta_crit is None:
+        if result.simulation.plant == "mujoco" and measurement.kind == "cycle":
+            # odd symmetry makes the departure cubic: the interval grows by 2 ln 10/λ for each decade of the threshold
+            ended += (
+                ". No linear model is exact for this nonlinear plant: its departure from linearity acts as a small "
+                "model error that ends the growth of the intervals, the later the smaller the threshold"
+            )
+        if not prediction.crossings and prediction.observer_feedback_stable:
+            return f"No cycle predicted: no eigenvalue reaches the unit circle; {ended}."
+        return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1; {ended}."
+    if not prediction.cycle:
+        why = _why_no_cycle(prediction)
+        return f"Does not settle on a cycle at Δ_crit, and none is predicted: {why}; {ended}."
+    if prediction.verdict == "repelling":
+        return f"Does not settle on the predicted cycle: it is repelling ({_multiplier(prediction)}); {ended}."
+    if prediction.verdict == "not admissible":
+        reason = prediction.orbit.reason if prediction.orbit is not None else ""
+        return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
+    return f"Does not settle on the predicted cycle, though it is attracting; {ended}."
+
+
+def finite(value: float | None) -> float | None:
+    """A plain float, or ``None`` for a missing or non-finite one."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _why_no_cycle(prediction: Prediction) -> str:
+    parts = []
+    others = [c.largest_other for c in prediction.crossings if c.delta == prediction.delta_crit]
+    if others and others[0] > 1:
+        parts.append(f"another eigenvalue is outside the circle there (|λ| = {others[0]:.2f})")
+    if prediction.verdict == "repelling":
+        parts.append(f"the orbit is repelling ({_multiplier(prediction)})")
+    return " and ".join(parts) or "the eigenvalues cross the circle inwards"
+
+
+def _multiplier(prediction: Prediction) -> str:
+    if prediction.multipliers is None or not len(prediction.multipliers):
+        return "multiplier unknown"
+    return f"largest multiplier {np.abs(prediction.multipliers).max():.2f}"
+
+
+def _how_it_ended(measurement: Measurement, predicted: bool) -> str:
+    interval = "" if measurement.interval is None else f"{measurement.interval:.3g} s"
+    match measurement.kind:
+        case "homoclinic":
+            return "the intervals grow without bound"
+        case "cycle":
+            which = "another" if predicted else "a"
+            mirrored = "mirrored " if measurement.mirrored else ""
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"it settles on {which} {mirrored}cycle of {events}, mean interval {interval}"
+        case "quasi-periodic" | "irregular":
+            return f"the motion stays {measurement.kind}, mean interval {interval}"
+        case "growth":
+            return "the motion grows"
+        case "decay":
+            return "the motion dies out"
+        case "no events":
+            return "no event occurs"
+        case _:
+            return "the run is too short to tell"
+
+
+def _relative(measured: float | None, predicted: float | None) -> float | None:
+    if measured is None or predicted is None or predicted == 0:
+        return None
+    return finite(measured / predicted - 1)
+
+
+def _relative_each(measured: Array, predicted: Array | None) -> Array | None:
+    if predicted is None or measured.shape != predicted.shape or np.any(predicted == 0):
+        return None
+    return measured / predicted - 1

@@ -1,0 +1,103 @@
+"""The design: state-feedback gain k̂ and observer gain L for the assumed plant (paper, eqs. obs–A_c)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.errors import DesignError
+from icmj.plant.linear_plant import LinearPlant
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Gains designed on the assumed plant.
+
+    Attributes:
+        plant: the assumed plant [Â, B̂, Ĉ].
+        k: state-feedback gain k̂, shape (n_u, n̂); u = −k̂ x_h.
+        L: observer gain, shape (n̂, n_y).
+    """
+
+    plant: LinearPlant
+    k: Array
+    L: Array
+
+    def __post_init__(self) -> None:
+        k, L = (np.atleast_2d(np.array(M, dtype=float)) for M in (self.k, self.L))
+        if k.shape != (self.plant.n_u, self.plant.n) or L.shape != (self.plant.n, self.plant.n_y):
+            raise DesignError(
+                f"gains do not fit the plant: k {k.shape}, expected {(self.plant.n_u, self.plant.n)}; "
+                f"L {L.shape}, expected {(self.plant.n, self.plant.n_y)}"
+            )
+        object.__setattr__(self, "k", k)
+        object.__setattr__(self, "L", L)
+
+    @property
+    def A_c(self) -> Array:
+        """Â_c = Â − B̂k̂, shape (n̂, n̂) (eq. A_c)."""
+        return self.plant.A - self.plant.B @ self.k
+
+    @property
+    def A_o(self) -> Array:
+        """Â_o = Â − LĈ, shape (n̂, n̂) (eq. A_o)."""
+        return self.plant.A - self.L @ self.plant.C
+
+
+def design_lq(
+    plant: LinearPlant,
+    *,
+    Q_c: ArrayLike | None = None,
+    R_c: ArrayLike = 1.0,
+    Q_o: ArrayLike | None = None,
+    R_o: ArrayLike = 1.0,
+) -> Design:
+    """Linear-quadratic regulator and estimator of ``plant``, by python-control.
+
+    Args:
+        plant: the assumed plant.
+        Q_c: state weight, shape (n, n); ``None`` means ĈᵀĈ (the outputs are weighted).
+        R_c: input weight, scalar (times identity) or shape (n_u, n_u).
+        Q_o: state disturbance intensity, shape (n, n); ``None`` means B̂B̂ᵀ (noise enters with the inputs).
+        R_o: output noise intensity, scalar (times identity) or shape (n_y, n_y).
+
+    Raises:
+        DesignError: if a weight has the wrong shape, or a Riccati equation has no stabilising solution.
+    """
+    import control
+
+    C_w = plant.C.T @ plant.C if Q_c is None else _square(Q_c, plant.n, "Q_c")
+    B_w = plant.B @ plant.B.T if Q_o is None else _square(Q_o, plant.n, "Q_o")
+    R_c, R_o = _square(R_c, plant.n_u, "R_c"), _square(R_o, plant.n_y, "R_o")
+    try:
+        k, _, E_c = control.lqr(plant.A, plant.B, C_w, R_c, method="scipy")
+        L, _, E_o = control.lqe(plant.A, np.eye(plant.n), plant.C, B_w, R_o, method="scipy")
+    except (control.exception.ControlDimension, np.linalg.LinAlgError, ValueError) as error:
+        raise DesignError(
+            f"no LQ design for this plant ({error}); check that its unstable poles can be "
+            "reached by the inputs and seen in the outputs, and that the weights see them"
+        ) from error
+    design = Design(plant, k, L)
+    for what, poles in (("state feedback", E_c), ("observer", E_o)):
+        if not np.all(np.isfinite(poles)) or np.max(np.real(poles)) >= 0:
+            raise DesignError(
+                f"the {what} designed is not stable (largest real part "
+                f"{np.max(np.real(poles)):.3g}/s); change its weights"
+            )
+    return design
+
+
+def _square(weight: ArrayLike, size: int, name: str) -> Array:
+    W = np.asarray(weight, dtype=float)
+    if W.ndim == 0:
+        return W * np.eye(size)
+    if W.ndim == 1 and W.size == size:
+        return np.diag(W)
+    if W.shape != (size, size):
+        raise DesignError(
+            f"weight {name} has shape {W.shape}; expected a scalar, {size} diagonal entries or a {size} × {size} matrix"
+        )
+    return W

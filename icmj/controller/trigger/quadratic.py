@@ -1,0 +1,93 @@
+"""The paper's event rule: a quadratic form of the hold error against a threshold (eqs. ED_e, ed_e)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.controller.trigger.faces import Faces
+from icmj.controller.trigger.trigger import EventRule, checked_delta_min
+from icmj.errors import AnalysisError
+
+if TYPE_CHECKING:
+    from icmj.controller.design import Design
+
+
+@dataclass(frozen=True, eq=False)
+class EventTrigger(EventRule):
+    """An event when E = e_hpᵀ Q_t e_hp − q_t² reaches zero, e_hp = x_h − x_o (eqs. ED_e, ed_e).
+
+    Attributes:
+        Q_t: positive semidefinite weight, shape (n̂, n̂).
+        q_t: threshold [unit of the weighted state].
+        delta_min: least open-loop interval Δ_min [s] (eq. PRP); no event comes earlier than this after the last.
+
+    Raises:
+        AnalysisError: if Q_t is not positive semidefinite or is zero, q_t not positive, or Δ_min negative.
+    """
+
+    Q_t: Array
+    q_t: float
+    delta_min: float = 1e-3
+
+    def __post_init__(self) -> None:
+        Q = np.array(self.Q_t, dtype=float)
+        if Q.ndim != 2 or Q.shape[0] != Q.shape[1] or not np.isfinite(Q).all():
+            raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
+        Q = (Q + Q.T) / 2
+        if np.linalg.eigvalsh(Q)[0] < -1e-12 * max(np.abs(Q).max(), 1e-300):
+            raise AnalysisError("Q_t must be positive semidefinite; it has a negative eigenvalue")
+        if not np.any(Q):
+            raise AnalysisError("Q_t is zero: no hold error would ever be an event; weight at least one state")
+        if not (np.isfinite(self.q_t) and self.q_t > 0):
+            raise AnalysisError(f"threshold q_t must be positive, got {self.q_t}")
+        checked_delta_min(self.delta_min)
+        object.__setattr__(self, "Q_t", Q)
+
+    @property
+    def size(self) -> float:
+        return self.q_t
+
+    def resized(self, size: float) -> EventTrigger:
+        return replace(self, q_t=size)
+
+    def faces(self, design: Design) -> Faces:
+        if self.Q_t.shape != (design.plant.n, design.plant.n):
+            raise AnalysisError(f"Q_t has shape {self.Q_t.shape}; the hold has {design.plant.n} states")
+        values, vectors = np.linalg.eigh(self.Q_t)
+        kept = values > 1e-15 * max(values[-1], 1e-300)
+        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        return Faces(root / self.q_t, np.array([0, len(root)]), self.q_t**2)
+
+    def facts(self) -> Mapping[str, Any]:
+        return {"q_t": self.q_t, "Q_t": self.Q_t, "delta_min": self.delta_min}
+
+
+def output_weight(design: Design) -> Array:
+    """Q_t = ĈᵀĈ: the event error is measured at the outputs."""
+    return design.plant.C.T @ design.plant.C
+
+
+def as_weight(weight: str | ArrayLike, design: Design) -> Array:
+    """Q_t from ``"output"`` (ĈᵀĈ), ``"identity"``, diagonal entries or a matrix.
+
+    Raises:
+        AnalysisError: if it does not fit the n̂ states.
+    """
+    n_hat = design.plant.n
+    if isinstance(weight, str):
+        if weight == "output":
+            return output_weight(design)
+        if weight == "identity":
+            return np.eye(n_hat)
+        raise AnalysisError(f"Q_t is {weight!r}; expected 'output', 'identity', diagonal entries or a matrix")
+    Q = np.asarray(weight, dtype=float)
+    Q = np.diag(Q) if Q.ndim == 1 else Q
+    if Q.shape != (n_hat, n_hat):
+        raise AnalysisError(f"Q_t has shape {Q.shape}; the assumed plant has {n_hat} states")
+    return Q

@@ -1,0 +1,174 @@
+"""How a controller stands in a composed model: one ``<numeric>``, described here for Python and compiled code alike.
+
+It begins with a header of numbers by :class:`Slot`; then come the parts of :data:`PARTS`, row by row, each where the
+header says. Whoever writes or reads it goes by these two names, so a further part or number is declared here and
+nowhere else. Spans say which entries of each row of a matrix are not zero, from where to before where, so that
+compiled code skips the others.
+
+The *phase time* says which disturbance windows are open: a loop that splits its steps at the windows' edges sets it
+to a time between two edges, so that a step ending on an edge still sees the value before it in its last stage. While
+it is negative the windows follow the model's own time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Realisation
+from icmj.simulation.disturbance import Disturbance
+
+MAGIC = 20170508228.0
+VERSION = 2.0
+FOREVER = 1e30
+
+
+class Slot(IntEnum):
+    """Places in the header."""
+
+    MAGIC = 0
+    VERSION = 1
+    SIZE = 2  # states of the controller, N_a
+    N_U = 3
+    N_Y = 4
+    ROWS = 5  # of R
+    FACES = 6
+    TERMS = 7  # of the disturbance
+    ACT = 8  # where the controller's states begin in ``act``
+    STAGE = 9  # last sensor stage needed (1 position, 2 velocity)
+    PHASE = 10  # the phase time [s]
+    AT_M = 11  # from here on: where each part begins, counted from the header's start
+    AT_N = 12
+    AT_K = 13
+    AT_J = 14
+    AT_R = 15
+    AT_CUTS = 16
+    AT_SPAN_M = 17
+    AT_SPAN_N = 18
+    AT_SPAN_K = 19
+    AT_Y_0 = 20
+    AT_CTRL_0 = 21
+    AT_TERMS = 22
+
+
+HEADER = 24
+
+PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
+    (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
+    (Slot.AT_N, "N", (Slot.SIZE, Slot.N_Y)),
+    (Slot.AT_K, "K", (Slot.N_U, Slot.SIZE)),
+    (Slot.AT_J, "J", (Slot.SIZE, Slot.SIZE)),
+    (Slot.AT_R, "R", (Slot.ROWS, Slot.SIZE)),
+    (Slot.AT_CUTS, "cuts", (Slot.FACES,)),
+    (Slot.AT_SPAN_M, "span_M", (Slot.SIZE, 2)),
+    (Slot.AT_SPAN_N, "span_N", (Slot.SIZE, 2)),
+    (Slot.AT_SPAN_K, "span_K", (Slot.N_U, 2)),
+    (Slot.AT_Y_0, "y_0", (Slot.N_Y,)),
+    (Slot.AT_CTRL_0, "ctrl_0", (Slot.N_U,)),
+    (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),
+)
+"""Slot with the beginning, name, and shape by slots of the header, of each part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The controller as it stands in a model: views of the numeric's data, which writing changes.
+
+    Attributes:
+        header: by :class:`Slot`, shape (24,).
+        M, N: ȧ = M a + N (y − y_0), shapes (N_a, N_a), (N_a, n_y).
+        K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
+        J: a := J a at an event, shape (N_a, N_a).
+        R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
+        span_M, span_N, span_K: first entry of each row that is not zero, and the one after the last.
+        y_0, ctrl_0: outputs and controls at the operating point, shapes (n_y,), (n_u,).
+        terms: disturbance: input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
+    """
+
+    header: Array
+    M: Array
+    N: Array
+    K: Array
+    J: Array
+    R: Array
+    cuts: Array
+    span_M: Array
+    span_N: Array
+    span_K: Array
+    y_0: Array
+    ctrl_0: Array
+    terms: Array
+
+    @property
+    def act(self) -> slice:
+        """Where the controller's states stand in ``act``."""
+        start = int(self.header[Slot.ACT])
+        return slice(start, start + int(self.header[Slot.SIZE]))
+
+    @property
+    def edges(self) -> np.ndarray:
+        """First row of each face and the number of rows, as integers, shape (F + 1,)."""
+        return np.append(self.cuts, len(self.R)).astype(np.int64)
+
+
+def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Disturbance, act: int, stage: int) -> Array:
+    """The numeric's data.
+
+    Args:
+        realisation: the controller.
+        y_0, ctrl_0: outputs and controls at the operating point.
+        disturbance: on the plant's inputs.
+        act: where the controller's states begin in ``act``.
+        stage: last sensor stage needed.
+    """
+    terms = np.column_stack([
+        disturbance.input, disturbance.amplitude, disturbance.omega, disturbance.phase, disturbance.start,
+        np.minimum(disturbance.end, FOREVER),
+    ])  # fmt: skip
+    parts = {
+        **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "R")},
+        **{f"span_{name}": spans(getattr(realisation, name)) for name in ("M", "N", "K")},
+        "cuts": realisation.cuts[:-1],
+        "y_0": y_0,
+        "ctrl_0": ctrl_0,
+        "terms": terms,
+    }
+    header = np.zeros(HEADER)
+    header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
+    header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
+    header[[Slot.ROWS, Slot.FACES, Slot.TERMS]] = len(realisation.R), len(realisation.cuts) - 1, len(terms)
+    at = HEADER
+    for slot, name, _ in PARTS:
+        header[slot] = at
+        at += np.size(parts[name])
+    return np.concatenate([header, *(np.ravel(parts[name]) for _, name, _ in PARTS)])
+
+
+def block_of(model: mujoco.MjModel) -> Block | None:
+    """The controller in ``model``, or ``None`` where the model is not a composed one."""
+    if model.nnumeric == 0:
+        return None
+    start, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
+    data = model.numeric_data[start : start + size]
+    if size < HEADER or data[Slot.MAGIC] != MAGIC or data[Slot.VERSION] != VERSION:
+        return None
+    parts = {}
+    for slot, name, shape in PARTS:
+        extents = [int(data[part]) if isinstance(part, Slot) else part for part in shape]
+        at = int(data[slot])
+        parts[name] = data[at : at + int(np.prod(extents))].reshape(extents)
+    return Block(header=data[:HEADER], **parts)
+
+
+def spans(matrix: Array) -> Array:
+    """First entry of each row that is not zero and the one after the last, shape (rows, 2); (0, 0) for a zero row."""
+    found = np.zeros((len(matrix), 2))
+    for row, entries in zip(found, matrix, strict=True):
+        used = np.flatnonzero(entries)
+        if len(used):
+            row[:] = used[0], used[-1] + 1
+    return found

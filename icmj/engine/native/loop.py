@@ -1,0 +1,244 @@
+"""The loop from event to event as one compiled function.
+
+It is :mod:`icmj.engine.reference` statement by statement. It runs without the GIL and cannot raise: a run that goes
+wrong comes back as a status.
+"""
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+from numba import types
+
+from icmj.base.array import Array
+from icmj.engine import reference
+from icmj.engine.block import Block, Slot, block_of
+from icmj.engine.native import structs
+from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, search
+from icmj.engine.native.state import PROGRESS, Run, engine_of, plan_of, progress_at, rule_of
+from icmj.engine.native.step import forward, save, step
+from icmj.engine.recording import Recording, Status
+from icmj.engine.schedule import Schedule
+from icmj.errors import ModelError
+
+_differentiate_pos = types.ExternalFunction(
+    "mj_differentiatePos", types.void(types.intp, types.intp, types.float64, types.intp, types.intp)
+)
+
+# constants that compiled code freezes
+_RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
+_DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Status.REACHED)
+
+
+@inlined
+def _fired(run, length, armed):  # type: ignore[no-untyped-def]
+    """Whether an event falls within the step just taken; leaves the state at the first, or at the end."""
+    rule = run.rule
+    evaluate(rule)
+    if not armed:
+        return False
+    face = active(rule.now)
+    if face < 0:
+        return False
+    top = rule.left[:, 0]
+    for j in range(len(rule.now)):
+        top[j] = max(abs(rule.before[j, 0] + 1), abs(rule.now[j, 0] + 1))
+    if may_reach_zero(rule.before, rule.now, top, length, margin(run.plan.rate, length)):
+        return search(run, length, top.copy())
+    if rule.now[face, 0] >= 0:
+        locate(run, 0.0, rule.before, length)
+        return True
+    return False
+
+
+@inlined
+def _status(run):  # type: ignore[no-untyped-def]
+    engine, plan = run.engine, run.plan
+    size = 0.0
+    for part in (engine.qpos, engine.qvel, engine.act):
+        for i in range(len(part)):
+            size += abs(part[i])
+    if not size < 1e10:  # mjMAXVAL; false for NaN, too
+        return _DIVERGED
+    for i in range(len(engine.warnings)):
+        if engine.warnings[i, 1] != 0:
+            return _WARNED
+    if plan.hinges:
+        for i in range(len(engine.qpos)):
+            if abs(engine.qpos[i] - plan.qpos_0[i]) > plan.limit:
+                return _FELL
+    else:
+        _differentiate_pos(
+            engine.model, plan.departure.ctypes.data, 1.0, plan.qpos_0.ctypes.data, engine.qpos.ctypes.data
+        )
+        for i in range(len(plan.departure)):
+            if abs(plan.departure[i]) > plan.limit:
+                return _FELL
+    return _RUNNING
+
+
+@inlined
+def _write(engine, row):  # type: ignore[no-untyped-def]
+    row[0] = engine.time[0]
+    at = 1
+    for part in (engine.qpos, engine.qvel, engine.act, engine.sensordata):
+        for i in range(len(part)):
+            row[at + i] = part[i]
+        at += len(part)
+
+
+@inlined
+def _record(run, record, fired, due):  # type: ignore[no-untyped-def]
+    engine, progress, count = run.engine, run.progress, record.count
+    row = record.dense[count[0]]
+    row[0] = engine.time[0]
+    for i in range(len(engine.sensordata)):
+        row[1 + i] = engine.sensordata[i]
+    if fired or due:
+        if progress[0].length > 0:  # else an event at the very start, whose row is there already
+            _write(engine, record.rows[count[1]])
+            count[1] += 1
+        if fired:
+            _write(engine, record.events[count[2]])
+            record.event_at[count[2]] = count[0]
+            count[2] += 1
+        progress[0].next_row = engine.time[0] + run.plan.record_interval
+    count[0] += 1
+
+
+@inlined
+def _reset(rule):  # type: ignore[no-untyped-def]
+    """a := J a."""
+    for i in range(len(rule.a)):
+        rule.scratch[i] = 0.0
+        for j in range(len(rule.a)):
+            if rule.J[i, j] != 0:
+                rule.scratch[i] += rule.J[i, j] * rule.a[j]
+    for i in range(len(rule.a)):
+        rule.a[i] = rule.scratch[i]
+
+
+@compiled
+def _advance(run, record, steps):  # type: ignore[no-untyped-def]
+    engine, plan, rule, progress = run.engine, run.plan, run.rule, run.progress
+    time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
+    armed = progress[0].armed != 0
+    status = _RUNNING
+    evaluate(rule)
+    copy(rule.now, rule.before)
+    for _ in range(steps):
+        t = time[0]
+        arm = progress[0].last_event + plan.delta_min if watched and not armed else np.inf
+        clock = progress[0].clock * plan.clock if clocked else np.inf
+        edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
+        target = min(plan.t_end, arm, clock, edge)
+        lands = target - t <= plan.timestep * (1 + 1e-9)
+        length = target - t if lands else plan.timestep
+        fired = False
+        progress[0].length = length
+        if length > 0:
+            save(engine)
+            progress[0].begin = t
+            progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
+            step(run, length, True)
+            fired = _fired(run, length, armed)
+            if fired:
+                lands = lands and time[0] >= target
+            copy(rule.now, rule.before)
+        if fired or lands:
+            progress[0].grid, progress[0].steps = time[0], 0
+        else:
+            progress[0].steps += 1
+        status = _status(run)
+        if status == _RUNNING and lands:
+            # what was planned for this time
+            if time[0] >= arm:
+                armed = True
+                fired = fired or rule.now[active(rule.now), 0] >= 0
+            if time[0] >= clock:
+                progress[0].clock += 1
+                fired = True
+            if time[0] >= plan.t_end:
+                status = _COMPLETED
+        if fired:
+            progress[0].events += 1
+            if status == _RUNNING and progress[0].events >= plan.events:
+                status = _REACHED
+        _record(run, record, fired, status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep)
+        if fired:
+            _reset(rule)
+            progress[0].last_event = time[0]
+            armed = watched and plan.delta_min == 0
+        passed = lands and time[0] >= edge
+        if passed:
+            progress[0].edge += 1
+            engine.phase[0] = plan.phases[progress[0].edge]
+        if fired or passed:
+            forward(engine.model, engine.data)
+            evaluate(rule)
+            copy(rule.now, rule.before)
+        if status != _RUNNING:
+            break
+    progress[0].armed = 1 if armed else 0
+    return status
+
+
+@cache
+def _entry() -> Any:
+    source = sources()
+
+    @entry
+    def advance(run, record, steps):  # type: ignore[no-untyped-def]
+        run.progress[0].source = source
+        return _advance(run, record, steps)
+
+    return advance
+
+
+class NativeLoop:
+    """Steps a composed model from event to event in compiled code; see :class:`icmj.engine.reference.ReferenceLoop`."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
+        block = block_of(model)
+        assert block is not None
+        structs.check(model, data)
+        self._model, self._data, self._block, self._schedule = model, data, block, schedule
+        phase = block.header[Slot.PHASE : Slot.PHASE + 1]
+        plan = plan_of(schedule, qpos_0, model)
+        self._run = Run(engine_of(model, data, phase), plan, rule_of(block, data), np.zeros(1, PROGRESS))
+        self.begin()
+        _verify(data, block)
+
+    def begin(self) -> None:
+        """Start, or start anew, from where the data stand, right after an event."""
+        progress_at(self._data.time, self._schedule, self._run.progress)
+        self._block.header[Slot.PHASE] = self._schedule.phases[self._schedule.first_edge(self._data.time)]
+        mujoco.mj_forward(self._model, self._data)
+
+    def advance(self, record: Recording, steps: int) -> Status:
+        """Take up to ``steps`` steps, writing into ``record``."""
+        return Status(_entry()(self._run, record, steps))
+
+
+def _verify(data: mujoco.MjData, block: Block) -> None:
+    """Compare what the installed callbacks have just written with the plain-Python ones.
+
+    Raises:
+        ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.
+    """
+    expected = reference.command(block, data), reference.rates(block, data)
+    found = data.ctrl[: len(block.ctrl_0)], data.act_dot[block.act]
+    for a, b in zip(found, expected, strict=True):
+        scale = 1e-9 * (1 + np.abs(b).max() + np.abs(block.M).max() * np.abs(data.act[block.act]).max())
+        if not np.all(np.abs(a - b) <= scale):
+            raise ModelError(
+                "the native callbacks do not compute this controller; delete numba's cache (__pycache__ in "
+                "icmj/engine/native, or NUMBA_CACHE_DIR), or set native = false, which runs the plain-Python loop"
+            )

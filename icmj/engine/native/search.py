@@ -1,0 +1,152 @@
+"""Whether the event function reaches zero within a step, and where."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.engine import reference
+from icmj.engine.native.compilation import compiled, inlined
+from icmj.engine.native.step import step
+from icmj.engine.schedule import EVENT_TOLERANCE
+
+_TOLERANCE, _SPLITS = EVENT_TOLERANCE, reference.SPLITS
+
+
+@inlined
+def evaluate(rule):  # type: ignore[no-untyped-def]
+    """(E_j, dE_j/dt) of every face where the engine is, after a forward pass, into ``rule.now``."""
+    for face in range(len(rule.now)):
+        E, dE = -1.0, 0.0
+        for row in range(rule.cuts[face], rule.cuts[face + 1]):
+            value, rate = 0.0, 0.0
+            for i in range(rule.spans[row, 0], rule.spans[row, 1]):
+                value += rule.R[row, i] * rule.a[i]
+                rate += rule.R[row, i] * rule.a_rate[i]
+            E += value * value
+            dE += 2 * value * rate
+        rule.now[face, 0], rule.now[face, 1] = E, dE
+
+
+@inlined
+def active(levels):  # type: ignore[no-untyped-def]
+    """The face with the largest E_j; −1 where one is not finite, or there is none."""
+    best = -1
+    for face in range(len(levels)):
+        if not np.isfinite(levels[face, 0]):
+            return -1
+        if best < 0 or levels[face, 0] > levels[best, 0]:
+            best = face
+    return best
+
+
+@inlined
+def copy(source, target):  # type: ignore[no-untyped-def]
+    """Levels of one place kept as those of another."""
+    for face in range(len(source)):
+        target[face, 0], target[face, 1] = source[face, 0], source[face, 1]
+
+
+@inlined
+def _may_reach_zero(E_0, dE_0, E_1, dE_1, length, margin):  # type: ignore[no-untyped-def]
+    c = (3 * (E_1 - E_0) / length - 2 * dE_0 - dE_1) / length
+    d = (dE_0 + dE_1 - 2 * (E_1 - E_0) / length) / length**2
+    disc = c * c - 3 * d * dE_0
+    if disc <= 0:
+        return False
+    root = np.sqrt(disc)
+    if c < 0:
+        s = dE_0 / (root - c)
+    elif d != 0:
+        s = (-c - root) / (3 * d)
+    else:
+        return False
+    if not 0 < s < length:
+        return False
+    return E_0 + s * (dE_0 + s * (c + s * d)) + margin >= 0
+
+
+@inlined
+def may_reach_zero(before, after, top, length, margin):  # type: ignore[no-untyped-def]
+    """Whether any face's E_j may reach zero inside; ``top`` holds the larger |E_j + 1| of the step's ends."""
+    for j in range(len(before)):
+        if _may_reach_zero(before[j, 0], before[j, 1], after[j, 0], after[j, 1], length, margin * top[j]):
+            return True
+    return False
+
+
+@inlined
+def margin(rate, length):  # type: ignore[no-untyped-def]
+    """See :meth:`icmj.engine.schedule.Schedule.margin`."""
+    return 10 * (2 * rate * length) ** 4 / 384
+
+
+@compiled
+def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-def]
+    length = high - low
+    c = (3 * (E_h - E_l) / length - 2 * dE_l - dE_h) / length
+    d = (dE_l + dE_h - 2 * (E_h - E_l) / length) / length**2
+    a, b = 0.0, length
+    s = length * E_l / (E_l - E_h)
+    for _ in range(50):
+        value = E_l + s * (dE_l + s * (c + s * d))
+        if value >= 0:
+            b = s
+        else:
+            a = s
+        slope = dE_l + s * (2 * c + s * 3 * d)
+        new = s - value / slope if slope > 0 else -1.0
+        if not a < new < b:
+            new = (a + b) / 2
+        if abs(new - s) <= 1e-15 * length:
+            break
+        s = new
+    return low + max(s, 1e-3 * _TOLERANCE)
+
+
+@compiled
+def locate(run, low, at_low, high):  # type: ignore[no-untyped-def]
+    """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not)."""
+    now = run.rule.now
+    s = np.inf
+    for j in range(len(now)):
+        if now[j, 0] >= 0:
+            s = min(s, _hermite_root(low, at_low[j, 0], at_low[j, 1], high, now[j, 0], now[j, 1]))
+    for trial in range(60):
+        step(run, s, False)
+        evaluate(run.rule)
+        face = active(now)
+        E, dE = now[face, 0], now[face, 1]
+        if E >= 0:
+            high = s
+        else:
+            low = s
+        newton = s - E / dE if dE > 0 else np.inf
+        if abs(newton - s) <= _TOLERANCE or high - low <= _TOLERANCE:
+            break
+        s = newton if low < newton < high and trial % 8 != 7 else (low + high) / 2
+
+
+@compiled
+def search(run, length, top):  # type: ignore[no-untyped-def]
+    """Look for an event inside the step just taken, ever finer; leaves the state there, or at the end."""
+    rule = run.rule
+    pieces = 2
+    while pieces <= _SPLITS:
+        s_a = 0.0
+        copy(rule.before, rule.left)
+        allowed = margin(run.plan.rate, length / pieces)
+        settled = True
+        for j in range(1, pieces + 1):
+            s_b = length * j / pieces
+            step(run, s_b, False)
+            evaluate(rule)
+            if rule.now[active(rule.now), 0] >= 0:
+                locate(run, s_a, rule.left, s_b)
+                return True
+            settled = settled and not may_reach_zero(rule.left, rule.now, top, s_b - s_a, allowed)
+            s_a = s_b
+            copy(rule.now, rule.left)
+        if settled:
+            break
+        pieces *= 2
+    return False

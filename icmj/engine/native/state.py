@@ -1,0 +1,174 @@
+"""What the compiled loop works on: the engine's memory, the plan of a run, the event rule, how far it has come."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.block import Block
+from icmj.engine.native import structs
+from icmj.engine.native.memory import DOUBLE, INT, view
+from icmj.engine.schedule import Schedule
+
+RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
+INTEGRATORS = {
+    int(mujoco.mjtIntegrator.mjINT_RK4): RK4,
+    int(mujoco.mjtIntegrator.mjINT_EULER): EULER,
+    int(mujoco.mjtIntegrator.mjINT_IMPLICIT): IMPLICIT,
+    int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): IMPLICIT,
+    int(mujoco.mjtIntegrator.mjINT_DISCRETE): WHOLE_STEP,
+}
+
+PROGRESS = np.dtype([
+    ("grid", float),         # the step grid starts at this time [s]
+    ("steps", np.int64),     # steps done on it
+    ("last_event", float),   # [s]
+    ("armed", np.int64),     # whether the event function is watched
+    ("clock", np.int64),     # number of the clock's next event
+    ("edge", np.int64),      # number of the next edge of the disturbance
+    ("events", np.int64),    # so far
+    ("next_row", float),     # when the next row is due [s]
+    ("begin", float),        # where the step under way begins [s]
+    ("end", float),          # where it ends, if it is taken whole [s]
+    ("length", float),       # its whole length [s]
+    ("source", np.int64),    # of the compiled code; see icmj.engine.native.compilation.sources
+])  # fmt: skip
+"""How far a run has come; one record."""
+
+
+class Engine(NamedTuple):
+    """Views of the engine's memory, and addresses for its functions."""
+
+    model: int
+    data: int
+    integrator: int
+    timestep: Array
+    time: Array
+    qpos: Array
+    qvel: Array
+    act: Array
+    act_dot: Array
+    sensordata: Array
+    warmstart: Array
+    warnings: np.ndarray
+    phase: Array
+    saved: Array
+
+
+class Plan(NamedTuple):
+    """A :class:`icmj.engine.schedule.Schedule`, with what tells a fall."""
+
+    timestep: float
+    t_end: float
+    delta_min: float
+    clock: float
+    edges: Array
+    phases: Array
+    record_interval: float
+    limit: float
+    rate: float
+    events: int
+    qpos_0: Array
+    departure: Array
+    hinges: bool
+
+
+class Rule(NamedTuple):
+    """The controller's states, their reset, the faces of its event rule, and room for their values.
+
+    ``before``, ``left`` and ``now`` hold (E_j, dE_j/dt) of every face: at the step's begin, at the left end of the
+    piece that is looked at, and where the engine is.
+    """
+
+    a: Array
+    a_rate: Array
+    J: Array
+    R: Array
+    cuts: np.ndarray
+    spans: np.ndarray
+    scratch: Array
+    before: Array
+    left: Array
+    now: Array
+
+
+class Run(NamedTuple):
+    """Everything; ``progress`` is one record of :data:`PROGRESS`."""
+
+    engine: Any
+    plan: Any
+    rule: Any
+    progress: np.ndarray
+
+
+def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engine:
+    """Views of a model and its data, which must outlive them."""
+    m, d = model._address, data._address
+    warnings = view(d + structs.offset("mjData", "warning"), INT, 2 * len(data.warning)).reshape(-1, 2)
+    return Engine(
+        model=m,
+        data=d,
+        integrator=INTEGRATORS[int(model.opt.integrator)],
+        timestep=view(m + structs.offset("mjModel", "opt.timestep"), DOUBLE, 1),
+        time=view(d + structs.offset("mjData", "time"), DOUBLE, 1),
+        qpos=data.qpos,
+        qvel=data.qvel,
+        act=data.act,
+        act_dot=data.act_dot,
+        sensordata=data.sensordata,
+        warmstart=data.qacc_warmstart,
+        warnings=warnings,
+        phase=phase,
+        saved=np.empty(model.nq + 2 * model.nv + model.na),
+    )
+
+
+def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
+    """The schedule as compiled code takes it."""
+    return Plan(
+        timestep=float(schedule.timestep),
+        t_end=float(schedule.t_end),
+        delta_min=float(schedule.delta_min),
+        clock=float(schedule.clock),
+        edges=np.array(schedule.edges, dtype=float),
+        phases=np.array(schedule.phases, dtype=float),
+        record_interval=float(schedule.record_interval),
+        limit=float(schedule.limit),
+        rate=float(schedule.rate),
+        events=int(schedule.events),
+        qpos_0=np.array(qpos_0, dtype=float),
+        departure=np.zeros(model.nv),
+        hinges=bool(model.nq == model.nv),
+    )
+
+
+def rule_of(block: Block, data: mujoco.MjData) -> Rule:
+    """The controller's part of the state and its event rule."""
+    from icmj.engine.block import spans
+
+    faces = len(block.cuts)
+    return Rule(
+        a=data.act[block.act],
+        a_rate=data.act_dot[block.act],
+        J=np.ascontiguousarray(block.J),
+        R=np.ascontiguousarray(block.R),
+        cuts=block.edges,
+        spans=spans(block.R).astype(np.int64),
+        scratch=np.empty(len(block.J)),
+        before=np.zeros((faces, 2)),
+        left=np.zeros((faces, 2)),
+        now=np.zeros((faces, 2)),
+    )
+
+
+def progress_at(t: float, schedule: Schedule, progress: np.ndarray) -> None:
+    """Set the record to the beginning of a run, or a flight, right after an event at ``t``."""
+    progress[:] = 0
+    record = progress[0]
+    for name in ("grid", "last_event", "begin", "end"):
+        record[name] = t
+    record["clock"], record["edge"] = schedule.first_clock(t), schedule.first_edge(t)
+    record["next_row"] = t + schedule.record_interval

@@ -1,0 +1,69 @@
+"""One open-loop interval on the engine as a function, without a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, layout_of
+from icmj.engine.callbacks import installed
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop, timestep_of
+from icmj.engine.extremes import ExtremesTracker
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.recording import Status, recording
+from icmj.engine.schedule import Schedule
+from icmj.simulation.interval import OpenLoopInterval
+from icmj.simulation.settings import Settings
+
+NEVER = 1e300  # s between rows: only events are wanted
+
+
+class EngineOpenLoop:
+    """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
+
+    def __init__(self, loop: ComposedLoop, schedule: Schedule) -> None:
+        self.loop = loop
+        self.schedule = replace(schedule, events=1, record_interval=NEVER)
+        self._data = mujoco.MjData(loop.model)
+        self._record = recording(CHUNK, loop.model.nsensordata, loop.width)
+        self._use = loop.implementation()
+        with installed(*self._use.callbacks), loop.lent():
+            point = loop.plant.linearisation.point.qpos
+            self._steps = self._use.loop(loop.model, self._data, self.schedule, point)
+
+    def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
+        """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
+        loop, data, record = self.loop, self._data, self._record
+        hold = x_o if x_h is None else x_h
+        a = layout_of(loop.controller).join(x_o=np.asarray(x_o, float), x_h=np.asarray(hold, float))
+        y_0, status, last = loop.plant.linearisation.y, Status.RUNNING, t
+        mujoco.mj_resetData(loop.model, data)
+        with installed(*self._use.callbacks), loop.lent():
+            loop.place(data, np.asarray(x, float), a, t)
+            self._steps.begin()
+            tracker = ExtremesTracker(t, data.sensordata - y_0, self.schedule.edges, self._use.find)
+            while status == Status.RUNNING:
+                record.clear()
+                status = self._steps.advance(record, CHUNK)
+                n_dense, n_rows, n_events = (int(n) for n in record.count)
+                tracker.add(record.dense[:n_dense, 0], record.dense[:n_dense, 1:] - y_0, record.event_at[:n_events])
+                last = float(record.dense[n_dense - 1, 0]) if n_dense else last
+            row = record.events[0] if n_events else record.rows[n_rows - 1]
+            outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))
+        end = loop.departures(row[None, :].copy())
+        y_max, y_min = tracker.result() if n_events else (np.full((1, len(y_0)), np.nan),) * 2
+        return OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
+
+
+def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -> EngineOpenLoop:
+    """The open-loop interval of ``plant`` under ``controller``; ``settings`` give all but start and recording.
+
+    Raises:
+        ModelError: if plant and design do not fit.
+        SimulationError: if a disturbance names an unknown input, or the timestep is not usable.
+    """
+    loop = close_loop(plant, controller, settings)
+    return EngineOpenLoop(loop, loop.schedule(settings, timestep_of(loop, settings)))

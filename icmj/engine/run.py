@@ -1,0 +1,91 @@
+"""Simulation of a controller on the physics engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import mujoco
+from numpy.typing import ArrayLike
+
+from icmj.controller.controller import Controller
+from icmj.engine.accuracy import estimate, order_of
+from icmj.engine.closed_loop import close_loop, timestep_of
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.schedule import EVENT_TOLERANCE
+from icmj.simulation.settings import Settings
+from icmj.simulation.simulation import Events, Simulation
+from icmj.simulation.start import start_states
+
+
+def simulate(
+    plant: MujocoPlant,
+    controller: Controller,
+    settings: Settings,
+    *,
+    x0: ArrayLike | None = None,
+    x_o0: ArrayLike | None = None,
+    x_h0: ArrayLike | None = None,
+    progress: Callable[[float], None] | None = None,
+    error_estimate: bool = True,
+) -> Simulation:
+    """Simulate ``plant`` on the engine under ``controller``.
+
+    Args:
+        plant: the actual plant.
+        controller: design, hold and trigger.
+        settings: duration, start, step and disturbance. A timestep or integrator of ``None`` is the model's.
+        x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
+        x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
+        x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
+        progress: called now and then with the fraction done, 0–1.
+        error_estimate: measure the error by repeating the last interval at half the timestep.
+
+    Returns:
+        The run. ``u`` is the command −k̂x_h; a disturbance acts on the plant beside it. ``precision`` has
+        ``integrator``, ``order``, ``timestep`` [s], ``event_tolerance`` [s], ``interval_error`` [s] and
+        ``output_error`` (relative; both estimated over one interval), ``steps``, ``seconds``, ``implementation``.
+
+    Raises:
+        ModelError: if plant and design do not fit.
+        SimulationError: if a named state or input does not exist, a start state has the wrong shape, or the timestep
+            is not usable.
+    """
+    x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
+    loop = close_loop(plant, controller, settings)
+    timestep = timestep_of(loop, settings)
+    schedule, model = loop.schedule(settings, timestep), loop.model
+
+    begin = time.perf_counter()
+    record = loop.run(loop.data(x, a), schedule, progress)
+    seconds = time.perf_counter() - begin
+    precision: dict[str, float | int | str] = {
+        "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_"),
+        "order": order_of(model),
+        "timestep": timestep,
+        "event_tolerance": EVENT_TOLERANCE,
+        "steps": record.steps,
+        "seconds": seconds,
+        "implementation": "native" if settings.native else "python",
+    }
+    if error_estimate:
+        accuracy = estimate(loop, schedule, record)
+        precision |= {"interval_error": accuracy.interval, "output_error": accuracy.output}
+        precision |= {"error_stretch": accuracy.stretch, "fastest_rate": schedule.rate}
+
+    rows, events = loop.departures(record.rows), loop.departures(record.events)
+    return Simulation(
+        plant="mujoco",
+        control=controller.trigger.kind,
+        t=record.rows[:, 0],
+        x=rows.x,
+        y=rows.y,
+        u=-rows.x_h @ controller.design.k.T,
+        x_o=rows.x_o,
+        x_h=rows.x_h,
+        E=controller.trigger.faces(controller.design).E(rows.x_h - rows.x_o),
+        events=Events(record.events[:, 0], events.x, events.x_o, events.x_h, record.y_max, record.y_min),
+        outcome=record.outcome,
+        precision=precision,
+        qpos=record.rows[:, 1 : 1 + model.nq],
+    )

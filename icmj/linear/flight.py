@@ -1,0 +1,79 @@
+"""From one event to the next, piece by piece: what the simulation repeats and the open-loop interval is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.linear.closed_loop import LinearLoop, Stretch, closed_loop, stretches
+from icmj.linear.watch import DIVERGED, Piece, Watch
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation import ending
+from icmj.simulation.disturbance import disturbance_of
+from icmj.simulation.ending import Outcome
+from icmj.simulation.settings import Settings
+
+_TINY = 1e-290  # a state below this is zero for every purpose; subnormal numbers would only be slow
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A closed loop prepared for flights: its propagators and bounds, one for each stretch of the disturbance."""
+
+    loop: LinearLoop
+    stretches: tuple[tuple[Stretch, Watch], ...]
+    duration: float
+    limit: float
+
+    def flight(self, z: Array, t: float) -> Iterator[tuple[Watch, Piece, float]]:
+        """Pieces of the motion from ``z`` right after an event at ``t``, each with its watch and when it ends [s].
+
+        The last one ends in an event (also one that falls due by the clock), a fall, divergence, or at the end of
+        the duration. An event falls on the first time after Δ_min at which E ≥ 0, on Δ_min itself if E ≥ 0 there.
+        """
+        trigger, faces, size = self.loop.controller.trigger, self.loop.faces, len(z)
+        ready = t + trigger.delta_min
+        clock = (
+            (np.floor(t / trigger.clock * (1 + 1e-12)) + 1) * trigger.clock if np.isfinite(trigger.clock) else np.inf
+        )
+        for stretch, watch in self.stretches:
+            while t < stretch.end:
+                armed = len(faces) > 0 and t >= ready
+                due = min(clock, np.inf if armed or not len(faces) else ready)
+                if np.abs(z).max() < _TINY:
+                    z = np.zeros_like(z)
+                stop = min(due, stretch.end)
+                piece = watch.advance(stretch.augmented(z, t), stop - t, armed)
+                # landing on a time set in advance is exact; adding the piece's length would round
+                t = stop if piece.complete and piece.kind == "end" else t + piece.length
+                z = piece.z[:size]
+                if piece.kind == "end" and t == clock:
+                    piece = piece.as_event()
+                yield watch, piece, t
+                if piece.kind != "end":
+                    return
+
+    def outcome(self, piece: Piece, t: float) -> Outcome:
+        """What it means that a flight ended at ``t`` with this piece, which is no event; not for the duration's end."""
+        if piece.kind == "fell":
+            positions = self.loop.positions
+            state = positions[np.argmax(np.abs(piece.z[positions]))]
+            return ending.fell(t, self.loop.plant.states[state], self.limit)
+        return ending.diverged(t, f"a state exceeded {DIVERGED:g}")
+
+
+def stage(plant: LinearPlant, controller: Controller, settings: Settings) -> Stage:
+    """Prepare the closed loop of ``plant`` under ``controller`` with the duration, limit and disturbance of a run.
+
+    Raises:
+        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input.
+    """
+    loop = closed_loop(plant, controller)
+    duration = float(settings.duration)
+    parts = stretches(loop, disturbance_of(settings.disturbance, plant.inputs), duration)
+    watched = tuple((part, Watch(loop, part.propagator, settings.limit)) for part in parts)
+    return Stage(loop, watched, duration, settings.limit)

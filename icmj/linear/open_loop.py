@@ -1,0 +1,50 @@
+"""One open-loop interval on the linear plant, exactly, as a function."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, layout_of
+from icmj.linear.flight import Stage, stage
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation import ending
+from icmj.simulation.interval import OpenLoopInterval
+from icmj.simulation.settings import Settings
+
+
+class LinearOpenLoop:
+    """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`."""
+
+    def __init__(self, stage: Stage) -> None:
+        self.stage = stage
+
+    def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
+        """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
+        loop, end = self.stage.loop, t
+        a = layout_of(loop.controller).join(
+            x_o=np.asarray(x_o, float), x_h=np.asarray(x_o if x_h is None else x_h, float)
+        )
+        z = loop.state(np.asarray(x, float), a)
+        y_max, y_min, piece = np.full(loop.plant.n_y, -np.inf), np.full(loop.plant.n_y, np.inf), None
+        for _, piece, end in self.stage.flight(z, t):  # noqa: B007
+            y_max, y_min = np.maximum(y_max, piece.y_max), np.minimum(y_min, piece.y_min)
+        outcome = None
+        if piece is None or piece.kind == "end":
+            outcome = ending.ran(self.stage.duration, np.zeros(0), 0.0)
+        elif piece.kind != "event":
+            outcome = self.stage.outcome(piece, end)
+        if outcome is not None:
+            y_max, y_min = (np.full_like(y_max, np.nan) for _ in range(2))
+        z = z if piece is None else piece.z[: len(z)]
+        x = loop.x(z)
+        return OpenLoopInterval(end - t, x, loop.x_o(z), loop.x_h(z), loop.plant.C @ x, y_max, y_min, outcome)
+
+
+def open_loop(plant: LinearPlant, controller: Controller, settings: Settings) -> LinearOpenLoop:
+    """The open-loop interval of ``plant`` under ``controller``; ``settings`` give duration, limit and disturbance.
+
+    Raises:
+        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input.
+    """
+    return LinearOpenLoop(stage(plant, controller, settings))

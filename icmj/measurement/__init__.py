@@ -1,0 +1,1 @@
+"""What a simulation did, read from its events."""

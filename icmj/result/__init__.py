@@ -1,0 +1,1 @@
+"""Everything one log holds, as data. Runs nothing."""

@@ -1,0 +1,83 @@
+"""Everything one log holds: the case, its prediction, the simulated run, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.measurement.measurement import Measurement
+from icmj.plant.linear_plant import LinearPlant
+from icmj.result.attractor import Attractor
+from icmj.runfile.schema import RunFile
+from icmj.simulation.scene import Scene
+from icmj.simulation.simulation import Simulation
+from icmj.theory.prediction import Prediction
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Growth per interval under the clock, the points on panel (a).
+
+    Attributes:
+        delta: clock intervals [s], shape (M,).
+        measured: measured growth factor per interval in simulation, shape (M,).
+        predicted: largest |λ(φ(Δ))| there, shape (M,).
+    """
+
+    delta: Array
+    measured: Array
+    predicted: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeLaw:
+    """Errors against the linear prediction as the threshold falls (docs/simulation.md).
+
+    Attributes:
+        q_t: thresholds, shape (M,).
+        interval_error: relative error of the open-loop interval, shape (M,).
+        amplitude_error: largest relative error of an output's peak, shape (M,).
+        interval_slope, amplitude_slope: fitted d log error / d log q_t.
+    """
+
+    q_t: Array
+    interval_error: Array
+    amplitude_error: Array
+    interval_slope: float
+    amplitude_slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One simulated case, complete: what a log is written from and read into.
+
+    Attributes:
+        run: the run file, with its text.
+        assumed, actual: linearised plants [Â, B̂, Ĉ] and [A, B, C].
+        controller: design, hold and trigger.
+        prediction: the linear theory.
+        simulation: the intermittently controlled run.
+        continuous: the continuous controller on the same plant from the same start.
+        measurement: what the run did.
+        growth: clock-driven growth, or ``None`` if not run.
+        law: amplitude law, or ``None`` if not run.
+        scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
+        provenance: versions, git state, platform, date.
+        attractors: motions found from random starts of the linear plant; empty if not searched.
+    """
+
+    run: RunFile
+    assumed: LinearPlant
+    actual: LinearPlant
+    controller: Controller
+    prediction: Prediction
+    simulation: Simulation
+    continuous: Simulation
+    measurement: Measurement
+    growth: Growth | None = None
+    law: AmplitudeLaw | None = None
+    scene: Scene | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    attractors: tuple[Attractor, ...] = ()

@@ -1,0 +1,48 @@
+"""One open-loop interval as a function: from the state at an event to the state at the next, without a recording.
+
+Both simulators offer it, so growth, amplitude law, attractors, accuracy, and whatever iterates or differentiates the
+return map, stand on the same few lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from icmj.base.array import Array
+from icmj.simulation.ending import Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoopInterval:
+    """What happened from an event on.
+
+    Attributes:
+        length: Δ_ol [s]; how long the flight was if it did not end in an event.
+        x, x_o, x_h: plant, observer and hold state at its end, before a reset; shapes (n,), (n̂,), (n̂,).
+        y: outputs there, shape (n_y,).
+        y_max, y_min: extremes of the outputs over it, shape (n_y,); NaN if it did not end in an event.
+        outcome: ``None`` if it ended in an event, else how it ended.
+    """
+
+    length: float
+    x: Array
+    x_o: Array
+    x_h: Array
+    y: Array
+    y_max: Array
+    y_min: Array
+    outcome: Outcome | None
+
+
+class OpenLoop(Protocol):
+    """A closed loop, ready to fly from event to event."""
+
+    def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
+        """Fly from an event at time ``t``.
+
+        Args:
+            x, x_o: plant and observer state there, shapes (n,) and (n̂,).
+            x_h: hold state right after it, shape (n̂,); ``x_o`` if ``None``, which is the reset.
+            t: time of the event [s]; matters for clocks and disturbances.
+        """

@@ -1,0 +1,126 @@
+"""The settings of a run: how long, from where, how finely, and what disturbs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from icmj.errors import SimulationError
+
+MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
+Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
+
+
+@dataclass(frozen=True)
+class Impulse:
+    """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
+
+    input: str
+    size: float
+    start: float = 0.0
+    duration: float = 0.05
+
+    def __post_init__(self) -> None:
+        _check(self, "impulse", "size", "start", "duration")
+        _require(self.start >= 0, f"impulse on {self.input!r}: start {self.start} s is negative")
+        _require(self.duration > 0, f"impulse on {self.input!r}: duration {self.duration} s must be positive")
+
+
+@dataclass(frozen=True)
+class Step:
+    """A torque step on one input: ``size`` [N m] from ``start`` [s] on."""
+
+    input: str
+    size: float
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, "step", "size", "start")
+        _require(self.start >= 0, f"step on {self.input!r}: start {self.start} s is negative")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Band-limited noise on one input: standard deviation ``size`` [N m], up to ``bandwidth`` [Hz], from ``seed``."""
+
+    input: str
+    size: float
+    bandwidth: float
+    seed: int
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, "noise", "size", "bandwidth", "start")
+        _require(self.size > 0, f"noise on {self.input!r}: size {self.size} must be positive")
+        _require(self.bandwidth > 0, f"noise on {self.input!r}: bandwidth {self.bandwidth} Hz must be positive")
+        _require(self.seed >= 0, f"noise on {self.input!r}: seed {self.seed} is negative")
+        _require(self.start >= 0, f"noise on {self.input!r}: start {self.start} s is negative")
+
+
+Source = Impulse | Step | Noise
+"""One source of disturbance."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run is simulated, on either plant.
+
+    Attributes:
+        duration: [s].
+        initial: plant states by name and their departure from the operating point; the others start at it.
+        observer: observer states by name; the others start at zero: the controller has seen nothing yet.
+        timestep: of the engine [s]; the model's own if ``None``. The linear plant needs none.
+        integrator: of the engine; the model's own if ``None``.
+        record_interval: between two recorded rows [s]; events are always recorded.
+        limit: the run has *fallen* when any position of the plant departs further than this [rad or m].
+        disturbance: what acts on the plant's inputs beside the controller.
+        native: whether the engine runs compiled code, or the plain-Python loop that it is tested against.
+
+    Raises:
+        SimulationError: on construction, if a number is out of range, or there would be too many rows to keep.
+    """
+
+    duration: float = 30.0
+    initial: Mapping[str, float] = field(default_factory=dict)
+    observer: Mapping[str, float] = field(default_factory=dict)
+    timestep: float | None = None
+    integrator: Integrator | None = None
+    record_interval: float = 0.01
+    limit: float = 1.0
+    disturbance: tuple[Source, ...] = ()
+    native: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("duration", "record_interval", "limit", "timestep"):
+            value = getattr(self, name)
+            good = (value is None and name == "timestep") or (value is not None and np.isfinite(value) and value > 0)
+            _require(good, f"{name} must be positive and finite, got {value}")
+        for which in ("initial", "observer"):
+            for name, value in getattr(self, which).items():
+                _require(np.isfinite(value), f"{which}.{name} must be finite, got {value}")
+        known = get_args(Integrator)
+        _require(
+            self.integrator is None or self.integrator in known,
+            f"no integrator {self.integrator!r}; expected one of {', '.join(known)}",
+        )
+        object.__setattr__(self, "disturbance", tuple(self.disturbance))
+        rows = self.duration / self.record_interval
+        _require(
+            rows <= MOST_ROWS,
+            f"duration / record_interval asks for {rows:.3g} rows; expected at most {MOST_ROWS:.0e}, "
+            "raise record_interval",
+        )
+
+
+def _check(source: object, what: str, *names: str) -> None:
+    for name in names:
+        value = getattr(source, name)
+        _require(bool(np.isfinite(value)), f"{what}: {name} must be finite, got {value}")
+
+
+def _require(good: bool, otherwise: str) -> None:
+    if not good:
+        raise SimulationError(otherwise)

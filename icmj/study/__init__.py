@@ -1,0 +1,1 @@
+"""Every case on both plants, into logs, a report and a summary."""

@@ -1,0 +1,90 @@
+"""Certified roots and extremes of polynomials, against polynomials built from their roots."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from icmj.base.bernstein import evaluate, first_root, from_powers, largest, square
+
+
+def powers(*roots, sign=1.0):
+    return sign * Polynomial.fromroots(roots).coef
+
+
+def test_first_of_several_roots():
+    p = powers(0.3, 0.6, 0.9)
+    assert p[0] < 0
+    assert first_root(p) == pytest.approx(0.3, abs=1e-14)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
+def test_a_pair_of_close_roots_is_found(gap):
+    # −(θ − c)² + gap²: positive only on an interval of length 2 gap
+    root = first_root(np.array([-(0.4371**2) + gap**2, 2 * 0.4371, -1.0]))
+    assert root is not None
+    assert root == pytest.approx(0.4371 - gap, abs=1e-15 / gap)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
+def test_a_near_miss_is_no_root(gap):
+    assert first_root(np.array([-(0.4371**2) - gap**2, 2 * 0.4371, -1.0])) is None
+
+
+def test_an_exact_touch_counts():
+    # (θ − ½)² is exact in binary
+    assert first_root(np.array([-0.25, 1.0, -1.0])) == pytest.approx(0.5, abs=1e-7)
+
+
+def test_positive_start_is_the_root():
+    assert first_root(np.array([0.0, -1.0])) == 0.0
+    assert first_root(np.array([2.0, 1.0])) == 0.0
+
+
+def test_root_at_the_end():
+    assert first_root(np.array([-1.0, 1.0])) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_random_polynomials_agree_with_their_roots():
+    random = np.random.default_rng(1)
+    found = 0
+    for _ in range(400):
+        roots = random.uniform(-0.5, 1.5, random.integers(1, 7))
+        p = powers(*roots)
+        if p[0] >= 0:
+            p = -p
+        inside = roots[(roots > 0) & (roots <= 1)]
+        first = first_root(p)
+        if len(inside) == 0:
+            assert first is None
+        else:
+            found += 1
+            assert first == pytest.approx(inside.min(), abs=1e-8)
+    assert found > 200
+
+
+def test_bernstein_coefficients_are_those_of_the_basis():
+    from scipy.interpolate import BPoly
+
+    a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
+    curve = BPoly((from_powers(4) @ a)[:, None], [0, 1])
+    for theta in (0.0, 0.13, 0.5, 1.0):
+        assert evaluate(a, theta) == pytest.approx(np.polyval(a[::-1], theta), abs=1e-15)
+        assert curve(theta) == pytest.approx(np.polyval(a[::-1], theta), abs=1e-15)
+
+
+def test_largest_is_that_of_a_dense_scan():
+    random = np.random.default_rng(2)
+    theta = np.linspace(0, 1, 20001)
+    for _ in range(200):
+        a = random.standard_normal(9) / np.cumprod(np.r_[1, np.arange(1, 9)])
+        for end in (1.0, 0.37):
+            scan = np.polyval(a[::-1], theta * end).max()
+            exact = largest(a, end)
+            assert scan - 1e-15 <= exact <= scan + 1e-7
+
+
+def test_square_of_a_curve():
+    w = np.array([[1.0, 2.0], [0.5, -1.0], [0.0, 3.0]])
+    for theta in (0.2, 0.9):
+        point = w[0] + w[1] * theta + w[2] * theta**2
+        assert evaluate(square(w), theta) == pytest.approx(point @ point, abs=1e-14)

@@ -1,0 +1,125 @@
+"""The command line's contract: JSON keys, exit status, one line on standard error, nothing written on bad input."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from icmj.cli.main import main
+
+COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example(command, capsys):
+    assert main([command, "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"Example: icmj {command}" in shown
+
+
+def test_help_imports_nothing_heavy():
+    script = (
+        "import sys\nfrom icmj.cli import main\nmain(['--help'])\n"
+        "heavy = {'numpy', 'scipy', 'mujoco', 'rerun', 'numba', 'matplotlib', 'control', 'pydantic'}\n"
+        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_analyse_json_is_the_contract(root, capsys):
+    assert main(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"delta_crit", "eigenvalue", "cycle", "period", "gamma", "amplitude", "crossings"} <= found.keys()
+    assert found["delta_crit"] == pytest.approx(1.112, abs=5e-4)
+    assert found["eigenvalue"] == pytest.approx([-1, 0], abs=1e-9)
+    assert found["cycle"] is False
+    assert found["period"] is None
+    assert found["continuous_stable"] == {"state_feedback": True, "observer_feedback": True}
+    first, second = found["crossings"]
+    assert {"delta", "eigenvalue", "largest_other"} <= first.keys()
+    assert first["delta"] == pytest.approx(0.476, abs=5e-4)
+    assert second["largest_other"] == pytest.approx(1.20, abs=5e-3)
+
+
+def test_analyse_json_of_the_exact_model_has_nulls(root, capsys):
+    assert main(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["delta_crit"], found["eigenvalue"], found["period"], found["gamma"]) == (None, None, None, None)
+    assert (found["cycle"], found["crossings"]) == (False, [])
+
+
+def test_neglected_dynamics_unstable_under_state_feedback_only(root, capsys):
+    for name, stable in (("neglected-0.1", False), ("neglected-0.5", True)):
+        assert main(["analyse", str(root / "runs" / f"{name}.toml"), "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["continuous_stable"] == {"state_feedback": stable, "observer_feedback": True}
+
+
+def test_analyse_prints_a_table(root, capsys):
+    assert main(["analyse", str(root / "runs" / "three-link-0.9.toml")]) == 0
+    shown = capsys.readouterr().out
+    assert "0.759379 s" in shown
+    assert "attracting" in shown
+
+
+def test_linearise_json_has_matrices_poles_and_names(root, capsys):
+    assert main(["linearise", str(root / "models" / "pendulum.xml"), "--keyframe", "upright", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["states"] == ["hinge", "hinge_rate"]
+    assert found["inputs"] == ["torque"]
+    assert found["outputs"] == ["angle"]
+    assert found["A"][1][0] == pytest.approx(1)
+    assert [pole[0] for pole in found["poles"]] == pytest.approx([1, -1])
+
+
+def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
+    from icmj.log import read_log
+
+    text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8")
+    text = text.replace("../models", str(root / "models")).replace("duration = 40.0", "duration = 12.0")
+    run_file = tmp_path / "short.toml"
+    run_file.write_text(text.replace('name = "simple-0.8"', 'name = "short"'), encoding="utf-8")
+    assert main(["run", str(run_file), "--plant", "linear", "--out", str(tmp_path / "out")]) == 0
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["short.linear.rrd"]
+    result = read_log(tmp_path / "out" / "short.linear.rrd")
+    assert result.simulation.t[-1] == pytest.approx(12.0)
+    assert "1.8065" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["analyse"], "Missing"),
+        (["analyse", "none.toml"], "none.toml: cannot be read"),
+        (["analyse", "bad.toml"], "bad.toml: not TOML"),
+        (["analyse", "lost.toml"], "no such model file"),
+        (["run", "lost.toml"], "no such model file"),
+        (["run", "lost.toml", "--plant", "paper"], "--plant"),
+        (["study", "lost.toml"], "no such model file"),
+        (["study", "empty"], "no run file"),
+        (["study", "--jobs", "0", "lost.toml"], "--jobs 0"),
+        (["report", "none.rrd"], "none.rrd"),
+        (["report"], "at least one log"),
+        (["replay", "none.rrd", "--screenshot", "a.png"], "none.rrd"),
+        (["linearise", "bad.toml"], "bad.toml: not a usable MJCF model"),
+        (["dance"], "dance"),
+        (["analyse", "bad.toml", "--yaml"], "--yaml"),
+    ],
+)
+def test_bad_input_is_one_line_status_2_and_no_file(arguments, words, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "bad.toml").write_text("x = [\n3 = 4")
+    (tmp_path / "lost.toml").write_text(
+        '[case]\nname = "lost"\ntitle = "Lost"\n[assumed]\nmodel = "gone.xml"\n[controller]\nq_t = 0.01\n'
+    )
+    before = sorted(tmp_path.rglob("*"))
+    assert main(arguments) == 2
+    out, err = capfd.readouterr()
+    lines = err.strip().splitlines()
+    assert len(lines) == 1, err
+    assert words in lines[0]
+    assert "Traceback" not in err + out
+    assert sorted(tmp_path.rglob("*")) == before

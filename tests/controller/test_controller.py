@@ -1,0 +1,63 @@
+"""Holds, triggers and event weights: what is accepted and what is refused."""
+
+import numpy as np
+import pytest
+
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+
+DESIGN = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), R_c=0.1, R_o=0.01)
+
+
+def test_system_matched_hold_is_the_closed_loop_and_zero_order_stands_still():
+    k_1, k_2 = DESIGN.k[0]
+    np.testing.assert_allclose(system_matched(DESIGN).A_h, [[0, 1], [1 - k_1, -k_2]])
+    np.testing.assert_array_equal(zero_order(DESIGN).A_h, np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize(
+    ("weight", "expected"),
+    [
+        ("output", [[1, 0], [0, 0]]),
+        ("identity", [[1, 0], [0, 1]]),
+        ([2.0, 3.0], [[2, 0], [0, 3]]),
+        ([[2.0, 1.0], [1.0, 3.0]], [[2, 1], [1, 3]]),
+    ],
+)
+def test_event_weight_by_name_diagonal_or_matrix(weight, expected):
+    np.testing.assert_array_equal(as_weight(weight, DESIGN), expected)
+
+
+def test_event_weight_that_does_not_fit_is_refused():
+    with pytest.raises(AnalysisError, match="2 states"):
+        as_weight([1.0, 2.0, 3.0], DESIGN)
+    with pytest.raises(AnalysisError, match="expected 'output'"):
+        as_weight("states", DESIGN)
+
+
+@pytest.mark.parametrize(
+    ("Q_t", "q_t", "delta_min", "word"),
+    [
+        ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
+        ([[1, 0]], 0.1, 0.0, "square"),
+        (np.eye(2), 0.0, 0.0, "q_t"),
+        (np.eye(2), np.nan, 0.0, "q_t"),
+        (np.eye(2), 0.1, -1.0, "delta_min"),
+    ],
+)
+def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
+    with pytest.raises(AnalysisError, match=word):
+        EventTrigger(Q_t, q_t, delta_min)
+
+
+def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
+    trigger = EventTrigger([[1, 1e-16], [0, 0]], 0.1)
+    np.testing.assert_array_equal(trigger.Q_t, trigger.Q_t.T)
+
+
+def test_clock_needs_a_positive_interval():
+    with pytest.raises(AnalysisError, match="positive"):
+        ClockTrigger(0.0)

@@ -1,0 +1,72 @@
+"""Error estimates by step doubling, and the timestep that follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from engine_cases import controller, plant
+
+from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj.engine.accuracy import Accuracy, choose_timestep, estimate, order_of
+from icmj.engine.closed_loop import ClosedLoop, Rows, close_loop
+from icmj.engine.run import simulate
+from icmj.simulation.disturbance import no_disturbance
+from icmj.simulation.settings import Settings
+
+X = 0.01 * np.ones(6)
+
+
+def run(loop: ClosedLoop, timestep: float, duration: float = 4.0) -> tuple[Rows, Accuracy]:
+    schedule = loop.schedule(Settings(duration=duration), timestep)
+    rows = loop.run(loop.start(X, np.zeros(6), np.zeros(6)), schedule)
+    return rows, estimate(loop, schedule, rows)
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "Euler"])
+def test_estimate_is_the_error_of_an_interval(integrator: str) -> None:
+    loop = close_loop(plant("three_link", 0.9), controller("three_link"), no_disturbance(3), integrator)
+    order = order_of(loop.model)
+    assert order == (4 if integrator == "RK4" else 1)
+    timestep = 8e-3 if order == 4 else 1e-3
+    rows, found = run(loop, timestep)
+    # the true error: the same interval, from the same state, at a far smaller step
+    first, last = rows.events[-2], rows.events[-1]
+    start = loop.departures(first[None, :])
+    schedule = loop.schedule(Settings(duration=2.0), 2.5e-4 if order == 4 else 2e-5)
+    fine = loop.run(loop.start(start.x[0], start.x_o[0], start.x_o[0]), schedule)
+    true = abs((last[0] - first[0]) - fine.events[0, 0])
+    assert found.interval == pytest.approx(true, rel=0.25)
+    assert found.stretch == pytest.approx(last[0] - first[0])
+
+
+def test_timestep_chosen_from_an_estimate_meets_its_tolerance() -> None:
+    loop = close_loop(plant("three_link", 0.9), controller("three_link"), no_disturbance(3))
+    _, coarse = run(loop, 8e-3)
+    for tolerance in (1e-7, 1e-9):
+        h = choose_timestep(8e-3, coarse, tolerance, fastest=60.0)
+        _, found = run(loop, h)
+        assert 0.1 * tolerance < found.interval / found.stretch < tolerance
+    assert choose_timestep(8e-3, coarse, 1.0, fastest=60.0) == pytest.approx(1 / 60)
+    assert choose_timestep(8e-3, replace(coarse, interval=float("nan"), output=float("nan")), 1e-9, 60.0) == 8e-3
+
+
+def test_runs_without_events_are_estimated_by_their_outputs() -> None:
+    for trigger in (Continuous(), ClockTrigger(0.3), ClockTrigger(3.0)):
+        control = controller("three_link").triggered_by(trigger)
+        errors = []
+        for h in (8e-3, 4e-3):
+            settings = Settings(duration=4.0, timestep=h)
+            precision = simulate(plant("three_link", 0.9), control, settings, x0=X).precision
+            assert np.isnan(float(precision["interval_error"]))
+            errors.append(float(precision["output_error"]))
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.7)
+
+
+def test_short_runs_are_not_estimated() -> None:
+    run = simulate(plant("three_link", 0.9), controller("three_link"), Settings(duration=0.004), x0=X)
+    assert np.isnan(float(run.precision["output_error"]))
+    rest = simulate(plant("three_link", 0.9), controller("three_link"), Settings(duration=1.0))
+    assert rest.precision["output_error"] == 0.0
+    assert len(rest.events) == 0

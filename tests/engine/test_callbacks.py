@@ -1,0 +1,103 @@
+"""Installing the engine's callbacks: always restored, nested, shared between threads."""
+
+from __future__ import annotations
+
+import threading
+
+import mujoco
+import pytest
+
+from icmj.engine.callbacks import installed
+from icmj.engine.native.callbacks import callbacks
+
+
+def now() -> tuple[object, object]:
+    return mujoco.get_mjcb_control(), mujoco.get_mjcb_act_dyn()
+
+
+def one(model: mujoco.MjModel, data: mujoco.MjData) -> None: ...
+
+
+def two(model: mujoco.MjModel, data: mujoco.MjData) -> None: ...
+
+
+def test_callbacks_are_removed_whatever_happens() -> None:
+    with installed(one):
+        assert now() == (one, None)
+    assert now() == (None, None)
+    with pytest.raises(ZeroDivisionError), installed(one):
+        raise ZeroDivisionError
+    assert now() == (None, None)
+    with pytest.raises(TypeError), installed(3):  # type: ignore[arg-type]
+        pass
+    with pytest.raises(TypeError), installed(one, 3):  # type: ignore[arg-type]
+        pass
+    assert now() == (None, None)
+
+
+def test_blocks_nest_and_put_back_what_was_there() -> None:
+    mujoco.set_mjcb_control(two)
+    try:
+        with installed(*callbacks()):
+            assert now()[0] is callbacks()[0]
+            with installed():
+                assert now() == (None, None)
+                with installed(one):
+                    assert now() == (one, None)
+            assert now()[0] is callbacks()[0]
+            with installed(*callbacks()):
+                assert now()[1] is callbacks()[1]
+            assert now()[1] is callbacks()[1]
+        assert now() == (two, None)
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
+def test_threads_share_the_same_callbacks_until_the_last_leaves() -> None:
+    inside, leave_first, leave_second = threading.Barrier(3), threading.Event(), threading.Event()
+
+    def work(leave: threading.Event) -> None:
+        with installed(*callbacks()):
+            inside.wait(10)
+            leave.wait(10)
+
+    threads = [threading.Thread(target=work, args=(event,)) for event in (leave_first, leave_second)]
+    for thread in threads:
+        thread.start()
+    inside.wait(10)
+    leave_first.set()
+    threads[0].join(10)
+    assert now()[0] is callbacks()[0]
+    leave_second.set()
+    threads[1].join(10)
+    assert now() == (None, None)
+
+
+def test_other_callbacks_wait_for_other_threads() -> None:
+    order: list[str] = []
+    inside, leave = threading.Event(), threading.Event()
+
+    def first() -> None:
+        with installed(one):
+            inside.set()
+            leave.wait(10)
+            assert now()[0] is one
+            order.append("first leaves")
+
+    def second() -> None:
+        inside.wait(10)
+        with installed(two):
+            order.append("second enters")
+            assert now()[0] is two
+
+    threads = [threading.Thread(target=work) for work in (first, second)]
+    for thread in threads:
+        thread.start()
+    inside.wait(10)
+    threads[1].join(0.2)
+    assert order == []
+    leave.set()
+    for thread in threads:
+        thread.join(10)
+    assert order == ["first leaves", "second enters"]
+    assert now() == (None, None)

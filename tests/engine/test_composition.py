@@ -1,0 +1,224 @@
+"""The composed model: an ordinary MuJoCo model that is the closed loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+import pytest
+from engine_cases import MODELS, controller, design, plant
+
+from icmj.controller.controller import Controller
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import Continuous, EventTrigger
+from icmj.engine import reference
+from icmj.engine.callbacks import installed
+from icmj.engine.closed_loop import close_loop
+from icmj.engine.composition import NAME, Slot, block_of, compose
+from icmj.engine.native.callbacks import callbacks
+from icmj.engine.plant import load_plant
+from icmj.errors import ModelError
+from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.simulation.disturbance import no_disturbance
+from icmj.simulation.settings import Settings
+from icmj.theory.error_system import error_system
+
+CASES = [("pendulum", "pendulum"), ("three_link", "three_link"), ("pendulum_neglected", "pendulum")]
+
+# two inputs, three outputs of which one is a velocity, a ball joint, sensors of two entries, a weak actuator
+RICH = """
+<mujoco model="rich">
+  <option gravity="0 0 -9.81" timestep="0.002" integrator="RK4"><flag constraint="disable"/></option>
+  <worldbody>
+    <body name="a"><joint name="lean" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 1" size="0.05"/>
+      <body name="b" pos="0 0 1"><joint name="turn" axis="0 1 0" damping="2" stiffness="5"/>
+        <geom type="capsule" fromto="0 0 0 0 0 0.6" size="0.04"/>
+        <body name="c" pos="0.1 0 0"><joint name="hang" type="ball" damping="0.3"/>
+          <geom type="capsule" fromto="0 0 0 0.05 0 -0.4" size="0.03"/></body></body></body>
+  </worldbody>
+  <actuator><motor name="low" joint="lean" gear="3"/><motor name="high" joint="turn"/></actuator>
+  <sensor>
+    <jointpos name="lean" joint="lean"/><jointpos name="turn" joint="turn"/><jointvel name="spin" joint="turn"/>
+  </sensor>
+  <keyframe><key name="up" qpos="0.1 -0.1 1 0 0 0" ctrl="1 2"/></keyframe>
+</mujoco>
+"""
+
+
+def closed_loop_matrix(model: mujoco.MjModel, qpos: np.ndarray, n_plant: int) -> np.ndarray:
+    """d/dt of (plant state, x_o, x_h) against the same, by central differences of ``mj_forward`` with the callbacks."""
+    block = block_of(model)
+    assert block is not None
+    nv, data = model.nv, mujoco.MjData(model)
+    size = 2 * nv + model.na
+    act_0 = np.zeros(model.na)
+    eps = 1e-5
+
+    def rate(z: np.ndarray) -> np.ndarray:
+        data.qpos[:] = qpos
+        mujoco.mj_integratePos(model, data.qpos, z[:nv], 1.0)
+        data.qvel[:] = z[nv : 2 * nv]
+        data.act[:] = act_0 + z[2 * nv :]
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qvel, data.qacc, data.act_dot])
+
+    return np.column_stack([(rate(eps * e) - rate(-eps * e)) / (2 * eps) for e in np.eye(size)])
+
+
+@pytest.mark.parametrize(("actual", "assumed"), CASES)
+@pytest.mark.parametrize("native", [True, False])
+def test_composed_model_is_the_error_system(actual: str, assumed: str, native: bool) -> None:
+    body = plant(actual, 0.9)
+    control = controller(assumed)
+    model = compose(body, control, no_disturbance(body.linearisation.plant.n_u))
+    with installed(*(callbacks() if native else (reference.control, reference.act_dyn))):
+        A = closed_loop_matrix(model, body.linearisation.point.qpos, body.linearisation.plant.n)
+    system = error_system(body.linearisation.plant, control.design, control.hold)
+    S = system.from_original(np.eye(system.n + 2 * system.n_hat)).T  # X̄ = S (x, x_o, x_h)
+    expected = np.linalg.solve(S, system.A_C @ S)
+    np.testing.assert_allclose(A, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_plant_and_its_file_are_untouched_and_keyframes_still_fit() -> None:
+    before = (MODELS / "three_link.xml").read_bytes()
+    body = load_plant(MODELS / "three_link.xml", keyframe="upright")
+    xml = body.xml
+    model = compose(body, controller("three_link"), no_disturbance(3))
+    assert body.xml == xml
+    assert (MODELS / "three_link.xml").read_bytes() == before
+    assert (model.nu, model.na, model.nkey) == (4, 12, 1)
+    assert model.actuator(NAME).id == 3
+    block = block_of(model)
+    assert block is not None
+    assert block_of(body.spec.copy().compile()) is None
+    gains = design("three_link")
+    np.testing.assert_array_equal(block.K[:, 6:], gains.k)
+    np.testing.assert_array_equal(block.M[6:, 6:], gains.A_c)
+    np.testing.assert_array_equal(block.N[:6], gains.L)
+
+
+def test_geoms_for_the_eye_are_left_out_and_the_motion_stays_the_same() -> None:
+    body = plant("three_link", 0.9)
+    bare = body.spec.copy().compile()
+    model = compose(body, controller("three_link"), no_disturbance(3))
+    assert bare.ngeom > 20
+    assert model.ngeom == 0
+    ends = []
+    for m in (bare, model):  # no callbacks: both fall freely
+        data = mujoco.MjData(m)
+        data.qpos[:], data.ctrl[:3] = [0.02, -0.01, 0.03], [1.0, -2.0, 0.5]
+        mujoco.mj_step(m, data, nstep=300)
+        ends.append(np.concatenate([data.qpos, data.qvel, data.sensordata]))
+    np.testing.assert_array_equal(*ends)
+    wet = body.spec.copy()
+    wet.option.density = 1.2
+    assert compose(replace(body, spec=wet), controller("three_link"), no_disturbance(3)).ngeom == bare.ngeom
+
+
+@pytest.fixture
+def rich(tmp_path: Path) -> Path:
+    path = tmp_path / "rich.xml"
+    path.write_text(RICH)
+    return path
+
+
+def random_controller(n_u: int, n_y: int, trigger: bool = True) -> Controller:
+    """A stable design on a random assumed plant of order 3."""
+    random = np.random.default_rng(5)
+    A, B, C = random.normal(size=(3, 3)), random.normal(size=(3, n_u)), random.normal(size=(n_y, 3))
+    gains = design_lq(LinearPlant(A, B, C))
+    return Controller(gains, system_matched(gains), EventTrigger(np.eye(3), 0.02) if trigger else Continuous())
+
+
+@pytest.mark.parametrize("trigger", [True, False])
+def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: bool) -> None:
+    body = load_plant(rich, keyframe="up")
+    control = random_controller(2, 3, trigger)
+    rng = np.random.default_rng(1)
+    x, x_o = 0.1 * rng.normal(size=10), 0.1 * rng.normal(size=3)
+    ends = []
+    for native in (True, False):
+        loop = close_loop(body, control, no_disturbance(2), native=native)
+        settings = Settings(duration=0.3, limit=100.0)
+        rows = loop.run(loop.start(x, x_o, x_o), loop.schedule(settings, 2e-3))
+        ends.append(rows)
+    np.testing.assert_allclose(ends[0].samples, ends[1].samples, atol=1e-12, rtol=1e-12)
+    assert len(ends[0].events) > 1 or not trigger
+    # what the callbacks compute, from the equations of the paper
+    model = compose(body, control, no_disturbance(2))
+    data = close_loop(body, control, no_disturbance(2)).start(x, x_o, 2 * x_o)
+    with installed(*callbacks()):
+        mujoco.mj_forward(model, data)
+    gains: Design = control.design
+    y = np.array([data.qpos[0], data.qpos[1], data.qvel[1]]) - body.linearisation.y
+    u = -gains.k @ (2 * x_o if trigger else x_o)
+    np.testing.assert_allclose(data.ctrl[:2], u + np.array([1.0, 2.0]), rtol=1e-12)
+    expected = gains.plant.A @ x_o + gains.plant.B @ u - gains.L @ (gains.plant.C @ x_o - y)
+    np.testing.assert_allclose(data.act_dot[:3], expected, rtol=1e-12)
+    np.testing.assert_allclose(data.act_dot[3:], gains.A_c @ (2 * x_o) if trigger else expected, rtol=1e-12)
+
+
+def test_what_cannot_be_composed_is_refused(rich: Path, tmp_path: Path) -> None:
+    body = load_plant(rich, keyframe="up")
+    with pytest.raises(ModelError, match="2 inputs and 3 outputs, the controller's design 1 and 1"):
+        compose(body, controller("pendulum"), no_disturbance(2))
+    path = tmp_path / "acceleration.xml"
+    path.write_text(
+        RICH.replace('<jointvel name="spin" joint="turn"/>', '<jointactuatorfrc name="force" joint="turn"/>')
+    )
+    with pytest.raises(ModelError, match="'force' needs accelerations"):
+        compose(load_plant(path, keyframe="up"), random_controller(2, 3), no_disturbance(2))
+
+
+def test_loop_steps_are_the_engine_s_own_steps_bit_for_bit() -> None:
+    body, control = plant("three_link", 0.9), controller("three_link", 1e3)
+    loop = close_loop(body, control, no_disturbance(3))
+    x = 0.01 * np.ones(6)
+    rows = loop.run(loop.start(x, np.zeros(6), np.zeros(6)), loop.schedule(Settings(duration=0.5), 2e-3))
+    data = loop.start(x, np.zeros(6), np.zeros(6))
+    with installed(*callbacks()):
+        mujoco.mj_step(loop.model, data)  # to Δ_min
+        loop.model.opt.timestep = 1e-3
+        data = loop.start(x, np.zeros(6), np.zeros(6))
+        mujoco.mj_step(loop.model, data)
+        loop.model.opt.timestep = 2e-3
+        mujoco.mj_step(loop.model, data, nstep=249)
+        loop.model.opt.timestep = 1e-3
+        mujoco.mj_step(loop.model, data)
+    np.testing.assert_array_equal(rows.samples[-1, 1:7], np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(rows.samples[-1, 7:19], data.act)
+
+
+def test_rollout_in_threads_sees_the_whole_loop() -> None:
+    body, control = plant("three_link", 0.9), controller("three_link", 1e3)
+    loop = close_loop(body, control, no_disturbance(3))
+    starts = []
+    for i in range(4):
+        data = loop.start(0.001 * (i + 1) * np.ones(6), np.zeros(6), 0.001 * np.ones(6))
+        state = np.empty(mujoco.mj_stateSize(loop.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+        mujoco.mj_getState(loop.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        starts.append(state)
+    with installed(*callbacks()):
+        states, _ = mujoco.rollout.rollout(
+            loop.model, [mujoco.MjData(loop.model) for _ in range(2)], np.array(starts), nstep=100
+        )
+        for i in range(4):
+            data = loop.start(0.001 * (i + 1) * np.ones(6), np.zeros(6), 0.001 * np.ones(6))
+            mujoco.mj_step(loop.model, data, nstep=100)
+            end = np.empty_like(starts[0])
+            mujoco.mj_getState(loop.model, data, end, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+            np.testing.assert_array_equal(states[i, -1], end)
+
+
+def test_header_is_as_documented() -> None:
+    block = block_of(compose(plant("pendulum_neglected"), controller("pendulum", 0.02), no_disturbance(1)))
+    assert block is not None
+    assert block.header[[Slot.N_HAT, Slot.N_U, Slot.N_Y, Slot.ACT, Slot.TRIGGER]].tolist() == [2, 1, 1, 2, 1]
+    assert block.header[Slot.Q2] == 0.02**2
+    assert block.header[Slot.PHASE] == -1
+    assert block.act == slice(2, 6)
+    assert transformation(design("pendulum").plant, plant("pendulum_neglected").linearisation.plant).shape == (2, 4)

@@ -1,0 +1,55 @@
+"""Extremes between samples, against the signal itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.engine.extremes import ExtremesTracker, extremes
+from icmj.engine.native import extremes as native_extremes
+
+
+def signal(t: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.sin(7 * t) * np.exp(-0.3 * t), np.cos(20 * t + 1) + t, np.exp(t)])
+
+
+@pytest.mark.parametrize("find", [extremes, native_extremes.extremes])
+def test_extremes_converge_at_sixth_order(find) -> None:  # type: ignore[no-untyped-def]
+    fine = signal(np.linspace(0, 1.3, 2_000_001))
+    errors = []
+    for steps in (65, 130, 260):
+        t = np.append(np.arange(0, 1.3, 1.3 / steps), 1.3)
+        high, low = find(t, signal(t))
+        errors.append(max(np.abs(high - fine.max(axis=0)).max(), np.abs(low - fine.min(axis=0)).max()))
+    assert errors[0] < 3e-5
+    assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 5.5)
+    assert errors[2] < 3e-9
+
+
+def test_compiled_and_numpy_agree_on_random_spans() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        m = int(random.integers(1, 40))
+        t = np.cumsum(random.choice([1e-13, 1e-3, 0.03, 0.03, 0.03], size=m))
+        y = np.column_stack([np.sin(9 * t + random.normal()), np.cos(5 * t) * t])
+        for a, b in zip(extremes(t, y), native_extremes.extremes(t, y), strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-12)
+
+
+def test_tracker_splits_at_events_and_edges_whatever_the_chunks() -> None:
+    t = np.linspace(0, 4, 401)
+    y = np.column_stack([np.sin(3 * t), np.abs(t - 1.0)])  # a kink at 1 s, which an edge announces
+    results = []
+    for size in (7, 100, 400):
+        tracker = ExtremesTracker(t[0], y[0], np.array([1.0]))
+        for start in range(1, 401, size):
+            part = slice(start, start + size)
+            at = np.flatnonzero(np.isin(np.round(t[part], 6), [2.0, 3.5]))
+            tracker.add(t[part], y[part], at)
+        results.append(tracker.result())
+    for high, low in results:
+        np.testing.assert_allclose(high[:, 0], [1.0, np.sin(3 * t[200:351]).max()], atol=1e-4)
+        np.testing.assert_allclose(low[:, 0], [-1.0, np.sin(3 * t[200:351]).min()], atol=1e-4)
+        np.testing.assert_allclose(high[:, 1], [1.0, 2.5], atol=1e-12)
+        np.testing.assert_allclose(low[:, 1], [0.0, 1.0], atol=1e-12)
+        np.testing.assert_array_equal(high, results[0][0])

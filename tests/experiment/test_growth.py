@@ -1,0 +1,24 @@
+"""Growth per interval under the clock: measured on both plants against the eigenvalues of φ(Δ)."""
+
+import numpy as np
+import pytest
+
+from icmj.case.case import prepare
+from icmj.experiment.growth import measure_growth
+from icmj.runfile.reading import load_run
+
+
+@pytest.mark.parametrize("name", ["simple-0.8", "simple-1.7", "neglected-0.1", "three-link-1.1"])
+@pytest.mark.parametrize(("plant", "tolerance"), [("linear", 1e-9), ("mujoco", 1e-5)])
+def test_measured_growth_is_the_largest_eigenvalue(root, name, plant, tolerance):
+    """b = 1.7 has a complex pair outside the circle over most of the range, so both ways of measuring are used."""
+    case = prepare(load_run(root / "runs" / f"{name}.toml"))
+    growth = measure_growth(case, plant, 4)
+    eigenvalues = [np.abs(np.linalg.eigvals(case.system.phi(delta))).max() for delta in growth.delta]
+    np.testing.assert_allclose(growth.measured, eigenvalues, rtol=tolerance)
+    np.testing.assert_allclose(growth.predicted, eigenvalues, rtol=1e-12)
+    assert growth.measured[-1] > 1  # the points reach beyond Δ_crit
+
+
+def test_no_points_no_growth(root):
+    assert measure_growth(prepare(load_run(root / "runs" / "simple-0.8.toml")), "linear", 0) is None

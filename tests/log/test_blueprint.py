@@ -1,0 +1,75 @@
+"""The arrangement as it stands in the file: every view has something to show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from log_cases import made_up, with_scene
+from rerun.chunk import RrdReader
+
+from icmj.controller.trigger import Continuous
+from icmj.log import write_log
+from icmj.result.result import Result
+
+
+def arranged(path: Path) -> dict[str, tuple[str, str]]:
+    """Name, class and origin of every view in a log's blueprint, by name."""
+    reader = RrdReader(path)
+    (store,) = reader.blueprints()
+    found: dict[str, dict[str, str]] = {}
+    for chunk in reader.stream(store=store):
+        parts = chunk.entity_path.strip("/").split("/")
+        if parts[0] != "view" or len(parts) != 2:
+            continue
+        batch = chunk.to_record_batch()
+        for name in ("class_identifier", "display_name", "space_origin"):
+            column = f"ViewBlueprint:{name}"
+            if column in batch.schema.names:
+                found.setdefault(parts[1], {})[name] = batch.column(column).to_pylist()[-1][0]
+    return {v["display_name"]: (v["class_identifier"], v["space_origin"]) for v in found.values()}
+
+
+def entities(path: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(path).store().stream()}
+
+
+def variants() -> dict[str, Result]:
+    usual, plant = made_up(duration=6.0)
+    nothing = dict.fromkeys(("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "V_inv"))
+    never = replace(usual.simulation, control="continuous", E=usual.simulation.E * float("nan"))
+    return {
+        "with figures": with_scene(usual, plant),
+        "without figures": usual,
+        "no prediction": replace(usual, prediction=replace(usual.prediction, cycle=False, **nothing)),
+        "continuous": replace(usual, simulation=never, controller=usual.controller.triggered_by(Continuous())),
+    }
+
+
+@pytest.mark.parametrize("name", variants())
+def test_every_view_has_something_to_show(name: str, tmp_path: Path) -> None:
+    write_log(variants()[name], tmp_path / "x.rrd")
+    views, logged = arranged(tmp_path / "x.rrd"), entities(tmp_path / "x.rrd")
+    for title, (_, origin) in views.items():
+        root = "/" + origin.strip("/")
+        assert any(entity == root or entity.startswith(root + "/") for entity in logged), title
+    drawn = {entity for entity in logged if not entity.startswith(("/__properties", "/archive"))}
+    roots = {"/" + origin.strip("/") for _, origin in views.values()}
+    assert {e for e in drawn if not any(e == r or e.startswith(r + "/") for r in roots)} == set()
+
+
+def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> None:
+    write_log(variants()["with figures"], tmp_path / "x.rrd")
+    views = arranged(tmp_path / "x.rrd")
+    kinds = [kind for kind, _ in views.values()]
+    assert kinds.count("3D") == kinds.count("2D") == kinds.count("TextDocument") == 1
+    origins = {origin.strip("/") for kind, origin in views.values() if kind == "TimeSeries"}
+    assert origins == {
+        *("outputs", "inputs", "states/hold", "states/observer", "states/plant", "trigger", "interval", "modes")
+    }
+
+
+def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:
+    write_log(variants()["without figures"], tmp_path / "x.rrd")
+    assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}

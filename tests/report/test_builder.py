@@ -1,0 +1,162 @@
+"""The report as files: self-contained, complete or not there."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import pytest
+from report_cases import CASES, result, whole_report
+
+from icmj.errors import ReportError
+from icmj.report import build_report
+from icmj.report.panels import PANELS
+
+pytestmark = pytest.mark.slow  # every figure of every case is drawn
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    return whole_report(tmp_path_factory.getbasetemp())
+
+
+class Reader(HTMLParser):
+    VOID = frozenset({"meta", "link", "img", "br", "hr"})
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.images, self.ids, self.links, self.text = [], [], [], [], []
+        self.references = []
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "img":
+            self.images.append(attrs)
+        if "id" in attrs:
+            self.ids.append(attrs["id"])
+        if tag == "a":
+            self.links.append(attrs["href"])
+        self.references += [attrs[name] for name in ("src", "href") if name in attrs]
+        assert tag != "script"
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(report):
+    reader = Reader()
+    reader.feed((report / "report.html").read_text(encoding="utf-8"))
+    return reader
+
+
+def test_page_is_well_formed(page):
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_page_needs_no_network(report, page):
+    assert all(reference.startswith(("data:", "#")) for reference in page.references)
+    css = re.search(r"<style>(.*?)</style>", (report / "report.html").read_text(encoding="utf-8"), re.S).group(1)
+    assert "url(" not in css
+    assert "@import" not in css
+    assert "http" not in css
+
+
+def test_links_in_the_page_lead_somewhere(page):
+    assert page.links
+    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
+
+
+def test_every_panel_of_every_case_is_in_the_page_with_words(page):
+    assert len(page.images) == len(CASES) * len(PANELS) + 1  # and one amplitude law
+    for image in page.images:
+        assert len(image["alt"]) > 20
+        assert image["src"].startswith("data:image/svg+xml;base64,")
+
+
+def test_every_figure_is_saved_as_pdf_and_svg(report):
+    folder = report / "report_figures"
+    names = {f"{case}_{letter}" for case in CASES for letter in PANELS} | {"three-link_law"}
+    assert {path.name for path in folder.iterdir()} == {f"{name}.{kind}" for name in names for kind in ("svg", "pdf")}
+    for name in names:
+        root = ElementTree.parse(folder / f"{name}.svg").getroot()
+        assert root.tag.endswith("svg")
+        assert len(list(root.iter())) > 50
+        data = (folder / f"{name}.pdf").read_bytes()
+        assert data.startswith(b"%PDF")
+        assert data.rstrip().endswith(b"%%EOF")
+
+
+def test_summary_comes_first_and_figures_are_numbered(page):
+    text = " ".join("".join(page.text).split())
+    assert text.index("Table 1.") < text.index("Figure 1.")
+    for n in range(1, len(CASES) + 2):
+        assert text.count(f"Figure {n}.") == 1
+    assert "Δ_" not in text
+    assert "None" not in text
+    assert not re.search(r"\bnan\b", text, re.I)
+
+
+def test_the_same_results_give_the_same_page(tmp_path):
+    results = [result("b0.8"), result("b0.8", "mujoco")]
+    for name in ("one", "two"):
+        build_report(results, tmp_path / name / "report.html")
+    assert (tmp_path / "one/report.html").read_bytes() == (tmp_path / "two/report.html").read_bytes()
+
+
+def test_nothing_but_page_and_figures_is_left(report):
+    assert {path.name for path in report.iterdir()} == {"report.html", "report_figures"}
+
+
+def test_figures_go_where_told(tmp_path):
+    build_report([result("exact")], tmp_path / "r.html", figures=tmp_path / "elsewhere")
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 2 * len(PANELS)
+    assert not (tmp_path / "r_figures").exists()
+
+
+def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
+    out = tmp_path / "report.html"
+    out.write_text("old")
+
+    def fail(case):
+        raise RuntimeError("no panel")
+
+    monkeypatch.setitem(PANELS, "f", fail)
+    with pytest.raises(RuntimeError, match="no panel"):
+        build_report([result("b0.8")], out)
+    assert out.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_no_results_write_nothing(tmp_path):
+    with pytest.raises(ReportError, match="at least one log"):
+        build_report([], tmp_path / "new" / "report.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unusable_place_is_named(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ReportError, match="file"):
+        build_report([result("b0.8")], tmp_path / "file" / "report.html")
+
+
+def test_titles_are_text_not_markup(tmp_path):
+    from dataclasses import replace
+
+    from report_cases import run_text
+
+    from icmj.runfile.reading import parse_run
+
+    text = run_text("b0.8").replace("Simple system, b = 0.8", "<img src=x onerror=alert(1)> & co")
+    build_report([replace(result("b0.8"), run=parse_run(text))], tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "<img src=x" not in page
+    assert "&lt;img src=x onerror=alert(1)&gt; &amp; co" in page

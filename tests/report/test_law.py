@@ -1,0 +1,31 @@
+"""The figure of the amplitude law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.report import style
+from icmj.report.law import law_figure
+from icmj.result.result import AmplitudeLaw
+
+Q_T = np.array([1e-2, 1e-3, 1e-4])
+
+
+def test_points_lie_on_a_line_of_the_fitted_slope():
+    law = AmplitudeLaw(Q_T, 2.3 * Q_T**2, -1.4 * Q_T**2, 2.0, 2.0)
+    with style.applied():
+        axes = law_figure(law).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    for factor, label in ((2.3, "interval, slope 2.000"), (1.4, "amplitude, slope 2.000")):
+        points = next(item for item in axes.get_lines() if item.get_label() == label)
+        assert points.get_ydata() == pytest.approx(factor * Q_T**2)
+        fitted = axes.get_lines()[axes.get_lines().index(points) - 1]
+        assert fitted.get_ydata() == pytest.approx(factor * np.asarray(fitted.get_xdata()) ** 2)
+
+
+def test_zero_and_missing_errors_are_left_out():
+    law = AmplitudeLaw(Q_T, np.array([1e-4, 0.0, np.nan]), np.full(3, np.nan), 2.0, np.nan)
+    with style.applied():
+        lines = law_figure(law).axes[0].get_lines()
+    assert [len(item.get_xdata()) for item in lines] == [2, 1]

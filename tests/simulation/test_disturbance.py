@@ -1,0 +1,66 @@
+"""Disturbances as sums of windowed sinusoids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.errors import SimulationError
+from icmj.simulation.disturbance import NOISE_TERMS, disturbance_of, no_disturbance
+from icmj.simulation.settings import Impulse, Noise, Step
+
+
+def test_impulse_and_step_have_their_size_and_edges() -> None:
+    d = disturbance_of(
+        [
+            Impulse(kind="impulse", input="hip", size=0.3, start=1.0, duration=0.05),
+            Step(kind="step", input="ankle", size=-2.0, start=0.5),
+            Step(kind="step", input="ankle", size=1.0),
+        ],
+        ("ankle", "hip"),
+    )
+    np.testing.assert_allclose(d.edges, [0.5, 1.0, 1.05])
+    t = np.linspace(0, 2, 200001)
+    values = d(t)
+    assert values.shape == (200001, 2)
+    np.testing.assert_allclose(values[:, 1].sum() * (t[1] - t[0]), 0.3, rtol=1e-3)
+    np.testing.assert_array_equal(values[t < 0.5, 0], 1.0)
+    np.testing.assert_array_equal(values[t > 0.5, 0], -1.0)
+    np.testing.assert_allclose(d(1.0), [-1.0, 6.0])  # at an edge, the value from there on
+    np.testing.assert_allclose(d(0.5), [-1.0, 0.0])
+
+
+def test_noise_is_band_limited_with_the_size_asked_for_and_reproducible() -> None:
+    noise = Noise(kind="noise", input="u", size=1.5, bandwidth=4.0, seed=7)
+    d = disturbance_of([noise], ("u",))
+    t = np.arange(0, 2000, 0.05)
+    values = d(t)[:, 0]
+    assert len(d) == NOISE_TERMS
+    assert values.std() == pytest.approx(1.5, rel=0.01)
+    assert abs(values.mean()) < 0.05
+    # nearly normal: the fourth moment of M random phases is 3 − 3/(2M)
+    assert (values**4).mean() / values.var() ** 2 == pytest.approx(3 - 1.5 / NOISE_TERMS, abs=0.15)
+    power = np.abs(np.fft.rfft(values * np.hanning(len(t)))) ** 2
+    frequency = np.fft.rfftfreq(len(t), 0.05)
+    assert power[frequency > 4.05].sum() < 1e-6 * power.sum()
+    low, high = power[frequency < 2].sum(), power[(frequency >= 2) & (frequency < 4.05)].sum()
+    assert low == pytest.approx(high, rel=0.05)
+    again = disturbance_of([noise], ("u",))
+    np.testing.assert_array_equal(again(t), d(t))
+    other = disturbance_of([replace(noise, seed=8)], ("u",))
+    assert abs(np.corrcoef(other(t)[:, 0], values)[0, 1]) < 0.1
+
+
+def test_noise_starts_when_told_and_is_the_same_function_of_time() -> None:
+    late = disturbance_of([Noise(kind="noise", input="u", size=1.0, bandwidth=4.0, seed=7, start=2.0)], ("u",))
+    early = disturbance_of([Noise(kind="noise", input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
+    np.testing.assert_array_equal(late([0.0, 1.999])[:, 0], [0.0, 0.0])
+    np.testing.assert_array_equal(late([2.0, 3.3]), early([2.0, 3.3]))
+
+
+def test_nothing_and_unknown_inputs() -> None:
+    assert len(no_disturbance(3)) == 0
+    assert len(no_disturbance(3).edges) == 0
+    np.testing.assert_array_equal(no_disturbance(3)(1.0), np.zeros(3))
+    with pytest.raises(SimulationError, match="'knee': the plant's inputs are ankle, hip"):
+        disturbance_of([Step(kind="step", input="knee", size=1.0)], ("ankle", "hip"))

@@ -1,0 +1,30 @@
+"""Provenance: versions that are installed, and a git state where there is a checkout."""
+
+import re
+import subprocess
+from importlib.metadata import version
+
+from icmj.study.provenance import git_state, provenance
+
+
+def test_versions_are_those_installed(tmp_path):
+    facts = provenance(tmp_path)
+    assert facts["mujoco"] == version("mujoco")
+    assert re.match(r"\d{4}-\d\d-\d\dT", facts["date"])
+
+
+def test_git_state_is_the_commit_and_tells_changes(tmp_path):
+    assert git_state(tmp_path) == "no checkout"
+
+    def git(*words):
+        identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+        return subprocess.run(["git", "-C", tmp_path, *identity, *words], check=True, capture_output=True, text=True)
+
+    git("init")
+    (tmp_path / "a").write_text("1")
+    git("add", "a")
+    git("commit", "-m", "a")
+    commit = git("rev-parse", "HEAD").stdout.strip()
+    assert git_state(tmp_path) == commit
+    (tmp_path / "a").write_text("2")
+    assert git_state(tmp_path) == f"{commit} +changes"

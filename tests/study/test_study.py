@@ -1,0 +1,139 @@
+"""The whole study, once, in its own folder: logs, report and summary, and what they say of every case."""
+
+import json
+import shutil
+
+import pytest
+
+from icmj.comparison.comparison import compare
+from icmj.errors import ModelError, RunFileError
+from icmj.log import read_log, write_log
+from icmj.runfile.reading import parse_run
+from icmj.study.study import find_runs, run_case, run_study
+
+CYCLES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1", "neglected-0.1", "neglected-0.5")
+
+
+@pytest.fixture(scope="module")
+def outputs(root, tmp_path_factory):
+    progress = []
+    result = run_study(
+        find_runs([root / "runs"]), tmp_path_factory.mktemp("study"), progress=lambda label, done: progress.append(done)
+    )
+    assert progress == sorted(progress)
+    assert progress[-1] == 1.0
+    return result
+
+
+@pytest.fixture(scope="module")
+def summary(outputs):
+    return {(r["case"], r["plant"]): r for r in json.loads(outputs.summary.read_text(encoding="utf-8"))}
+
+
+@pytest.mark.slow
+def test_every_case_is_there_on_both_plants_and_nothing_half_made(outputs, summary):
+    assert len(summary) == 16
+    names = {path.name for path in outputs.report.parent.iterdir()}
+    assert names == {log.name for log in outputs.logs} | {"report.html", "report_figures", "summary.json"}
+    assert sum(log.stat().st_size for log in outputs.logs) < 100e6
+
+
+@pytest.mark.slow
+def test_summary_is_the_contract(summary):
+    for record in summary.values():
+        assert {"interval", "period", "amplitude", "converged"} <= record["measured"].keys()
+        assert {"period", "amplitude"} <= record["relative_error"].keys()
+        assert {"delta_crit", "eigenvalue", "cycle", "period", "gamma", "amplitude"} <= record["predicted"].keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CYCLES)
+def test_linear_plant_agrees_to_1e_9(summary, name):
+    record = summary[name, "linear"]
+    assert record["measured"]["converged"] is True
+    for key in ("interval", "period", "gamma"):
+        assert abs(record["relative_error"][key]) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CYCLES)
+def test_mujoco_agrees_to_1e_3_at_the_shipped_threshold(summary, name):
+    record = summary[name, "mujoco"]
+    assert record["measured"]["converged"] is True
+    assert abs(record["relative_error"]["interval"]) < 1e-3
+
+
+@pytest.mark.slow
+def test_three_link_in_mujoco_agrees_to_1e_6_at_the_smallest_threshold(outputs):
+    for log in outputs.logs:
+        if log.name.startswith("three-link") and "mujoco" in log.name:
+            law = read_log(log).law
+            assert law.q_t[-1] == 1e-4
+            assert law.interval_error[-1] < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+@pytest.mark.parametrize(("name", "words"), [("simple-1.7", "repelling"), ("simple-exact", "No cycle predicted")])
+def test_cases_without_the_predicted_cycle_are_reported_so_in_words(summary, name, words, plant):
+    record = summary[name, plant]
+    assert record["measured"]["converged"] is False
+    assert record["predicted"]["cycle"] is False
+    assert words in record["words"]
+
+
+@pytest.mark.slow
+def test_summary_comes_from_the_logs(outputs, summary):
+    result = read_log(outputs.logs[0])
+    again = compare(result)
+    record = summary[result.run.case.name, result.simulation.plant]
+    assert record["measured"]["interval"] == again.measured.interval
+    assert record["words"] == again.words
+
+
+def test_two_runs_of_one_name_are_refused(root, tmp_path):
+    for name in ("a.toml", "b.toml"):
+        shutil.copy(root / "runs" / "simple-0.8.toml", tmp_path / name)
+    with pytest.raises(RunFileError, match="is taken by"):
+        find_runs([tmp_path])
+
+
+def test_bad_case_stops_the_study_before_anything_is_written(root, tmp_path):
+    shutil.copy(root / "runs" / "simple-0.8.toml", tmp_path)  # its models are not beside it here
+    with pytest.raises(ModelError, match="no such model file"):
+        run_study(find_runs([tmp_path]), tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_an_interrupted_run_keeps_what_was_simulated(root, plant):
+    path = root / "runs" / "simple-0.8.toml"
+    text = path.read_text(encoding="utf-8").replace("duration = 40.0", "duration = 100000.0")
+    text = text.replace("record_interval = 0.01", "record_interval = 0.5")
+    calls = []
+
+    def interrupt(done):
+        calls.append(done)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+
+    result = run_case(parse_run(text, path), plant, interrupt)
+    outcome = result.simulation.outcome
+    assert outcome.kind == "interrupted"
+    assert 0 < outcome.t < 100000
+    assert result.simulation.t[-1] <= outcome.t
+    assert result.growth is None
+    assert f"was interrupted at {outcome.t:.6g} s" in outcome.message
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_a_run_that_fell_is_logged_and_said_so(root, tmp_path, plant):
+    path = root / "runs" / "simple-0.8.toml"
+    text = path.read_text(encoding="utf-8").replace("limit = 1.0", "limit = 0.021")
+    text = text.replace("{ hinge = 0.02 }", "{ hinge = 0.02, hinge_rate = 0.1 }")
+    result = run_case(parse_run(text.replace("growth_points = 9", "growth_points = 0"), path), plant)
+    write_log(result, tmp_path / "fell.rrd")
+    back = read_log(tmp_path / "fell.rrd")
+    assert back.simulation.outcome.kind == "fell"
+    assert "hinge departed further than its limit of 0.021" in back.simulation.outcome.message
+    assert "the run fell" in compare(back).words

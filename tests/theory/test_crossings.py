@@ -1,0 +1,216 @@
+"""Crossings against brute force, published values, and systems built to have pairs, tangencies and defects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
+from theory_cases import SHIPPED, random_systems, shipped
+
+from icmj.controller.design import Design
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.theory.crossings import crossings, search
+from icmj.theory.error_system import ErrorSystem
+
+GRID = 1e-4
+
+
+def brute_force(system: ErrorSystem, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues of φ on a grid of 1e-4 s, stepping e^{Ā_C Δ} of scipy from one point to the next."""
+    steps = int(end / GRID)
+    block = 100
+    inner = np.stack([expm(system.A_C * GRID * (i + 1)) for i in range(block)])
+    delta, values, here = [], [], np.eye(len(system.A_C))
+    for start in range(0, steps, block):
+        E = inner @ here
+        here = E[-1]
+        delta.append(GRID * (start + 1 + np.arange(block)))
+        values.append(np.linalg.eigvals(system.T @ system.A_D @ E @ system.T_bar))
+    delta, values = np.concatenate(delta), np.concatenate(values)
+    keep = delta <= end
+    return delta[keep], values[keep]
+
+
+def step(crossing) -> int:
+    size = 2 if crossing.kind == "complex" else 1
+    return size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
+
+
+def assert_agrees_with_brute_force(system: ErrorSystem, end: float) -> int:
+    result = search(system, end)
+    delta, values = brute_force(system, result.delta_end)
+    magnitude = np.abs(values)
+    outside = (magnitude > 1).sum(axis=1)
+    # as Δ → 0 the eigenvalues leave +1 like those of the continuous loop
+    begin = int((np.linalg.eigvals(system.T @ system.A_C @ system.T_bar).real > 0).sum())
+    explained = begin + sum(step(c) * (delta > c.delta) for c in result.crossings) + np.zeros(len(delta), int)
+    # a grid point that falls on a crossing itself may be counted either way
+    unsure = np.abs(magnitude - 1).min(axis=1) < 1e-7
+    np.testing.assert_array_equal(outside[~unsure], explained[~unsure])
+    for c in result.crossings:
+        exact = np.linalg.eigvals(system.phi(c.delta)).astype(complex)
+        i = np.abs(exact - c.eigenvalue).argmin()
+        assert abs(exact[i] - c.eigenvalue) < 1e-7
+        rest = np.delete(exact, i)
+        if c.kind == "complex":
+            assert abs(c.eigenvalue.imag) > 0
+            rest = np.delete(rest, np.abs(rest - exact[i].conj()).argmin())
+        else:
+            assert c.eigenvalue == {"+1": 1, "-1": -1}[c.kind]
+        assert np.abs(rest).max() == pytest.approx(c.largest_other, abs=1e-6, rel=1e-6)
+    return len(result.crossings)
+
+
+@pytest.mark.slow
+def test_random_plants_agree_with_a_brute_force_scan():
+    found = [assert_agrees_with_brute_force(system, 2.0) for system in random_systems(1, 60)]
+    assert sum(found) >= 50  # enough crossings for the test to mean something
+
+
+def pair_of_holds(q: complex, c: complex, r: complex) -> ErrorSystem:
+    """A system whose φ has, beside e^{−Δ}, the eigenvalue e^{qΔ} + r (e^{cΔ} − e^{qΔ})/(c − q) and its conjugate.
+
+    x̃_o' = q x̃_o + r x̃_h and x̃_h' = c x̃_h, in complex numbers written as 2 × 2 blocks.
+    """
+
+    def block(z: complex) -> np.ndarray:
+        return np.array([[z.real, -z.imag], [z.imag, z.real]]) if complex in map(type, (q, c, r)) else np.array([[z]])
+
+    m = len(block(q))
+    A_C = np.zeros((1 + 2 * m, 1 + 2 * m))
+    A_C[0, 0] = -1
+    A_C[1 : 1 + m, 1 : 1 + m], A_C[1 : 1 + m, 1 + m :], A_C[1 + m :, 1 + m :] = block(q), block(r), block(c)
+    one = LinearPlant([[-1]], [[1]], [[1]])
+    design = Design(LinearPlant(-np.eye(m), np.ones((m, 1)), np.ones((1, m))), np.zeros((1, m)), np.zeros((m, 1)))
+    return ErrorSystem(A_C, np.zeros((m, 1)), one, design)
+
+
+def eigenvalue(delta, q, c, r):
+    return np.exp(q * delta) + r * (np.exp(c * delta) - np.exp(q * delta)) / (c - q)
+
+
+def dip(depth: float) -> tuple[ErrorSystem, list[float]]:
+    """λ = αe^{−Δ} + (1 − α)e^{−3Δ} with least value −``depth``, and where it passes −1 (closed form)."""
+    beta = brentq(lambda b: 2 * b / 3 * np.sqrt(b / (3 * (1 + b))) - depth, 0.1, 100, xtol=1e-15, rtol=1e-15)
+    alpha = -beta
+    r = (1 - alpha) * (-3 + 1)  # r/(c − q) = 1 − α
+    # −1 = αz + (1 − α)z³ with z = e^{−Δ}
+    z = np.roots([1 - alpha, 0, alpha, 1])
+    z = z[np.abs(z.imag) < 1e-9].real
+    return pair_of_holds(-1.0, -3.0, r), sorted(-np.log(z[(z > 0) & (z < 1)]))
+
+
+@pytest.mark.parametrize("excess", [1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 2e-11])
+def test_pairs_of_crossings_closer_than_any_grid_are_told_apart(excess):
+    system, at = dip(1 + excess)
+    found = crossings(system, 3.0)
+    assert [c.direction for c in found] == ["rising", "falling"]
+    assert {c.kind for c in found} == {"-1"}
+    assert found[1].delta - found[0].delta == pytest.approx(at[1] - at[0], rel=1e-2)
+    assert found[0].delta == pytest.approx(at[0], abs=1e-7)
+
+
+def test_a_touch_is_a_tangency_and_a_near_miss_is_nothing():
+    found = crossings(dip(1.0)[0], 3.0)
+    assert [(c.kind, c.direction) for c in found] == [("-1", "tangent")]
+    assert found[0].largest_other == pytest.approx(np.exp(-found[0].delta), rel=1e-6)
+    for short in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
+        assert crossings(dip(1 - short)[0], 3.0) == ()
+
+
+@pytest.mark.parametrize("excess", [1e-1, 1e-3, 1e-5, 1e-7, 1e-9])
+def test_a_complex_pair_that_comes_out_and_goes_back(excess):
+    q, c = -0.5 + 3j, -2 + 1j
+
+    def largest(size):
+        grid = np.linspace(0.5, 4, 400)
+        start = grid[np.abs(eigenvalue(grid, q, c, size * np.exp(2.2j))).argmax()]
+        hump = minimize_scalar(
+            lambda d: -abs(eigenvalue(d, q, c, size * np.exp(2.2j))),
+            bounds=(start - 0.05, start + 0.05),
+            method="bounded",
+            options={"xatol": 1e-9},
+        )
+        return -hump.fun, hump.x
+
+    size = brentq(lambda s: largest(s)[0] - 1 - excess, 0.5, 20, xtol=1e-14)
+    r = complex(size * np.exp(2.2j))
+    found = [x for x in crossings(pair_of_holds(q, c, r), 4.0) if abs(x.delta - largest(size)[1]) < 0.6]
+    assert [(x.kind, x.direction) for x in found] == [("complex", "rising"), ("complex", "falling")]
+    for x in found:
+        lam = eigenvalue(x.delta, q, c, r)
+        assert abs(lam) == pytest.approx(1, abs=1e-11)
+        assert x.eigenvalue == pytest.approx(complex(lam.real, abs(lam.imag)), abs=1e-9)
+    missed = complex(brentq(lambda s: largest(s)[0] - 1 + excess, 0.5, 20, xtol=1e-14) * np.exp(2.2j))
+    assert [
+        x for x in crossings(pair_of_holds(q, c, missed), 4.0) if abs(x.delta - largest(abs(missed))[1]) < 0.6
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("case", "delta", "eigenvalue", "largest_other"),
+    [
+        ("b=0.8", 1.807, 1, 0.268),
+        ("b=1.2", 1.528, -1, 0.221),
+        ("b=0.9 three-link", 0.7594, 1, 0.438),
+        ("b=1.1 three-link", 0.7351, -1, 0.531),
+        ("zeta=0.1", 3.593, 1, 0.0238),
+        ("zeta=0.5", 2.169, 1, 0.144),
+    ],
+)
+def test_published_crossings(case, delta, eigenvalue, largest_other):
+    first = crossings(shipped(case), 4.0)[0]
+    assert first.delta == pytest.approx(delta, abs=6e-4 if delta > 1 else 6e-5)
+    assert first.eigenvalue == eigenvalue
+    assert first.direction == "rising"
+    assert first.largest_other == pytest.approx(largest_other, abs=6e-4)
+
+
+def test_the_published_failure_is_a_complex_pair_first():
+    pair, minus = crossings(shipped("b=1.7"), 4.0)
+    assert (pair.kind, pair.direction) == ("complex", "rising")
+    assert pair.delta == pytest.approx(0.476, abs=5e-4)
+    assert (minus.kind, minus.eigenvalue) == ("-1", -1)
+    assert minus.delta == pytest.approx(1.112, abs=5e-4)
+    assert minus.largest_other == pytest.approx(1.20, abs=5e-3)
+
+
+@pytest.mark.parametrize("case", SHIPPED)
+def test_shipped_cases_agree_with_a_brute_force_scan(case):
+    assert_agrees_with_brute_force(shipped(case), 3.0)
+
+
+def test_the_exact_model_has_none():
+    assert crossings(shipped("exact"), 10.0) == ()
+
+
+def test_a_mode_that_stays_on_the_circle_crosses_nothing():
+    system = pair_of_holds(-1.0, -3.0, 0.3)
+    stuck = ErrorSystem(system.A_C * (np.arange(3) > 0), system.T_hat, system.actual, system.design)  # λ = 1 throughout
+    assert crossings(stuck, 3.0) == ()
+    dipping = dip(1.5)[0]
+    stuck = ErrorSystem(dipping.A_C * (np.arange(3) > 0), dipping.T_hat, dipping.actual, dipping.design)
+    assert [c.direction for c in crossings(stuck, 3.0)] == ["rising", "falling"]
+
+
+def test_the_end_of_the_search_does_not_matter():
+    whole = crossings(shipped("b=1.7"), 4.0)
+    for end in (0.5, 1.0, 1.2, 2.7, 4.0):
+        np.testing.assert_allclose(
+            [c.delta for c in crossings(shipped("b=1.7"), end)], [c.delta for c in whole if c.delta <= end], rtol=1e-10
+        )
+    assert crossings(shipped("b=1.7"), 4.0, delta_start=0.5)[0].kind == "-1"
+
+
+def test_the_search_stops_where_rounding_drowns_the_circle():
+    result = search(shipped("b=0.9 three-link"), 30.0)
+    assert 3 < result.delta_end < 15
+    assert np.abs(np.linalg.eigvals(shipped("b=0.9 three-link").phi(result.delta_end))).max() < 1e9
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.0, 0.0), (0.0, np.inf), (2.0, 1.0), (-1.0, 1.0)])
+def test_an_empty_interval_is_refused(start, end):
+    with pytest.raises(AnalysisError, match="start < end"):
+        crossings(shipped("b=0.8"), end, delta_start=start)
