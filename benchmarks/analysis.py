@@ -62,7 +62,7 @@ def rows() -> list[tuple[str, float, str]]:
         ("three-link analysis", lambda: analyse(system, trigger), "crossings to 3 s, orbit, multipliers; bound 50 ms"),
         ("crossings", lambda: search(system, DELTA_MAX), "to 3 s"),
         ("locus", lambda: locus(system, DELTA_MAX), "256 points, branches followed"),
-        ("whole prediction", lambda: predict(system, trigger), "as the study calls it, with both loci"),
+        ("whole prediction", lambda: predict(system, trigger), "as the study calls it"),
     ]
     table = []
     for name, run, note in parts:

@@ -14,7 +14,7 @@ from benchmarks.row import Row, least
 from benchmarks.scipy_loop import ScipyLoop
 from benchmarks.task import Task, three_link
 from icmj.engine.closed_loop import Rows
-from icmj.simulation.settings import SimulationSettings
+from icmj.simulation.settings import Settings
 
 DURATION = 15.0
 LAST = 5
@@ -106,10 +106,10 @@ def _best(points: Iterable[Point], way: str, target: float) -> Point | None:
 
 def _engine(task: Task, exact: Exact) -> Iterable[Point]:
     loop = task.loop()
-    settings = SimulationSettings(duration=DURATION, record_interval=0.01)
+    settings = Settings(duration=DURATION, record_interval=0.01)
 
     def run(h: float) -> Rows:
-        return loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, h))
+        return loop.run(loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, h))
 
     for h in TIMESTEPS:
         rows = run(h)

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 from benchmarks.task import Task
+from icmj.engine.block import block_of
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import block_of
 from icmj.engine.native.extremes import extremes
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -27,7 +27,7 @@ class PythonLoop:
     def __init__(self, task: Task, folded: bool) -> None:
         self.folded = folded
         loop = task.loop()
-        self.model, self._start = loop.model, lambda: loop.start(task.x, task.x_o, task.x_o)
+        self.model, self._start = loop.model, lambda: loop.data(task.x, np.tile(task.x_o, 2))
         self.block = block_of(self.model)
         self.controller = task.controller
         self.Q_t, self.q2 = task.trigger.Q_t, task.trigger.q_t**2

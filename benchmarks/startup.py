@@ -13,13 +13,13 @@ from benchmarks.row import Row, interleaved, least, median
 ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 7
 GROUP = "start-up"
-ICMJ = "from icmj.cli import main; main()"
+ICMJ = "from icmj.cli.main import main; main()"
 
 # where a profile shows that the time went: label, end of the file's name, function
 PARTS = [
     ("imports", "importlib._bootstrap>", "_find_and_load"),
     ("compiled code from the disk cache", "engine/compilation.py", "decorate"),
-    ("stepping", "engine/native_loop.py", "_advance"),
+    ("stepping", "engine/native/loop.py", "advance"),
     ("writing the log", "log/writer.py", "write_log"),
 ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import mujoco
+import numpy as np
 
 from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
@@ -13,7 +14,7 @@ from icmj.engine.callbacks import installed
 from icmj.engine.native.callbacks import callbacks
 from icmj.engine.native.loop import NativeLoop
 from icmj.engine.recording import Status, recording
-from icmj.simulation.settings import SimulationSettings
+from icmj.simulation.settings import Settings
 
 STEPS = 2000
 REPEATS = 60
@@ -30,10 +31,10 @@ def rows() -> list[Row]:
     loop, python, folded = task.loop(), PythonLoop(task, False), PythonLoop(task, True)
     model = loop.model
     record = recording(STEPS, 3, 1 + model.nq + model.nv + model.na + 3)
-    schedule = loop.schedule(SimulationSettings(duration=1e4), model.opt.timestep)
+    schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
     with installed(*callbacks()):
-        native = NativeLoop(model, loop.start(task.x, task.x_o, task.x_o), schedule, point)
+        native = NativeLoop(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
     events = 0
 
     def stepping(plant: mujoco.MjModel) -> Callable[[], None]:

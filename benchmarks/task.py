@@ -12,10 +12,10 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
-from icmj.engine.closed_loop import ClosedLoop, close_loop
+from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.model import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.simulation.disturbance import no_disturbance
+from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -33,9 +33,9 @@ class Task:
     x: np.ndarray
     x_o: np.ndarray
 
-    def loop(self, native: bool = True) -> ClosedLoop:
+    def loop(self, native: bool = True) -> ComposedLoop:
         """A composed model of its own."""
-        return close_loop(self.plant, self.controller, no_disturbance(3), native=native)
+        return close_loop(self.plant, self.controller, Settings(native=native))
 
 
 @cache

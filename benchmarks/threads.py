@@ -7,11 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
-from icmj.engine.closed_loop import ClosedLoop
-from icmj.simulation.settings import SimulationSettings
+from icmj.engine.closed_loop import ComposedLoop
+from icmj.simulation.settings import Settings
 
 RUNS = 8
 DURATION = 15.0
@@ -22,11 +23,11 @@ def rows() -> list[Row]:
     """Time of the same runs on one thread and on two, and the same of bare steps as the machine's own limit."""
     task = three_link()
     loops = [task.loop() for _ in range(RUNS)]
-    settings = SimulationSettings(duration=DURATION)
+    settings = Settings(duration=DURATION)
     bare = [task.plant.spec.copy().compile() for _ in range(RUNS)]
 
-    def run(loop: ClosedLoop) -> None:
-        loop.run(loop.start(task.x, task.x_o, task.x_o), loop.schedule(settings, 2e-3))
+    def run(loop: ComposedLoop) -> None:
+        loop.run(loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, 2e-3))
 
     def step(model: mujoco.MjModel) -> None:
         mujoco.mj_step(model, mujoco.MjData(model), nstep=round(DURATION / 2e-3))

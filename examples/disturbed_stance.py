@@ -6,7 +6,6 @@ Run from the folder of the checkout: python examples/disturbed_stance.py
 from pathlib import Path
 
 import icmj
-from icmj.runfile.reading import parse_run
 
 path = Path("runs/three-link-0.9.toml")
 push = """
@@ -16,7 +15,7 @@ input = "ankle_torque"
 size = 0.5
 start = 15.0
 """
-run = parse_run(path.read_text(encoding="utf-8") + push, path)
+run = icmj.parse_run(path.read_text(encoding="utf-8") + push, path)
 case = icmj.prepare(run)
 simulation = icmj.simulate(case, "mujoco")
 for t, interval in zip(simulation.events.t, simulation.events.interval, strict=True):

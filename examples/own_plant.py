@@ -1,12 +1,8 @@
 """Predict and simulate the intermittent control of a plant of your own, given as a transfer function."""
 
 import control
-import numpy as np
 
 import icmj
-from icmj.controller.hold import system_matched
-from icmj.linear.run import simulate
-from icmj.simulation.settings import SimulationSettings
 
 # An unstable plant, and the same with an input gain 20 % higher than the controller believes
 assumed = icmj.LinearPlant.from_statespace(control.ss(control.tf([2], [1, 0.5, -3])))
@@ -19,7 +15,7 @@ prediction = icmj.predict(system, trigger)
 print(f"critical interval {prediction.delta_crit:.6f} s, eigenvalue {prediction.eigenvalue.real:+.0f}")
 print(f"period {prediction.period:.6f} s, peak output {prediction.amplitude[0]:.6f}, {prediction.verdict}")
 
-controller = icmj.Controller(design, system_matched(design), trigger)
-run = simulate(actual, controller, SimulationSettings(duration=40.0), x0=np.array([0.01, 0.0]))
+controller = icmj.Controller(design, icmj.system_matched(design), trigger)
+run = icmj.simulate_plant(actual, controller, icmj.Settings(duration=40.0), x0=[0.01, 0.0])
 motion = icmj.measure(run, T_hat=system.T_hat)
 print(motion.words)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,17 +13,10 @@ from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.model import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.runfile.schema import SimulationTable
-from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict
 
 MODELS = Path(__file__).parents[1] / "models"
-
-
-def settings_from(table: dict[str, Any]) -> Settings:
-    """Settings from a run file's table."""
-    return SimulationTable.model_validate(table).settings()
 
 
 @cache

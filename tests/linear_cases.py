@@ -8,6 +8,7 @@ from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import EventTrigger, as_weight
 from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.schema import SimulationTable
 from icmj.simulation.settings import Settings
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))
@@ -33,6 +34,11 @@ def event_controller(design, *, Q_t="output", q_t=0.01, delta_min=0.01, hold="sy
 
 def settings(duration=20.0, **more) -> Settings:
     return Settings(duration=duration, **{"limit": 1e6, **more})
+
+
+def settings_from(table) -> Settings:
+    """Settings from a run file's table."""
+    return SimulationTable.model_validate(table).settings()
 
 
 def random_loop(seed: int, n: int, n_hat: int, n_u: int, n_y: int) -> tuple[LinearPlant, Design]:

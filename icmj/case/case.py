@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from numpy.typing import ArrayLike
+
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
@@ -106,9 +108,9 @@ def simulate_plant(
     controller: Controller,
     settings: Settings,
     *,
-    x0: Array | None = None,
-    x_o0: Array | None = None,
-    x_h0: Array | None = None,
+    x0: ArrayLike | None = None,
+    x_o0: ArrayLike | None = None,
+    x_h0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
     """Simulate any plant under any controller, without a run file: a linear plant exactly, an MJCF one on the engine.

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from icmj.base.array import Array
+from numpy.typing import ArrayLike
+
 from icmj.controller.controller import Controller
 from icmj.linear.flight import Stage, stage
 from icmj.linear.history import History
@@ -27,9 +28,9 @@ def simulate(
     controller: Controller,
     settings: Settings,
     *,
-    x0: Array | None = None,
-    x_o0: Array | None = None,
-    x_h0: Array | None = None,
+    x0: ArrayLike | None = None,
+    x_o0: ArrayLike | None = None,
+    x_h0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
     """Simulate ``plant`` under ``controller`` from a departure from the operating point.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from icmj.base.bernstein import evaluate, first_root, from_powers, largest, square
+from icmj.base.bernstein import evaluate, first_root, from_powers, largest
 
 
 def powers(*roots, sign=1.0):
@@ -81,10 +81,3 @@ def test_largest_is_that_of_a_dense_scan():
             scan = np.polyval(a[::-1], theta * end).max()
             exact = largest(a, end)
             assert scan - 1e-15 <= exact <= scan + 1e-7
-
-
-def test_square_of_a_curve():
-    w = np.array([[1.0, 2.0], [0.5, -1.0], [0.0, 3.0]])
-    for theta in (0.2, 0.9):
-        point = w[0] + w[1] * theta + w[2] * theta**2
-        assert evaluate(square(w), theta) == pytest.approx(point @ point, abs=1e-14)

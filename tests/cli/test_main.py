@@ -20,7 +20,7 @@ def test_help_has_an_example(command, capsys):
 
 def test_help_imports_nothing_heavy():
     script = (
-        "import sys\nfrom icmj.cli import main\nmain(['--help'])\n"
+        "import sys\nfrom icmj.cli.main import main\nmain(['--help'])\n"
         "heavy = {'numpy', 'scipy', 'mujoco', 'rerun', 'numba', 'matplotlib', 'control', 'pydantic'}\n"
         "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
     )

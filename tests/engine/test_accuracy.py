@@ -10,23 +10,23 @@ from engine_cases import controller, plant
 
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.accuracy import Accuracy, choose_timestep, estimate, order_of
-from icmj.engine.closed_loop import ClosedLoop, Rows, close_loop
+from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
 from icmj.engine.run import simulate
-from icmj.simulation.disturbance import no_disturbance
+from icmj.errors import SimulationError
 from icmj.simulation.settings import Settings
 
 X = 0.01 * np.ones(6)
 
 
-def run(loop: ClosedLoop, timestep: float, duration: float = 4.0) -> tuple[Rows, Accuracy]:
+def run(loop: ComposedLoop, timestep: float, duration: float = 4.0) -> tuple[Record, Accuracy]:
     schedule = loop.schedule(Settings(duration=duration), timestep)
-    rows = loop.run(loop.start(X, np.zeros(6), np.zeros(6)), schedule)
-    return rows, estimate(loop, schedule, rows)
+    record = loop.run(loop.data(X, np.zeros(12)), schedule)
+    return record, estimate(loop, schedule, record)
 
 
 @pytest.mark.parametrize("integrator", ["RK4", "Euler"])
 def test_estimate_is_the_error_of_an_interval(integrator: str) -> None:
-    loop = close_loop(plant("three_link", 0.9), controller("three_link"), no_disturbance(3), integrator)
+    loop = close_loop(plant("three_link", 0.9), controller("three_link"), Settings(integrator=integrator))
     order = order_of(loop.model)
     assert order == (4 if integrator == "RK4" else 1)
     timestep = 8e-3 if order == 4 else 1e-3
@@ -35,21 +35,24 @@ def test_estimate_is_the_error_of_an_interval(integrator: str) -> None:
     first, last = rows.events[-2], rows.events[-1]
     start = loop.departures(first[None, :])
     schedule = loop.schedule(Settings(duration=2.0), 2.5e-4 if order == 4 else 2e-5)
-    fine = loop.run(loop.start(start.x[0], start.x_o[0], start.x_o[0]), schedule)
+    fine = loop.run(loop.data(start.x[0], np.tile(start.x_o[0], 2)), schedule)
     true = abs((last[0] - first[0]) - fine.events[0, 0])
     assert found.interval == pytest.approx(true, rel=0.25)
     assert found.stretch == pytest.approx(last[0] - first[0])
 
 
 def test_timestep_chosen_from_an_estimate_meets_its_tolerance() -> None:
-    loop = close_loop(plant("three_link", 0.9), controller("three_link"), no_disturbance(3))
-    _, coarse = run(loop, 8e-3)
+    body, control = plant("three_link", 0.9), controller("three_link")
+    coarse = simulate(body, control, Settings(duration=4.0, timestep=8e-3), x0=X)
     for tolerance in (1e-7, 1e-9):
-        h = choose_timestep(8e-3, coarse, tolerance, fastest=60.0)
-        _, found = run(loop, h)
-        assert 0.1 * tolerance < found.interval / found.stretch < tolerance
-    assert choose_timestep(8e-3, coarse, 1.0, fastest=60.0) == pytest.approx(1 / 60)
-    assert choose_timestep(8e-3, replace(coarse, interval=float("nan"), output=float("nan")), 1e-9, 60.0) == 8e-3
+        h = choose_timestep(coarse, tolerance)
+        facts = simulate(body, control, Settings(duration=4.0, timestep=h), x0=X).precision
+        assert 0.1 * tolerance < float(facts["interval_error"]) / float(facts["error_stretch"]) < tolerance
+    assert choose_timestep(coarse, 1.0) == pytest.approx(1 / float(coarse.precision["fastest_rate"]))
+    short = simulate(body, control, Settings(duration=0.02, timestep=8e-3), x0=X)
+    assert choose_timestep(short, 1e-9) == 8e-3
+    with pytest.raises(SimulationError, match="run on the engine"):
+        choose_timestep(replace(short, precision={"step": 0.1}), 1e-9)
 
 
 def test_runs_without_events_are_estimated_by_their_outputs() -> None:

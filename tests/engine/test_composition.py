@@ -16,9 +16,10 @@ from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous, EventTrigger
 from icmj.engine import reference
+from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
-from icmj.engine.composition import NAME, Slot, block_of, compose
+from icmj.engine.composition import NAME, compose
 from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
@@ -142,15 +143,15 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
     x, x_o = 0.1 * rng.normal(size=10), 0.1 * rng.normal(size=3)
     ends = []
     for native in (True, False):
-        loop = close_loop(body, control, no_disturbance(2), native=native)
+        loop = close_loop(body, control, Settings(native=native))
         settings = Settings(duration=0.3, limit=100.0)
-        rows = loop.run(loop.start(x, x_o, x_o), loop.schedule(settings, 2e-3))
+        rows = loop.run(loop.data(x, np.tile(x_o, 2)), loop.schedule(settings, 2e-3))
         ends.append(rows)
-    np.testing.assert_allclose(ends[0].samples, ends[1].samples, atol=1e-12, rtol=1e-12)
+    np.testing.assert_allclose(ends[0].rows, ends[1].rows, atol=1e-12, rtol=1e-12)
     assert len(ends[0].events) > 1 or not trigger
     # what the callbacks compute, from the equations of the paper
     model = compose(body, control, no_disturbance(2))
-    data = close_loop(body, control, no_disturbance(2)).start(x, x_o, 2 * x_o)
+    data = close_loop(body, control, Settings()).data(x, np.concatenate([x_o, 2 * x_o]))
     with installed(*callbacks()):
         mujoco.mj_forward(model, data)
     gains: Design = control.design
@@ -176,29 +177,29 @@ def test_what_cannot_be_composed_is_refused(rich: Path, tmp_path: Path) -> None:
 
 def test_loop_steps_are_the_engine_s_own_steps_bit_for_bit() -> None:
     body, control = plant("three_link", 0.9), controller("three_link", 1e3)
-    loop = close_loop(body, control, no_disturbance(3))
+    loop = close_loop(body, control, Settings())
     x = 0.01 * np.ones(6)
-    rows = loop.run(loop.start(x, np.zeros(6), np.zeros(6)), loop.schedule(Settings(duration=0.5), 2e-3))
-    data = loop.start(x, np.zeros(6), np.zeros(6))
+    record = loop.run(loop.data(x, np.zeros(12)), loop.schedule(Settings(duration=0.5), 2e-3))
+    data = loop.data(x, np.zeros(12))
     with installed(*callbacks()):
         mujoco.mj_step(loop.model, data)  # to Δ_min
         loop.model.opt.timestep = 1e-3
-        data = loop.start(x, np.zeros(6), np.zeros(6))
+        data = loop.data(x, np.zeros(12))
         mujoco.mj_step(loop.model, data)
         loop.model.opt.timestep = 2e-3
         mujoco.mj_step(loop.model, data, nstep=249)
         loop.model.opt.timestep = 1e-3
         mujoco.mj_step(loop.model, data)
-    np.testing.assert_array_equal(rows.samples[-1, 1:7], np.concatenate([data.qpos, data.qvel]))
-    np.testing.assert_array_equal(rows.samples[-1, 7:19], data.act)
+    np.testing.assert_array_equal(record.rows[-1, 1:7], np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(record.rows[-1, 7:19], data.act)
 
 
 def test_rollout_in_threads_sees_the_whole_loop() -> None:
     body, control = plant("three_link", 0.9), controller("three_link", 1e3)
-    loop = close_loop(body, control, no_disturbance(3))
+    loop = close_loop(body, control, Settings())
     starts = []
     for i in range(4):
-        data = loop.start(0.001 * (i + 1) * np.ones(6), np.zeros(6), 0.001 * np.ones(6))
+        data = loop.data(0.001 * (i + 1) * np.ones(6), np.repeat([0.0, 0.001], 6))
         state = np.empty(mujoco.mj_stateSize(loop.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
         mujoco.mj_getState(loop.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         starts.append(state)
@@ -207,7 +208,7 @@ def test_rollout_in_threads_sees_the_whole_loop() -> None:
             loop.model, [mujoco.MjData(loop.model) for _ in range(2)], np.array(starts), nstep=100
         )
         for i in range(4):
-            data = loop.start(0.001 * (i + 1) * np.ones(6), np.zeros(6), 0.001 * np.ones(6))
+            data = loop.data(0.001 * (i + 1) * np.ones(6), np.repeat([0.0, 0.001], 6))
             mujoco.mj_step(loop.model, data, nstep=100)
             end = np.empty_like(starts[0])
             mujoco.mj_getState(loop.model, data, end, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -217,8 +218,9 @@ def test_rollout_in_threads_sees_the_whole_loop() -> None:
 def test_header_is_as_documented() -> None:
     block = block_of(compose(plant("pendulum_neglected"), controller("pendulum", 0.02), no_disturbance(1)))
     assert block is not None
-    assert block.header[[Slot.N_HAT, Slot.N_U, Slot.N_Y, Slot.ACT, Slot.TRIGGER]].tolist() == [2, 1, 1, 2, 1]
-    assert block.header[Slot.Q2] == 0.02**2
+    assert block.header[[Slot.SIZE, Slot.N_U, Slot.N_Y, Slot.ACT, Slot.FACES]].tolist() == [4, 1, 1, 2, 1]
+    np.testing.assert_allclose(block.R.T @ block.R, np.outer([-1, 0, 1, 0], [-1, 0, 1, 0]) / 0.02**2, rtol=1e-12)
+    np.testing.assert_array_equal(block.J, [[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]])
     assert block.header[Slot.PHASE] == -1
     assert block.act == slice(2, 6)
     assert transformation(design("pendulum").plant, plant("pendulum_neglected").linearisation.plant).shape == (2, 4)

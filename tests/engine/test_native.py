@@ -6,19 +6,21 @@ import ctypes
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from engine_cases import controller, plant, settings_from
+from engine_cases import controller, plant
+from linear_cases import settings_from
 
 from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
-from icmj.engine import composition
+from icmj.engine import block
 from icmj.engine.callbacks import installed
 from icmj.engine.native import structs
 from icmj.engine.native.callbacks import callbacks
-from icmj.engine.native.compilation import compiled
+from icmj.engine.native.compilation import entry
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
 from icmj.simulation.settings import Settings
@@ -46,7 +48,7 @@ def both(actual: str, assumed: str, trigger: Trigger | None, settings: Settings)
     body = plant(actual, 0.9)
     x0 = np.zeros(body.linearisation.plant.n)
     x0[0] = 0.02
-    return [simulate(body, control, settings, x0=x0, native=native) for native in (True, False)]
+    return [simulate(body, control, replace(settings, native=native), x0=x0) for native in (True, False)]
 
 
 def agree(native: Simulation, python: Simulation) -> None:
@@ -124,7 +126,7 @@ def test_wrong_layout_is_an_error_at_start_up(monkeypatch: pytest.MonkeyPatch) -
 
 def test_code_that_does_not_compute_this_controller_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     # as with code on disk from another version: the callbacks do not know the model for one of theirs
-    monkeypatch.setattr(composition, "MAGIC", composition.MAGIC + 1)
+    monkeypatch.setattr(block, "MAGIC", block.MAGIC + 1)
     with pytest.raises(ModelError, match="delete numba's cache"):
         simulate(plant("pendulum"), controller("pendulum"), Settings(duration=1.0), x_o0=[0.1, 0.0])
 
@@ -132,18 +134,19 @@ def test_code_that_does_not_compute_this_controller_is_an_error(monkeypatch: pyt
 def test_functions_compile_where_there_is_no_folder_for_a_cache() -> None:
     scope: dict[str, object] = {}
     exec("def twice(x):\n    return 2 * x", scope)  # numba finds no source file to cache beside
-    assert compiled(scope["twice"])(21) == 42  # type: ignore[arg-type]
+    assert entry(scope["twice"])(21) == 42  # type: ignore[arg-type]
 
 
 CHILD = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from engine_cases import controller, plant, settings_from
+from engine_cases import controller, plant
+from linear_cases import settings_from
 from icmj.engine.native import loop as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
 run = simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=2.0), x0=[0.1, 0.0])
-stats = native_loop._advance.stats
+stats = native_loop._entry().stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(float(run.events.t[-1])))
 """
 
@@ -153,7 +156,7 @@ def test_second_process_starts_without_compiling(tmp_path: Path) -> None:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 
     def child(environment: dict[str, str]) -> list[str]:
-        command = [sys.executable, "-c", CHILD, str(Path(__file__).parent)]
+        command = [sys.executable, "-c", CHILD, str(Path(__file__).parents[1])]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
     first, second = child(environment), child(environment)

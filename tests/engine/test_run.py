@@ -9,7 +9,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from engine_cases import controller, design, orbit_start, plant, predicted, settings_from
+from engine_cases import controller, design, orbit_start, plant, predicted
+from linear_cases import settings_from
 from scipy.integrate import solve_ivp
 
 from icmj.controller.controller import Controller
@@ -298,8 +299,8 @@ def test_event_is_found_when_e_crosses_twice_within_one_step(native: bool) -> No
             at_steps_only = np.any(e_coarse >= q_t)
             hidden += not at_steps_only
             control = controller("pendulum", q_t)
-            settings = Settings(duration=t[top] + 0.1, timestep=timestep)
-            run = simulate(plant("pendulum", 0.8), control, settings, **SWING, native=native, error_estimate=False)
+            settings = Settings(duration=t[top] + 0.1, timestep=timestep, native=native)
+            run = simulate(plant("pendulum", 0.8), control, settings, **SWING, error_estimate=False)
             assert len(run.events) >= 1
             assert run.events.t[0] == pytest.approx(above[0], abs=2e-4)
     assert hidden >= 8  # a look at the ends of steps would have missed these
@@ -350,7 +351,7 @@ def test_event_due_at_the_start_waits_for_delta_min(native: bool) -> None:
     actual = plant("pendulum", 0.8)
     for delta_min in (0.02, 0.0):
         control = controller("pendulum", 0.01, delta_min)
-        run = simulate(actual, control, Settings(duration=0.5), **start, native=native)
+        run = simulate(actual, control, Settings(duration=0.5, native=native), **start)
         assert run.events.t[0] == delta_min
         np.testing.assert_array_equal(run.t[0], 0.0)
         np.testing.assert_array_equal(run.x_h[0], [0.5, 0.0])
@@ -383,8 +384,10 @@ def test_fall_divergence_and_interruption_keep_what_was_simulated() -> None:
 
     wrong = plant("three_link", -40.0)  # torques with the wrong sign, far too strong
     settings = Settings(duration=60.0, limit=1e300, timestep=0.01)
-    diverged = simulate(wrong, controller("three_link", 1e-2), settings, x0=0.05 * np.ones(6), native=True)
-    diverged_python = simulate(wrong, controller("three_link", 1e-2), settings, x0=0.05 * np.ones(6), native=False)
+    diverged = simulate(wrong, controller("three_link", 1e-2), settings, x0=0.05 * np.ones(6))
+    diverged_python = simulate(
+        wrong, controller("three_link", 1e-2), replace(settings, native=False), x0=0.05 * np.ones(6)
+    )
     assert diverged.outcome.kind == diverged_python.outcome.kind == "diverged"
     assert diverged.outcome.t == diverged_python.outcome.t
     assert np.isfinite(diverged.x[:-1]).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from icmj.linear.propagator import Flow
+from icmj.linear.propagator import Propagator
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -14,7 +14,7 @@ def test_states_and_fractions_are_matrix_exponentials(seed):
     scale = np.diag(10.0 ** random.uniform(-3, 3, m))  # badly scaled states, as angles beside torques
     M = scale @ random.standard_normal((m, m)) @ np.linalg.inv(scale)
     z = scale @ random.standard_normal(m)
-    flow = Flow(M)
+    flow = Propagator(M)
     Z = flow.states(z)
     assert Z.shape == (flow.block + 1, m)
     for k in (0, 1, 5, flow.block):
@@ -30,7 +30,7 @@ def test_states_and_fractions_are_matrix_exponentials(seed):
 def test_polynomial_of_an_output():
     M = np.array([[0.0, 1.0], [-4.0, -0.1]])
     C = np.array([[1.0, 0.5]])
-    flow = Flow(M)
+    flow = Propagator(M)
     z = np.array([0.3, -1.0])
     a = (flow.powers_of(C) @ z)[:, 0]
     b = (flow.controls_of(C) @ z)[:, 0]
@@ -41,5 +41,5 @@ def test_polynomial_of_an_output():
 
 
 def test_a_zero_generator_stands_still():
-    flow = Flow(np.zeros((2, 2)))
+    flow = Propagator(np.zeros((2, 2)))
     assert np.array_equal(flow.states(np.array([1.0, 2.0]))[-1], [1.0, 2.0])

@@ -15,6 +15,7 @@ from linear_cases import (
     pendulum_design,
     random_loop,
     settings,
+    settings_from,
 )
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -24,7 +25,8 @@ from icmj.controller.design import Design
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger
 from icmj.errors import SimulationError
-from icmj.linear.run import position_states, simulate
+from icmj.linear.closed_loop import closed_loop
+from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.error_system import error_system
@@ -260,7 +262,7 @@ def test_disturbances_agree_with_dop853():
         {"kind": "step", "input": "torque", "size": 0.02, "start": 1.0},
         {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 3, "start": 1.5},
     ]
-    chosen = settings(3.0, initial={"hinge": 0.02}, disturbance=disturbance)
+    chosen = settings_from({"duration": 3.0, "limit": 1e6, "initial": {"hinge": 0.02}, "disturbance": disturbance})
     run = simulate(plant, controller, chosen)
     from icmj.simulation.disturbance import disturbance_of
 
@@ -280,7 +282,7 @@ def test_fall_is_exact_and_keeps_the_run():
     assert abs(run.x[-1, 0]) == pytest.approx(0.5, abs=1e-12)
     assert np.abs(run.x[:-1, 0]).max() < 0.5
     assert run.t[-1] == run.outcome.t
-    assert list(position_states(plant)) == [0]
+    assert list(closed_loop(plant, controller).positions) == [0]
 
 
 def test_divergence():
@@ -333,7 +335,7 @@ def test_exact_model_is_homoclinic_until_nothing_is_left():
 
 @pytest.mark.parametrize("bad", [[0.0], [np.nan, 0.0]])
 def test_start_states_are_checked(bad):
-    with pytest.raises(SimulationError, match="initial state"):
+    with pytest.raises(SimulationError, match="start state of the plant"):
         simulate(PENDULUM, event_controller(pendulum_design()), settings(), x0=bad)
 
 

@@ -10,7 +10,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import measure, measured_gamma, measured_growth
+from icmj.measurement.measurement import growth_per_interval, measure, measured_gamma, reduced_states
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.error_system import error_system
@@ -214,4 +214,4 @@ def test_growth_under_the_clock_is_the_largest_eigenvalue(gain, interval):
     eigenvalues = np.linalg.eigvals(error_system(plant, design).phi(interval))
     events = min(200, int(20 / abs(np.log(np.abs(eigenvalues).max()))))
     run = simulate(plant, controller, settings(interval * (events + 0.5), limit=1e30, initial={"hinge": 0.02}))
-    assert measured_growth(run, T_HAT) == pytest.approx(np.abs(eigenvalues).max(), rel=1e-6)
+    assert growth_per_interval(reduced_states(run, T_HAT)) == pytest.approx(np.abs(eigenvalues).max(), rel=1e-6)

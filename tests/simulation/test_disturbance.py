@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,9 +15,9 @@ from icmj.simulation.settings import Impulse, Noise, Step
 def test_impulse_and_step_have_their_size_and_edges() -> None:
     d = disturbance_of(
         [
-            Impulse(kind="impulse", input="hip", size=0.3, start=1.0, duration=0.05),
-            Step(kind="step", input="ankle", size=-2.0, start=0.5),
-            Step(kind="step", input="ankle", size=1.0),
+            Impulse(input="hip", size=0.3, start=1.0, duration=0.05),
+            Step(input="ankle", size=-2.0, start=0.5),
+            Step(input="ankle", size=1.0),
         ],
         ("ankle", "hip"),
     )
@@ -31,7 +33,7 @@ def test_impulse_and_step_have_their_size_and_edges() -> None:
 
 
 def test_noise_is_band_limited_with_the_size_asked_for_and_reproducible() -> None:
-    noise = Noise(kind="noise", input="u", size=1.5, bandwidth=4.0, seed=7)
+    noise = Noise(input="u", size=1.5, bandwidth=4.0, seed=7)
     d = disturbance_of([noise], ("u",))
     t = np.arange(0, 2000, 0.05)
     values = d(t)[:, 0]
@@ -52,8 +54,8 @@ def test_noise_is_band_limited_with_the_size_asked_for_and_reproducible() -> Non
 
 
 def test_noise_starts_when_told_and_is_the_same_function_of_time() -> None:
-    late = disturbance_of([Noise(kind="noise", input="u", size=1.0, bandwidth=4.0, seed=7, start=2.0)], ("u",))
-    early = disturbance_of([Noise(kind="noise", input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
+    late = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7, start=2.0)], ("u",))
+    early = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
     np.testing.assert_array_equal(late([0.0, 1.999])[:, 0], [0.0, 0.0])
     np.testing.assert_array_equal(late([2.0, 3.3]), early([2.0, 3.3]))
 
@@ -63,4 +65,4 @@ def test_nothing_and_unknown_inputs() -> None:
     assert len(no_disturbance(3).edges) == 0
     np.testing.assert_array_equal(no_disturbance(3)(1.0), np.zeros(3))
     with pytest.raises(SimulationError, match="'knee': the plant's inputs are ankle, hip"):
-        disturbance_of([Step(kind="step", input="knee", size=1.0)], ("ankle", "hip"))
+        disturbance_of([Step(input="knee", size=1.0)], ("ankle", "hip"))

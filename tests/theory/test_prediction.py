@@ -12,6 +12,7 @@ from icmj.errors import AnalysisError
 from icmj.theory.crossings import Crossing
 from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
 from icmj.theory.error_system import error_system
+from icmj.theory.locus import locus
 from icmj.theory.prediction import critical_crossing, predict
 
 PUBLISHED = {
@@ -51,7 +52,7 @@ def test_the_exact_model_predicts_nothing():
     p = prediction("exact")
     assert (p.delta_crit, p.eigenvalue, p.period, p.gamma, p.amplitude, p.orbit) == (None,) * 6
     assert (p.multipliers, p.V_inv, p.verdict, p.cycle, p.crossings) == (None, None, "none", False, ())
-    assert p.locus.largest.max() < 1
+    assert locus(shipped("exact"), 3.0).largest.max() < 1
 
 
 def test_continuous_poles_of_the_neglected_dynamics():
@@ -144,13 +145,14 @@ def test_another_hold_and_its_exact_system():
     plant = LinearPlant([[1.0]], [[1.0]], [[1.0]])
     design = Design(plant, [[3.0]], [[4.0]])
     system = error_system(plant, design, zero_order(design))
-    p = predict(system, EventTrigger([[1.0]], 0.01), exact=system, delta_max=2.0)
+    p = predict(system, EventTrigger([[1.0]], 0.01), delta_max=2.0)
     # x(Δ) = e^Δ x − 3(e^Δ − 1) x: the eigenvalue 3 − 2e^Δ reaches −1 at ln 2; the observer's is e^{−3Δ}
     assert p.delta_crit == pytest.approx(np.log(2), rel=1e-12)
     assert p.eigenvalue == -1
     assert p.crossings[0].largest_other == pytest.approx(1 / 8, rel=1e-10)
-    branch = p.locus.eigenvalues[:, np.abs(p.locus.eigenvalues[-1]).argmax()]
-    np.testing.assert_allclose(branch, 3 - 2 * np.exp(p.locus.delta), rtol=1e-9)
+    shown = locus(system, 2.0)
+    branch = shown.eigenvalues[:, np.abs(shown.eigenvalues[-1]).argmax()]
+    np.testing.assert_allclose(branch, 3 - 2 * np.exp(shown.delta), rtol=1e-9)
 
 
 @pytest.mark.parametrize("case", SHIPPED)
