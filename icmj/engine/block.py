@@ -2,8 +2,8 @@
 
 It begins with a header of numbers by :class:`Slot`; then come the parts of :data:`PARTS`, row by row, each where the
 header says. Whoever writes or reads it goes by these two names, so a further part or number is declared here and
-nowhere else. Spans say which entries of each row of a matrix are not zero, from where to before where, so that
-compiled code skips the others.
+nowhere else. ``segments`` and ``span_K`` say which columns of the rows of each segment of the state are not all zero,
+so that compiled code skips the others.
 
 The *phase time* says which disturbance windows are open: a loop that splits its steps at the windows' edges sets it
 to a time between two edges, so that a step ending on an edge still sees the value before it in its last stage. While
@@ -38,17 +38,17 @@ class Slot(IntEnum):
     ROWS = 5  # of R
     FACES = 6
     TERMS = 7  # of the disturbance
-    ACT = 8  # where the controller's states begin in ``act``
-    STAGE = 9  # last sensor stage needed (1 position, 2 velocity)
-    PHASE = 10  # the phase time [s]
-    AT_M = 11  # from here on: where each part begins, counted from the header's start
-    AT_N = 12
-    AT_K = 13
-    AT_J = 14
-    AT_R = 15
-    AT_CUTS = 16
-    AT_SPAN_M = 17
-    AT_SPAN_N = 18
+    SEGMENTS = 8  # of the controller's states
+    ACT = 9  # where the controller's states begin in ``act``
+    STAGE = 10  # last sensor stage needed (1 position, 2 velocity)
+    PHASE = 11  # the phase time [s]
+    AT_M = 12  # from here on: where each part begins, counted from the header's start
+    AT_N = 13
+    AT_K = 14
+    AT_J = 15
+    AT_R = 16
+    AT_CUTS = 17
+    AT_SEGMENTS = 18
     AT_SPAN_K = 19
     AT_Y_0 = 20
     AT_CTRL_0 = 21
@@ -64,9 +64,8 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_J, "J", (Slot.SIZE, Slot.SIZE)),
     (Slot.AT_R, "R", (Slot.ROWS, Slot.SIZE)),
     (Slot.AT_CUTS, "cuts", (Slot.FACES,)),
-    (Slot.AT_SPAN_M, "span_M", (Slot.SIZE, 2)),
-    (Slot.AT_SPAN_N, "span_N", (Slot.SIZE, 2)),
-    (Slot.AT_SPAN_K, "span_K", (Slot.N_U, 2)),
+    (Slot.AT_SEGMENTS, "segments", (Slot.SEGMENTS, 5)),
+    (Slot.AT_SPAN_K, "span_K", (2,)),
     (Slot.AT_Y_0, "y_0", (Slot.N_Y,)),
     (Slot.AT_CTRL_0, "ctrl_0", (Slot.N_U,)),
     (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),
@@ -84,7 +83,9 @@ class Block:
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J: a := J a at an event, shape (N_a, N_a).
         R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
-        span_M, span_N, span_K: first entry of each row that is not zero, and the one after the last.
+        segments: first row and end of each segment of the state, first column of M that is not zero there and end, and
+            whether N is not zero there; shape (S, 5).
+        span_K: first column of K that is not zero, and end; shape (2,).
         y_0, ctrl_0: outputs and controls at the operating point, shapes (n_y,), (n_u,).
         terms: disturbance: input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
     """
@@ -96,8 +97,7 @@ class Block:
     J: Array
     R: Array
     cuts: Array
-    span_M: Array
-    span_N: Array
+    segments: Array
     span_K: Array
     y_0: Array
     ctrl_0: Array
@@ -131,8 +131,9 @@ def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Distu
     ])  # fmt: skip
     parts = {
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "R")},
-        **{f"span_{name}": spans(getattr(realisation, name)) for name in ("M", "N", "K")},
         "cuts": realisation.cuts[:-1],
+        "segments": _segments(realisation),
+        "span_K": span(realisation.K),
         "y_0": y_0,
         "ctrl_0": ctrl_0,
         "terms": terms,
@@ -141,6 +142,7 @@ def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Distu
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
     header[[Slot.ROWS, Slot.FACES, Slot.TERMS]] = len(realisation.R), len(realisation.cuts) - 1, len(terms)
+    header[Slot.SEGMENTS] = len(realisation.layout.names)
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at
@@ -164,11 +166,13 @@ def block_of(model: mujoco.MjModel) -> Block | None:
     return Block(header=data[:HEADER], **parts)
 
 
-def spans(matrix: Array) -> Array:
-    """First entry of each row that is not zero and the one after the last, shape (rows, 2); (0, 0) for a zero row."""
-    found = np.zeros((len(matrix), 2))
-    for row, entries in zip(found, matrix, strict=True):
-        used = np.flatnonzero(entries)
-        if len(used):
-            row[:] = used[0], used[-1] + 1
-    return found
+def span(matrix: Array) -> tuple[int, int]:
+    """First column that is not zero throughout, and the one after the last; (0, 0) for a zero matrix."""
+    used = np.flatnonzero(matrix.any(axis=0))
+    return (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
+
+
+def _segments(realisation: Realisation) -> Array:
+    rows = [realisation.layout[name] for name in realisation.layout.names]
+    M, N = realisation.M, realisation.N
+    return np.array([(r.start, r.stop, *span(M[r]), N[r].any()) for r in rows], dtype=float)

@@ -51,12 +51,10 @@ def _ours(b, controls, activations):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _row(b, at, i, width, at_span, vector):  # type: ignore[no-untyped-def]
-    """Row i of the matrix at ``at`` times ``vector``, over the span of entries that are not zero."""
-    first, end = int(b[at_span + 2 * i]), int(b[at_span + 2 * i + 1])
+def _dot(b, at, vector, first, count):  # type: ignore[no-untyped-def]
     total = 0.0
-    for j in range(first, end):
-        total += b[at + i * width + j] * vector[j]
+    for j in range(count):
+        total += b[at + j] * vector[first + j]
     return total
 
 
@@ -64,8 +62,10 @@ def _row(b, at, i, width, at_span, vector):  # type: ignore[no-untyped-def]
 def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
+    first = int(b[at_span])
+    count = int(b[at_span + 1]) - first
     for i in range(int(b[Slot.N_U])):
-        ctrl[i] = b[at_0 + i] - _row(b, at, i, size, at_span, a)
+        ctrl[i] = b[at_0 + i] - _dot(b, at + i * size + first, a, first, count)
     phase = b[Slot.PHASE]
     if phase < 0:
         phase = time
@@ -80,12 +80,18 @@ def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
 def _rates(b, a, y, rate):  # type: ignore[no-untyped-def]
     """ȧ = M a + N (y − y_0)."""
     size, n_y, at_0 = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0])
-    at_M, at_span_M = int(b[Slot.AT_M]), int(b[Slot.AT_SPAN_M])
-    at_N, at_span_N = int(b[Slot.AT_N]), int(b[Slot.AT_SPAN_N])
-    for i in range(size):
-        rate[i] = _row(b, at_M, i, size, at_span_M, a)
-        for j in range(int(b[at_span_N + 2 * i]), int(b[at_span_N + 2 * i + 1])):
-            rate[i] += b[at_N + i * n_y + j] * (y[j] - b[at_0 + j])
+    at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
+    for _ in range(int(b[Slot.SEGMENTS])):
+        start, end, first = int(b[at]), int(b[at + 1]), int(b[at + 2])
+        count = int(b[at + 3]) - first
+        for i in range(start, end):
+            rate[i] = _dot(b, at_M + i * size + first, a, first, count)
+        if b[at + 4] != 0:
+            for j in range(n_y):
+                departure = y[j] - b[at_0 + j]
+                for i in range(start, end):
+                    rate[i] += b[at_N + i * n_y + j] * departure
+        at += 5
 
 
 @cache

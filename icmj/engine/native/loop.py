@@ -21,8 +21,9 @@ from icmj.engine import reference
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.native import structs
 from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, search
-from icmj.engine.native.state import PROGRESS, Run, engine_of, plan_of, progress_at, rule_of
+from icmj.engine.native.state import PROGRESS, Engine, Plan, Rule, engine_of, plan_of, progress_at, rule_of
 from icmj.engine.native.step import forward, save, step
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import Schedule
@@ -38,29 +39,26 @@ _DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Sta
 
 
 @inlined
-def _fired(run, length, armed):  # type: ignore[no-untyped-def]
+def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-untyped-def]
     """Whether an event falls within the step just taken; leaves the state at the first, or at the end."""
-    rule = run.rule
     evaluate(rule)
     if not armed:
         return False
     face = active(rule.now)
     if face < 0:
         return False
-    top = rule.left[:, 0]
     for j in range(len(rule.now)):
-        top[j] = max(abs(rule.before[j, 0] + 1), abs(rule.now[j, 0] + 1))
-    if may_reach_zero(rule.before, rule.now, top, length, margin(run.plan.rate, length)):
-        return search(run, length, top.copy())
+        rule.top[j] = max(abs(rule.before[j, 0] + 1), abs(rule.now[j, 0] + 1))
+    if may_reach_zero(rule.before, rule.now, rule.top, length, margin(rate, length)):
+        return search(engine, progress, rule, rate, length)
     if rule.now[face, 0] >= 0:
-        locate(run, 0.0, rule.before, length)
+        locate(engine, progress, rule, 0.0, rule.before, length)
         return True
     return False
 
 
 @inlined
-def _status(run):  # type: ignore[no-untyped-def]
-    engine, plan = run.engine, run.plan
+def _status(engine, plan):  # type: ignore[no-untyped-def]
     size = 0.0
     for part in (engine.qpos, engine.qvel, engine.act):
         for i in range(len(part)):
@@ -95,8 +93,8 @@ def _write(engine, row):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _record(run, record, fired, due):  # type: ignore[no-untyped-def]
-    engine, progress, count = run.engine, run.progress, record.count
+def _record(engine, progress, interval, record, fired, due):  # type: ignore[no-untyped-def]
+    count = record.count
     row = record.dense[count[0]]
     row[0] = engine.time[0]
     for i in range(len(engine.sensordata)):
@@ -109,7 +107,7 @@ def _record(run, record, fired, due):  # type: ignore[no-untyped-def]
             _write(engine, record.events[count[2]])
             record.event_at[count[2]] = count[0]
             count[2] += 1
-        progress[0].next_row = engine.time[0] + run.plan.record_interval
+        progress[0].next_row = engine.time[0] + interval
     count[0] += 1
 
 
@@ -126,8 +124,7 @@ def _reset(rule):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _advance(run, record, steps):  # type: ignore[no-untyped-def]
-    engine, plan, rule, progress = run.engine, run.plan, run.rule, run.progress
+def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
     time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
     armed = progress[0].armed != 0
     status = _RUNNING
@@ -147,8 +144,8 @@ def _advance(run, record, steps):  # type: ignore[no-untyped-def]
             save(engine)
             progress[0].begin = t
             progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
-            step(run, length, True)
-            fired = _fired(run, length, armed)
+            step(engine, progress, length, True)
+            fired = _fired(engine, progress, rule, plan.rate, length, armed)
             if fired:
                 lands = lands and time[0] >= target
             copy(rule.now, rule.before)
@@ -156,7 +153,7 @@ def _advance(run, record, steps):  # type: ignore[no-untyped-def]
             progress[0].grid, progress[0].steps = time[0], 0
         else:
             progress[0].steps += 1
-        status = _status(run)
+        status = _status(engine, plan)
         if status == _RUNNING and lands:
             # what was planned for this time
             if time[0] >= arm:
@@ -171,7 +168,8 @@ def _advance(run, record, steps):  # type: ignore[no-untyped-def]
             progress[0].events += 1
             if status == _RUNNING and progress[0].events >= plan.events:
                 status = _REACHED
-        _record(run, record, fired, status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep)
+        due = status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
+        _record(engine, progress, plan.record_interval, record, fired, due)
         if fired:
             _reset(rule)
             progress[0].last_event = time[0]
@@ -190,14 +188,45 @@ def _advance(run, record, steps):  # type: ignore[no-untyped-def]
     return status
 
 
+@inlined
+def _bare_engine(e):  # type: ignore[no-untyped-def]
+    return Engine(
+        e.model, e.data, e.integrator, bare(e.timestep), bare(e.time), bare(e.qpos), bare(e.qvel), bare(e.act),
+        bare(e.sensordata), bare(e.warmstart), bare(e.warnings), bare(e.phase), bare(e.saved),
+    )  # fmt: skip
+
+
+@inlined
+def _bare_plan(p):  # type: ignore[no-untyped-def]
+    return Plan(
+        p.timestep, p.t_end, p.delta_min, p.clock, bare(p.edges), bare(p.phases), p.record_interval, p.limit, p.rate,
+        p.events, bare(p.qpos_0), bare(p.departure), p.hinges,
+    )  # fmt: skip
+
+
+@inlined
+def _bare_rule(r):  # type: ignore[no-untyped-def]
+    return Rule(
+        bare(r.a), bare(r.a_rate), bare(r.J), bare(r.R), bare(r.cuts), bare(r.spans), bare(r.scratch),
+        bare(r.before), bare(r.left), bare(r.now), bare(r.top),
+    )  # fmt: skip
+
+
+@inlined
+def _bare_record(r):  # type: ignore[no-untyped-def]
+    return Recording(bare(r.dense), bare(r.rows), bare(r.events), bare(r.event_at), bare(r.count))
+
+
 @cache
 def _entry() -> Any:
     source = sources()
 
     @entry
-    def advance(run, record, steps):  # type: ignore[no-untyped-def]
-        run.progress[0].source = source
-        return _advance(run, record, steps)
+    def advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
+        progress[0].source = source
+        return _advance(
+            _bare_engine(engine), _bare_plan(plan), _bare_rule(rule), bare(progress), _bare_record(record), steps
+        )
 
     return advance
 
@@ -212,19 +241,20 @@ class NativeLoop:
         self._model, self._data, self._block, self._schedule = model, data, block, schedule
         phase = block.header[Slot.PHASE : Slot.PHASE + 1]
         plan = plan_of(schedule, qpos_0, model)
-        self._run = Run(engine_of(model, data, phase), plan, rule_of(block, data), np.zeros(1, PROGRESS))
+        self._progress = np.zeros(1, PROGRESS)
+        self._run = engine_of(model, data, phase), plan, rule_of(block, data), self._progress
         self.begin()
         _verify(data, block)
 
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
-        progress_at(self._data.time, self._schedule, self._run.progress)
+        progress_at(self._data.time, self._schedule, self._progress)
         self._block.header[Slot.PHASE] = self._schedule.phases[self._schedule.first_edge(self._data.time)]
         mujoco.mj_forward(self._model, self._data)
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
-        return Status(_entry()(self._run, record, steps))
+        return Status(_entry()(*self._run, record, steps))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:

@@ -32,6 +32,15 @@ def word(base, at):  # type: ignore[no-untyped-def]
     return carray(pointer(base + at), 1, np.int64)[0]
 
 
+@inlined
+def bare(array):  # type: ignore[no-untyped-def]
+    """The same array without a reference count, in compiled code; whoever calls it keeps the memory alive.
+
+    Counting references is atomic, and a step would count a hundred of them.
+    """
+    return carray(pointer(array.ctypes.data), array.shape, array.dtype)
+
+
 def view(address: int, kind: Any, size: int) -> np.ndarray:
     """A numpy view of the engine's own memory."""
     return np.ctypeslib.as_array((kind * size).from_address(address))

@@ -104,16 +104,16 @@ def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-d
 
 
 @compiled
-def locate(run, low, at_low, high):  # type: ignore[no-untyped-def]
+def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untyped-def]
     """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not)."""
-    now = run.rule.now
+    now = rule.now
     s = np.inf
     for j in range(len(now)):
         if now[j, 0] >= 0:
             s = min(s, _hermite_root(low, at_low[j, 0], at_low[j, 1], high, now[j, 0], now[j, 1]))
     for trial in range(60):
-        step(run, s, False)
-        evaluate(run.rule)
+        step(engine, progress, s, False)
+        evaluate(rule)
         face = active(now)
         E, dE = now[face, 0], now[face, 1]
         if E >= 0:
@@ -127,23 +127,22 @@ def locate(run, low, at_low, high):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def search(run, length, top):  # type: ignore[no-untyped-def]
+def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def]
     """Look for an event inside the step just taken, ever finer; leaves the state there, or at the end."""
-    rule = run.rule
     pieces = 2
     while pieces <= _SPLITS:
         s_a = 0.0
         copy(rule.before, rule.left)
-        allowed = margin(run.plan.rate, length / pieces)
+        allowed = margin(rate, length / pieces)
         settled = True
         for j in range(1, pieces + 1):
             s_b = length * j / pieces
-            step(run, s_b, False)
+            step(engine, progress, s_b, False)
             evaluate(rule)
             if rule.now[active(rule.now), 0] >= 0:
-                locate(run, s_a, rule.left, s_b)
+                locate(engine, progress, rule, s_a, rule.left, s_b)
                 return True
-            settled = settled and not may_reach_zero(rule.left, rule.now, top, s_b - s_a, allowed)
+            settled = settled and not may_reach_zero(rule.left, rule.now, rule.top, s_b - s_a, allowed)
             s_a = s_b
             copy(rule.now, rule.left)
         if settled:

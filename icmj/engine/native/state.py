@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.block import Block
+from icmj.engine.block import Block, span
 from icmj.engine.native import structs
 from icmj.engine.native.memory import DOUBLE, INT, view
 from icmj.engine.schedule import Schedule
@@ -50,7 +50,6 @@ class Engine(NamedTuple):
     qpos: Array
     qvel: Array
     act: Array
-    act_dot: Array
     sensordata: Array
     warmstart: Array
     warnings: np.ndarray
@@ -80,7 +79,7 @@ class Rule(NamedTuple):
     """The controller's states, their reset, the faces of its event rule, and room for their values.
 
     ``before``, ``left`` and ``now`` hold (E_j, dE_j/dt) of every face: at the step's begin, at the left end of the
-    piece that is looked at, and where the engine is.
+    piece that is looked at, and where the engine is; ``top`` the larger |E_j + 1| of the step's ends.
     """
 
     a: Array
@@ -93,15 +92,7 @@ class Rule(NamedTuple):
     before: Array
     left: Array
     now: Array
-
-
-class Run(NamedTuple):
-    """Everything; ``progress`` is one record of :data:`PROGRESS`."""
-
-    engine: Any
-    plan: Any
-    rule: Any
-    progress: np.ndarray
+    top: Array
 
 
 def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engine:
@@ -117,7 +108,6 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engin
         qpos=data.qpos,
         qvel=data.qvel,
         act=data.act,
-        act_dot=data.act_dot,
         sensordata=data.sensordata,
         warmstart=data.qacc_warmstart,
         warnings=warnings,
@@ -147,8 +137,6 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
 
 def rule_of(block: Block, data: mujoco.MjData) -> Rule:
     """The controller's part of the state and its event rule."""
-    from icmj.engine.block import spans
-
     faces = len(block.cuts)
     return Rule(
         a=data.act[block.act],
@@ -156,11 +144,12 @@ def rule_of(block: Block, data: mujoco.MjData) -> Rule:
         J=np.ascontiguousarray(block.J),
         R=np.ascontiguousarray(block.R),
         cuts=block.edges,
-        spans=spans(block.R).astype(np.int64),
+        spans=np.array([span(row[None, :]) for row in block.R], dtype=np.int64).reshape(-1, 2),
         scratch=np.empty(len(block.J)),
         before=np.zeros((faces, 2)),
         left=np.zeros((faces, 2)),
         now=np.zeros((faces, 2)),
+        top=np.zeros(faces),
     )
 
 

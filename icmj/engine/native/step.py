@@ -32,22 +32,20 @@ def save(engine):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _restore(run):  # type: ignore[no-untyped-def]
-    engine = run.engine
+def _restore(engine, progress):  # type: ignore[no-untyped-def]
     at = 0
     for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
         for i in range(len(part)):
             part[i] = engine.saved[at + i]
         at += len(part)
-    engine.time[0] = run.progress[0].begin
+    engine.time[0] = progress[0].begin
 
 
 @inlined
-def step(run, length, first):  # type: ignore[no-untyped-def]
+def step(engine, progress, length, first):  # type: ignore[no-untyped-def]
     """One step of the length given from the saved state, and the forward pass at its end."""
-    engine, progress = run.engine, run.progress
     if not first:
-        _restore(run)
+        _restore(engine, progress)
         forward(engine.model, engine.data)
     engine.timestep[0] = length
     if engine.integrator == RK4:
