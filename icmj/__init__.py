@@ -129,6 +129,8 @@ _HOMES = {
     ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
+# a rule is public by standing in its home's list of names
+_OPEN_HOME = "icmj.controller.trigger"
 
 try:
     __version__ = version("icmj")
@@ -137,9 +139,11 @@ except PackageNotFoundError:  # a source tree that is not installed
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'icmj' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    if not name.startswith("_") and name in (home := import_module(_OPEN_HOME)).__all__:
+        return getattr(home, name)
+    raise AttributeError(f"module 'icmj' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -52,6 +52,8 @@ class EngineOpenLoop:
                 tracker.add(record.dense[:n_dense, 0], record.dense[:n_dense, 1:] - y_0, record.event_at[:n_events])
                 last = float(record.dense[n_dense - 1, 0]) if n_dense else last
             row = record.events[0] if n_events else record.rows[n_rows - 1]
+            if not n_events and not n_rows:  # there was no time to fly
+                row = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))
         end = loop.departures(row[None, :].copy())
         y_max, y_min = tracker.result() if n_events else (np.full((1, len(y_0)), np.nan),) * 2

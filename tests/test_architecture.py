@@ -1,0 +1,113 @@
+"""The floor plan: who may import whom, that the README draws it, and that each thing has one home."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
+
+# from the ground up; folders on one floor do not know each other
+FLOORS = (
+    ("errors", "base"),
+    ("plant",),
+    ("controller",),
+    ("theory", "simulation"),
+    ("linear", "engine", "measurement", "runfile"),
+    ("case", "result"),
+    ("experiment", "comparison", "view"),
+    ("log", "report"),
+    ("study",),
+    ("cli",),
+)
+LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}
+ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": "engine/native", "tyro": "cli", "pydantic": "runfile"}
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+def folder_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def name_of(path: Path) -> str:
+    return ".".join(("icmj", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+ALL_NAMES = {name_of(path) for path in MODULES}
+
+
+def imports(path: Path) -> set[str]:
+    """Modules that a file imports, wherever in it; those for type checkers count."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            # a module taken out of its package is an arrow to the module alone
+            found |= inner & ALL_NAMES or {node.module, *inner}
+    return found
+
+
+def test_every_folder_has_its_floor_and_nothing_else_lies_at_the_root() -> None:
+    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and (path / "__init__.py").exists()}
+    files = {path.stem for path in PACKAGE.glob("*.py")}
+    assert folders | (files - {"__init__"}) == set(LEVEL)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_no_arrow_runs_up(path: Path) -> None:
+    here = folder_of(path)
+    for name in imports(path):
+        if not name.startswith("icmj."):
+            continue
+        there = name.split(".")[1]
+        if there in LEVEL and there != here:
+            assert LEVEL[there] < LEVEL[here], f"{name_of(path)} imports {name}"
+
+
+def test_no_circle_among_modules() -> None:
+    names = {name_of(path): path for path in MODULES}
+    arrows = {
+        name: {other for other in imports(path) if other in names and other != name} for name, path in names.items()
+    }
+    # a package's own __init__ re-exports its modules; they do not import it back
+    done: set[str] = set()
+
+    def visit(name: str, way: tuple[str, ...]) -> None:
+        assert name not in way, " → ".join([*way[way.index(name) :], name])
+        if name not in done:
+            for other in arrows[name]:
+                visit(other, (*way, name))
+            done.add(name)
+
+    for name in names:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_libraries_stay_in_their_rooms(library: str) -> None:
+    for path in MODULES:
+        if not path.relative_to(PACKAGE).as_posix().startswith(ONLY_IN[library]):
+            used = {name for name in imports(path) if name == library or name.startswith(f"{library}.")}
+            assert not used, f"{name_of(path)} imports {library}"
+
+
+def test_nobody_asks_what_class_a_trigger_is_outside_its_home() -> None:
+    asked = re.compile(r"(isinstance\([^)]*|case )\b(Event|Clock|Box)?(Trigger|EventRule|Continuous)\b")
+    for path in MODULES:
+        if folder_of(path) != "controller":
+            assert not asked.search(path.read_text(encoding="utf-8")), name_of(path)
+
+
+def test_modules_are_small() -> None:
+    for path in MODULES:
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 310, name_of(path)
+
+
+def test_the_readme_draws_these_floors() -> None:
+    readme = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+    drawn = [tuple(re.findall(r"`icmj/(\w+)/`", line)) for line in readme.splitlines() if line.startswith("| `icmj/")]
+    expected = [tuple(folder for folder in floor if folder != "errors") for floor in reversed(FLOORS)]
+    assert drawn == expected
