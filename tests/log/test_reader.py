@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from log_cases import made_up, with_scene
-from test_archive import assert_same, awkward
+from log_cases import assert_same, awkward, made_up, with_scene
 
 from icmj.errors import LogError
 from icmj.log import read_log, read_summary, write_log

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +12,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from log_cases import MODELS, made_up, with_scene
+from log_cases import MODELS, assert_same, made_up, with_scene
 from rerun.chunk import RrdReader
-from test_archive import assert_same
 
+from icmj.base.files import whole
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
@@ -260,7 +262,14 @@ def test_a_full_disk_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     """rerun itself is silent about it until the file is read back."""
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
-    (tmp_path / "x.rrd.tmp").symlink_to("/dev/full")
+
+    @contextmanager
+    def on_a_full_disk(target: Path) -> Iterator[Path]:
+        with whole(target) as part:
+            part.symlink_to("/dev/full")
+            yield part
+
+    monkeypatch.setattr("icmj.log.writer.whole", on_a_full_disk)
     with pytest.raises(LogError, match="cannot be written"):
         write_log(made_up(duration=3.0)[0], tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []
