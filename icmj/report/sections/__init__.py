@@ -3,11 +3,12 @@
 from icmj.report.sections.attractors import attractors
 from icmj.report.sections.figures import figures, law
 from icmj.report.sections.plants import designs, matrix, settings
-from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
 
 __all__ = [
+    "DrawnPanel",
     "Picture",
     "Section",
     "abstract",
