@@ -46,9 +46,9 @@ def test_the_summary_holds_the_numbers_in_full(log: Path) -> None:
     assert facts["predicted"]["gamma"] == result.prediction.gamma
     assert facts["measured"]["interval"] == result.measurement.interval
     assert facts["measured"]["amplitude_angle"] == result.measurement.amplitude[0]
-    assert (
-        facts["case"] | {"name": "made-up", "plant": "linear", "events": len(result.simulation.events)} == facts["case"]
-    )
+    simulation = result.simulation
+    counted = {"rows": len(simulation.t), "events": len(simulation.events)}
+    assert facts["case"] | {"name": "made-up", "plant": "linear", **counted} == facts["case"]
     assert facts["outcome"]["kind"] == "completed"
     assert facts["precision"]["event_tolerance"] == 1e-13
     assert facts["provenance"] == {"icmj": "0.1.0", "git": "0123abc"}

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from log_cases import made_up
 
-from icmj.controller.trigger import ClockTrigger
+from icmj.controller.design import Design
+from icmj.controller.trigger import ClockTrigger, EventRule, Faces
 from icmj.log.signals import groups
 
 CASES = {
@@ -59,6 +60,36 @@ def test_series_are_left_out_where_they_do_not_exist() -> None:
         simulation=replace(result.simulation, control="clock", E=np.full_like(result.simulation.E, np.nan)),
     )
     assert everything - {g.path for g in groups(clock)} == {"trigger/E", "trigger/threshold", "trigger/events"}
+
+
+class Box(EventRule):
+    """A rule with a face for each state, which the viewer has never heard of."""
+
+    size = 0.02
+
+    def resized(self, size: float) -> Box:
+        raise NotImplementedError
+
+    def faces(self, design: Design) -> Faces:
+        n = design.plant.n
+        return Faces(np.eye(n) / self.size, np.arange(n + 1), unit=self.size**2)
+
+    def facts(self) -> dict[str, float]:
+        return {"half_width": self.size}
+
+
+def test_the_event_function_of_any_rule_is_shown_against_its_threshold() -> None:
+    result, _ = made_up(*CASES["+1"])
+    simulation, rule = result.simulation, Box()
+    e = simulation.x_h - simulation.x_o
+    E = np.abs(e).max(axis=1) ** 2 - rule.size**2
+    boxed = replace(result, controller=result.controller.triggered_by(rule), simulation=replace(simulation, E=E))
+    shown = next(group for group in groups(boxed) if group.path == "trigger/E")
+    before = np.searchsorted(shown.t, simulation.t)
+    expected = (np.abs(e).max(axis=1) / rule.size) ** 2 - 1
+    np.testing.assert_allclose(shown.values[before, 0], expected, atol=1e-12)
+    after = np.searchsorted(shown.t, simulation.events.t, side="right") - 1
+    np.testing.assert_array_equal(shown.values[after, 0], -1)
 
 
 def test_every_series_has_a_name_and_a_colour() -> None:

@@ -16,11 +16,12 @@ from log_cases import MODELS, assert_same, made_up, with_scene
 from rerun.chunk import RrdReader
 
 from icmj.base.files import whole
+from icmj.comparison.comparison import Comparison, compare
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log import read_log, write_log
+from icmj.log import read_log, read_summary, write_log
 from icmj.log.figure import FRAME, eye
 from icmj.measurement.measurement import measure
 from icmj.result.result import Result
@@ -202,7 +203,7 @@ def other_kinds() -> dict[str, Result]:
     )
     return {
         "no events": replace(result, simulation=replace(simulation, events=never), measurement=quiet),
-        "one sample": replace(result, simulation=replace(simulation, **one, events=never), measurement=quiet),
+        "one row": replace(result, simulation=replace(simulation, **one, events=never), measurement=quiet),
         "diverged": replace(result, simulation=replace(simulation, **nan)),
         "diverged, with figures": with_scene(replace(result, simulation=replace(simulation, **nan)), plant),
         "no prediction": replace(result, prediction=replace(result.prediction, cycle=False, **nothing)),
@@ -226,6 +227,21 @@ def test_every_kind_of_result_is_logged(kind: str, tmp_path: Path) -> None:
     result = other_kinds()[kind]
     write_log(result, tmp_path / "x.rrd")
     assert_same(replace(result, scene=None), read_log(tmp_path / "x.rrd"))
+
+
+def test_a_run_is_compared_with_its_prediction_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[Result] = []
+
+    def counting(result: Result) -> Comparison:
+        compared.append(result)
+        return compare(result)
+
+    for module in ("writer", "summary"):
+        monkeypatch.setattr(f"icmj.log.{module}.compare", counting, raising=False)
+    result, _ = made_up(duration=3.0)
+    write_log(result, tmp_path / "x.rrd")
+    assert compared == [result]
+    assert read_summary(tmp_path / "x.rrd")["outcome"]["verdict"] == compare(result).words
 
 
 def test_one_content_has_one_identity(tmp_path: Path) -> None:
