@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -21,11 +23,11 @@ from icmj.measurement.measurement import Measurement
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.runfile.reading import parse_run
+from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.crossings import Crossing
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.locus import Locus
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
@@ -134,13 +136,10 @@ def predict_by_hand(system: ErrorSystem, trigger: EventTrigger, delta: float) ->
         admissible=True,
         reason="",
     )
-    grid = np.linspace(0.1, 2 * delta, 60)
-    locus = Locus(grid, np.array([np.linalg.eigvals(system.phi(d)).astype(complex) for d in grid]))
     crossing = Crossing(delta, complex(sign), "+1" if sign > 0 else "-1", "rising", float(np.abs(values[1])))
     return Prediction(
         *(delta, complex(sign), True, orbit.period, gamma, peaks[0], (crossing,), 2 * delta, orbit),
         *(values[1:].astype(complex), "attracting", float(np.linalg.cond(V)), V_inv.astype(complex), True, True),
-        *(locus, locus),
     )
 
 
@@ -200,6 +199,36 @@ def made_up(
 
 def with_scene(result: Result, plant: MujocoPlant, magnification: float = 10.0) -> Result:
     """The same with 3D poses."""
-    from dataclasses import replace
-
     return replace(result, scene=scene(plant, result.simulation, magnification))
+
+
+def assert_same(a: Any, b: Any, where: str = "result") -> None:
+    """Equal down to types, dtypes and bits."""
+    assert type(a) is type(b), where
+    if isinstance(a, np.ndarray):
+        assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), where
+    elif isinstance(a, RunFile):
+        assert (a.text, a.path, a) == (b.text, b.path, b), where
+    elif is_dataclass(a):
+        for field in fields(a):
+            assert_same(getattr(a, field.name), getattr(b, field.name), f"{where}.{field.name}")
+    elif isinstance(a, tuple | list):
+        assert len(a) == len(b), where
+        for i, (x, y) in enumerate(zip(a, b, strict=True)):
+            assert_same(x, y, f"{where}[{i}]")
+    elif isinstance(a, dict):
+        assert a.keys() == b.keys(), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}[{key}]")
+    else:
+        assert a == b or a != a, where
+
+
+def awkward() -> Result:
+    """A result with everything that formats like to lose."""
+    result, _ = made_up(duration=3.0)
+    x = result.simulation.x.copy()
+    x[0, 0], x[1, 0], x[2, 0], x[3, 0] = -0.0, np.inf, np.nextafter(0, 1), 0.1 + 0.2
+    x[4, 1] = np.frombuffer(np.uint64(0x7FF8_0000_0000_BEEF).tobytes())[0]  # a NaN with a payload
+    precision = {"order": 4, "error": 1 / 3, "name": "RK4 „quoted“\n", "none": float("nan"), "big": 10**15}
+    return replace(result, simulation=replace(result.simulation, x=x, precision=precision))

@@ -78,8 +78,8 @@ def attractors(
 
 
 def _scales(run: Simulation, T_hat: Array) -> tuple[Array, Array]:
-    scale_x = np.abs(run.x).max(axis=0)
-    scale_o = np.abs(run.x_o - run.x @ T_hat.T).max(axis=0)
+    scale = np.abs(reduced_states(run.x, run.x_o, T_hat)).max(axis=0)
+    scale_x, scale_o = np.split(scale, [run.x.shape[1]])
     if not (scale_x.max() > 0 and np.isfinite(scale_x).all()):
         raise SimulationError("the run that sets the scale of the starts stays at zero; give it an initial state")
     return scale_x, scale_o
@@ -101,7 +101,7 @@ def _settle(
         # anything bounded that has not closed may still be a transient
         if measurement.kind in ("cycle", "homoclinic", "growth"):
             break
-    states = reduced_states(run, T_hat)
+    states = reduced_states(run.events.x, run.events.x_o, T_hat)
     return measurement, states[len(states) - (measurement.p or 0) :]
 
 

@@ -10,8 +10,8 @@ entity                             what
 ``summary``                        one page of Markdown
 ``outputs``, ``inputs``            ``run``, ``continuous`` controller, ``predicted`` orbit laid on the last event
 ``states``                         ``plant`` x, ``observer`` x_o, ``hold`` x_h
-``trigger``                        ``E`` / q_t², ``threshold``, ``events``
-``interval``                       ``running`` since the last sample, ``events`` Δ_i, ``delta_crit``
+``trigger``                        ``E`` / threshold², ``threshold``, ``events``
+``interval``                       ``running`` since the last event, ``events`` Δ_i, ``delta_crit``
 ``modes``                          χ = V⁻¹x̄: ``critical``, ``others``, ±``gamma``, ``events``
 ``phase``                          every output against its rate, scaled to a frame
 ``scene/true``, ``magnified``      bodies and centre of mass; the second with the sway magnified
@@ -44,7 +44,7 @@ def read_log(path: Path | str) -> Result:
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
-    """The properties of a log by section; see :func:`icmj.log.reader.read_summary`."""
+    """The properties of a log by topic; see :func:`icmj.log.reader.read_summary`."""
     from icmj.log.reader import read_summary
 
     return read_summary(path)

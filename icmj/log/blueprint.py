@@ -29,7 +29,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
         _plot("Plant state x", "states/plant", window),
     ]
     if control == "event":
-        states.insert(0, _plot("Event function E / q_t²", "trigger", window))
+        states.insert(0, _plot("Event function E / threshold²", "trigger", window))
     middle: list[Any] = [
         _plot("Outputs y [rad]", "outputs", window),
         _plot("Inputs u [N m]", "inputs", window),

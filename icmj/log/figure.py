@@ -19,7 +19,7 @@ FRAME = 0.02  # s between two poses: a screen shows no more
 
 
 def frames(t: Array) -> NDArray[np.intp]:
-    """Indices of the samples to show as frames, one in every ``FRAME`` seconds, and the last."""
+    """Indices of the rows to show as frames, one in every ``FRAME`` seconds, and the last."""
     picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
     return np.union1d(picked, len(t) - 1)
 

@@ -13,25 +13,24 @@ from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.columns import time_column
 from icmj.log.figure import frames
-from icmj.log.signals import orbit_at
 from icmj.result.result import Result
+from icmj.view.laid_orbit import laid_orbit
+from icmj.view.motion import output_rate
+from icmj.view.timeline import event_rows
 
 ROOT = "phase"
 WIDE = 1.6  # width of the frame over its height
-SETTLED = 0.5  # the last part of a run, drawn bright; before it is the approach, drawn dim
+LATE = 0.5  # the part of a run at its end that is drawn bright; before it is the approach, drawn dim
 
 
 def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and where it is now."""
-    simulation, orbit = result.simulation, result.prediction.orbit
+    simulation = result.simulation
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
-    cycle = orbit if result.prediction.cycle else None
-    if cycle is not None:
-        t = np.linspace(0.0, cycle.period, 400)
-        X, y_orbit, u_orbit = orbit_at(result, cycle, t)
-        rate_orbit = output_rate(result, X[:, : result.actual.n], u_orbit)
-    late = simulation.t >= simulation.t[-1] * (1 - SETTLED)
-    seen = [(y[late], rate[late])] + ([(y_orbit, rate_orbit)] if cycle is not None else [])
+    laid = laid_orbit(result) if result.prediction.cycle else None
+    orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
+    late = simulation.t >= simulation.t[-1] * (1 - LATE)
+    seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])
     scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
 
     def placed(y: Array, rate: Array) -> Array:
@@ -40,8 +39,8 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     _write_frame(recording, scale_y, scale_rate)
     colours = palette.series(result.actual.n_y)
     approach = ~late
-    events = np.searchsorted(simulation.t, simulation.events.t[simulation.events.t >= simulation.t[-1] * (1 - SETTLED)])
-    events = events[events < len(simulation.t)]
+    events = event_rows(simulation)
+    events = events[late[events]]
     for i, (name, colour) in enumerate(zip(result.actual.outputs, colours, strict=True)):
         root = f"{ROOT}/{name}"
         strips = _inside(placed(y[approach, i], rate[approach, i]))
@@ -50,8 +49,8 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
             recording.log(
                 f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
             )
-        if cycle is not None:
-            line = placed(y_orbit[:, i], rate_orbit[:, i])
+        if orbit is not None:
+            line = placed(orbit[0][:, i], orbit[1][:, i])
             recording.log(
                 f"{root}/orbit",
                 rr.LineStrips2D([line], colors=[palette.dim(palette.PREDICTED)], radii=[-3.0], draw_order=10.0 + i),
@@ -76,12 +75,6 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     recording.log(f"{ROOT}/now", style, static=True)
     positions = rr.Points2D.columns(positions=now.reshape(-1, 2)).partition(np.full(len(shown), result.actual.n_y))
     recording.send_columns(f"{ROOT}/now", [time_column(simulation.t[shown])], positions)
-
-
-def output_rate(result: Result, x: Array, u: Array) -> Array:
-    """ẏ = C(Ax + Bu) of the linearised actual plant, shape (M, n_y)."""
-    plant = result.actual
-    return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
 
 
 def round_up(value: float) -> float:

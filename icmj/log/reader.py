@@ -45,21 +45,21 @@ def read_log(path: Path | str) -> Result:
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
-    """The properties of a log by section (case, outcome, predicted, measured, precision, provenance, run_file).
+    """The properties of a log by topic (case, outcome, predicted, measured, precision, provenance, run_file).
 
     Raises:
         LogError: if the file is missing, not a log of icmj, or cut short.
     """
     path = Path(path)
-    sections: dict[str, dict[str, Any]] = {}
+    topics: dict[str, dict[str, Any]] = {}
     for entity, row in _rows(path, "/__properties/**"):
         name = entity.removeprefix("/__properties").strip("/")
         facts = {key: values[0].as_py() for key, values in row.items() if len(values)}
         if name and facts:
-            sections.setdefault(name, {}).update(facts)
-    if "case" not in sections:
+            topics.setdefault(name, {}).update(facts)
+    if "case" not in topics:
         raise LogError(f"{path}: a rerun recording, but not a log of icmj; it has no summary")
-    return sections
+    return topics
 
 
 def _row(path: Path, entity: str) -> dict[str, Any]:

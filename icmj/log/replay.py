@@ -26,7 +26,7 @@ from icmj.log.reader import DamagedLog, read_summary
 
 LOOPBACK = "127.0.0.1"
 PATIENCE = 60.0  # s; a software renderer on a busy machine is slow to start
-SETTLE = 0.4  # s between two looks at the viewer
+PAUSE = 0.4  # s between two looks at the viewer
 NO_RENDERER = (
     "no graphics adapter; install a software renderer (Debian: apt-get install mesa-vulkan-drivers libvulkan1)"
 )
@@ -147,11 +147,11 @@ def _picture(port: int, at: float) -> bytes:
             break
         if clock.monotonic() > deadline:
             raise TimeoutError("the viewer did not finish loading")
-        clock.sleep(SETTLE)
+        clock.sleep(PAUSE)
     client.set_time("time", duration=at, play_state="paused")
     before = b""
     while clock.monotonic() < deadline:
-        clock.sleep(SETTLE)
+        clock.sleep(PAUSE)
         picture = client.take_screenshot()
         if picture == before:
             return picture

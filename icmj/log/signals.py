@@ -1,4 +1,4 @@
-"""The time series that people look at, computed from a result: what the paper's panels show, over time.
+"""The time series that people look at, gathered from a result: what the paper's panels show, over time.
 
 Plain numpy; how they are drawn is in :mod:`icmj.log.blueprint`, how they are stored in :mod:`icmj.log.writer`.
 """
@@ -14,10 +14,10 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.palette import Colour
-from icmj.plant.linear_plant import transformation
 from icmj.result.result import Result
-from icmj.simulation.simulation import Simulation
-from icmj.theory.orbit import Orbit
+from icmj.view.laid_orbit import laid_orbit
+from icmj.view.motion import modes, reduced
+from icmj.view.timeline import running_interval, with_resets
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Group:
 
     @property
     def aggregation(self) -> Literal["Off", "MinMax"]:
-        """How the viewer draws more samples than pixels: a sawtooth is kept as it is, smooth curves by extremes."""
+        """How the viewer draws more points than pixels: a sawtooth is kept as it is, smooth curves by extremes."""
         return "Off" if len(self.t) < 3000 else "MinMax"
 
 
@@ -55,65 +55,14 @@ def groups(result: Result) -> Iterator[Group]:
     yield from _modes(result)
 
 
-def modes(result: Result, x: Array, x_o: Array) -> Array:
-    """χ = V⁻¹ x̄ with x̄ = (x, x_o − T̂x) (eq. chi), its real part; shape (M, n + n̂).
-
-    Real for a real eigenvalue, as the critical one is; for a complex pair this is one phase of it.
-    """
-    assert result.prediction.V_inv is not None
-    T_hat = transformation(result.assumed, result.actual)
-    x_bar = np.hstack([x, x_o - x @ T_hat.T])
-    return np.ascontiguousarray((x_bar @ result.prediction.V_inv.T).real)
-
-
-def orbit_at(result: Result, orbit: Orbit, t: Array) -> tuple[Array, Array, Array]:
-    """Predicted (X̄, y, u) at times t, the orbit repeated and laid so that a sample falls on the last event.
-
-    The phase is all that is taken from the simulation: the theory does not say when the cycle starts, nor with which
-    sign. Shapes (M, n + 2n̂), (M, n_y), (M, n_u).
-    """
-    events = result.simulation.events
-    start, sign = 0.0, 1.0
-    if len(events):
-        T_hat = transformation(result.assumed, result.actual)
-        last = np.concatenate([events.x[-1], events.x_o[-1] - T_hat @ events.x[-1]])
-        start, sign = float(events.t[-1]), float(np.sign(last @ orbit.x_bar) or 1.0)
-    periods, tau = np.divmod(t - start, orbit.delta)
-    side = sign * np.where(periods % 2 == 0, 1.0, float(orbit.sign))
-    return tuple(
-        side[:, None] * np.column_stack([np.interp(tau, orbit.t, column) for column in values.T])
-        for values in (orbit.X, orbit.y, orbit.u)
-    )
-
-
-def with_resets(simulation: Simulation, values: Array, after: Array) -> tuple[Array, Array]:
-    """Samples (N, w) with the values (K, w) right after every event put in, so that a jump is drawn upright.
-
-    A sample at an event holds the value before the reset x_h := x_o.
-    """
-    at = simulation.events.t
-    if not len(at):
-        return simulation.t, values
-    place = np.searchsorted(simulation.t, at, side="right")
-    return np.insert(simulation.t, place, at), np.insert(values, place, after, axis=0)
-
-
-def running_interval(simulation: Simulation) -> tuple[Array, Array]:
-    """Time since the last sample, at every event before and after the reset: a sawtooth with vertical falls."""
-    events, end = simulation.events, float(simulation.t[-1])
-    t = np.concatenate([[0.0], np.repeat(events.t, 2), [end]])
-    since = np.concatenate([[0.0], np.column_stack([events.interval, 0 * events.t]).ravel(), [0.0]])
-    since[-1] = end - (events.t[-1] if len(events) else 0.0)
-    return t, since
-
-
 def _signals(result: Result) -> Iterator[Group]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
     y_colours, u_colours = palette.series(len(y_names)), palette.series(len(u_names))
-    if prediction.cycle and prediction.orbit is not None:
-        _, y, u = orbit_at(result, prediction.orbit, simulation.t)
+    laid = laid_orbit(result) if prediction.cycle else None
+    if laid is not None:
+        y, u = (laid.at(simulation.t, signal) for signal in (laid.orbit.y, laid.orbit.u))
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
             dim = tuple(palette.dim(colour) for colour in colours)
             yield Group(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
@@ -132,7 +81,7 @@ def _signals(result: Result) -> Iterator[Group]:
 
 
 def _trigger(result: Result) -> Iterator[Group]:
-    """E/q_t² with its threshold and the events on it."""
+    """E over the square of the threshold, with the level at which an event is due and the events on it."""
     simulation, controller = result.simulation, result.controller
     faces = controller.trigger.faces(controller.design)
     if not len(faces) or not np.isfinite(simulation.E).any():
@@ -140,7 +89,7 @@ def _trigger(result: Result) -> Iterator[Group]:
     events = simulation.events
     t, E = with_resets(simulation, simulation.E[:, None] / faces.unit, -np.ones((len(events), 1)))
     yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.PREDICTED,), 1.0)
-    yield Group("trigger/E", t, E, ("E / q_t²",), (palette.E,))
+    yield Group("trigger/E", t, E, ("E / threshold²",), (palette.E,))
     if len(events):
         at = np.zeros((len(events), 1))
         yield Group("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
@@ -163,11 +112,11 @@ def _intervals(result: Result) -> Iterator[Group]:
 
 
 def _modes(result: Result) -> Iterator[Group]:
-    """χ, with ±γ and the critical mode at the events."""
+    """χ, its real part, with ±γ and the critical mode at the events."""
     simulation, prediction = result.simulation, result.prediction
     if prediction.V_inv is None:
         return
-    chi = modes(result, simulation.x, simulation.x_o)
+    chi = modes(result, reduced(result, simulation.x, simulation.x_o)).real
     if chi.shape[1] > 1:
         others = ("other modes",) * (chi.shape[1] - 1)
         grey = (palette.OTHER_MODES,) * len(others)
@@ -177,5 +126,6 @@ def _modes(result: Result) -> Iterator[Group]:
         yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.PREDICTED,) * 2, 1.0)
     yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (palette.CRITICAL,))
     if len(simulation.events):
-        at = modes(result, simulation.events.x, simulation.events.x_o)[:, :1].copy()
-        yield Group("modes/events", simulation.events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
+        events = simulation.events
+        at = modes(result, reduced(result, events.x, events.x_o)).real[:, :1].copy()
+        yield Group("modes/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")

@@ -6,25 +6,30 @@ from typing import Any
 
 import numpy as np
 
-from icmj.comparison.comparison import compare
+from icmj.comparison.comparison import Comparison
 from icmj.result.result import Result
 
 Properties = dict[str, dict[str, float | int | bool | str]]
 
 
-def properties(result: Result) -> Properties:
-    """Facts of the run in full precision, by section; a number that does not exist is left out."""
+def properties(result: Result, compared: Comparison) -> Properties:
+    """Facts of the run in full precision, by topic; a number that does not exist is left out.
+
+    Args:
+        result: the run.
+        compared: the run beside its prediction.
+    """
     run, simulation, prediction, motion = result.run, result.simulation, result.prediction, result.measurement
-    compared, outputs = compare(result), result.actual.outputs
+    outputs = result.actual.outputs
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
     eigenvalue = predicted.eigenvalue
-    sections: dict[str, dict[str, Any]] = {
+    topics: dict[str, dict[str, Any]] = {
         "case": {
             "name": run.case.name,
             "title": run.case.title,
             "plant": simulation.plant,
             "control": simulation.control,
-            "samples": len(simulation.t),
+            "rows": len(simulation.t),
             "events": len(simulation.events),
         },
         "outcome": {
@@ -63,12 +68,12 @@ def properties(result: Result) -> Properties:
         "provenance": dict(result.provenance),
         "run_file": {"path": run.path.as_posix(), "text": run.text},
     }
-    return {name: {k: v for k, v in section.items() if v is not None} for name, section in sections.items()}
+    return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in topics.items()}
 
 
-def markdown(result: Result) -> str:
+def markdown(result: Result, compared: Comparison) -> str:
     """One page: the verdict, the numbers side by side, how the run ended and what made it."""
-    run, simulation, compared = result.run, result.simulation, compare(result)
+    run, simulation = result.run, result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
     outputs, nothing = result.actual.outputs, [None] * result.actual.n_y
     rows = [
@@ -104,7 +109,7 @@ def markdown(result: Result) -> str:
         "## Run",
         f"- outcome: the run {simulation.outcome.message}",
         f"- motion: {result.measurement.words}",
-        f"- {len(simulation.events)} events, {len(simulation.t)} samples",
+        f"- {len(simulation.events)} events, {len(simulation.t)} rows",
         *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),
         "",
         "## Provenance",

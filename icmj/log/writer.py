@@ -14,6 +14,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from icmj.base.files import whole
+from icmj.comparison.comparison import compare
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary
 from icmj.log.blueprint import blueprint
@@ -72,10 +73,11 @@ def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
-    for name, facts in summary.properties(result).items():
+    compared = compare(result)
+    for name, facts in summary.properties(result, compared).items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
-    document = rr.TextDocument(summary.markdown(result), media_type=rr.MediaType.MARKDOWN)
+    document = rr.TextDocument(summary.markdown(result, compared), media_type=rr.MediaType.MARKDOWN)
     recording.log("summary", document, static=True)
     _write_archive(recording, tree, arrays, digest)
     for group in signals.groups(result):

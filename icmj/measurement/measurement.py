@@ -105,7 +105,7 @@ def measure(
         floor: closure error that is taken for round-off, so that its trend means nothing.
     """
     events, K = simulation.events, len(simulation.events)
-    states = reduced_states(simulation, T_hat)
+    states = reduced_states(events.x, events.x_o, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")
     if K == 0:
@@ -140,10 +140,9 @@ def measure(
     return _open(simulation, states, returns, running, tolerance, floor)
 
 
-def reduced_states(simulation: Simulation, T_hat: Array) -> Array:
-    """x̄ = (x, x_o − T̂x) at the events, shape (K, n + n̂); a reset does not change it."""
-    x, x_o = simulation.events.x, simulation.events.x_o
-    return np.hstack([x, x_o - x @ np.asarray(T_hat, float).T])
+def reduced_states(x: Array, x_o: Array, T_hat: Array) -> Array:
+    """x̄ = (x, x_o − T̂x), which a reset does not change; shapes (..., n), (..., n̂), (n̂, n) → (..., n + n̂)."""
+    return np.concatenate([x, x_o - x @ np.asarray(T_hat, float).T], axis=-1)
 
 
 def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat: Array) -> float:
@@ -154,7 +153,7 @@ def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat:
         V_inv: rows map x̄ to χ, the critical one first, shape (n + n̂, n + n̂).
         T_hat: T̂, shape (n̂, n).
     """
-    states = reduced_states(simulation, T_hat)
+    states = reduced_states(simulation.events.x, simulation.events.x_o, T_hat)
     return float(np.abs(states[-2:] @ V_inv[0]).mean()) if len(states) >= 2 else float("nan")
 
 
@@ -272,7 +271,7 @@ def _other(simulation: Simulation, kind: MotionKind, words: str) -> Measurement:
 
 
 def _amplitude(simulation: Simulation, last: int) -> Array:
-    """Peak of every output over the last intervals; over the second half of the samples without events."""
+    """Peak of every output over the last intervals; over the second half of the rows without events."""
     events = simulation.events
     if len(events) == 0:
         return np.abs(simulation.y[len(simulation.y) // 2 :]).max(axis=0)

@@ -15,12 +15,14 @@ from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.notation import notation
 from icmj.report.pairing import CaseRuns, paired
-from icmj.report.sections import Picture, Section
+from icmj.report.sections import DrawnPanel, Picture, Section
 from icmj.report.statements import in_paper_order
 from icmj.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from icmj.report.panels import Panel
 
 TITLE = "Limit cycles of event-driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
@@ -89,23 +91,26 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
     )
 
 
-def _draw(cases: Sequence[CaseRuns], folder: Path) -> tuple[dict[str, dict[str, Picture]], dict[str, Picture]]:
+def _draw(cases: Sequence[CaseRuns], folder: Path) -> tuple[dict[str, list[DrawnPanel]], dict[str, Picture]]:
     from icmj.report.law import law_figure
     from icmj.report.panels import PANELS
 
-    panels: dict[str, dict[str, Picture]] = {}
+    panels: dict[str, list[DrawnPanel]] = {}
     laws: dict[str, Picture] = {}
     with style.applied():
         for case in cases:
-            title = case.first.run.case.title
-            panels[case.name] = {
-                letter: _save(panel(case), folder, f"{case.name}_{letter}", f"{title}, panel ({letter})")
-                for letter, panel in PANELS.items()
-            }
+            panels[case.name] = [_drawn(panel, case, folder) for panel in PANELS]
             law = next((r.law for r in reversed(case.runs.values()) if r.law is not None), None)
             if law is not None:
-                laws[case.name] = _save(law_figure(law), folder, f"{case.name}_law", f"{title}, amplitude law")
+                alt = f"{case.first.run.case.title}, amplitude law"
+                laws[case.name] = _save(law_figure(law), folder, f"{case.name}_law", alt)
     return panels, laws
+
+
+def _drawn(panel: Panel, case: CaseRuns, folder: Path) -> DrawnPanel:
+    alt = f"{case.first.run.case.title}, panel ({panel.letter})"
+    picture = _save(panel.draw(case), folder, f"{case.name}_{panel.letter}", alt)
+    return DrawnPanel(panel.letter, picture, panel.caption(case))
 
 
 def _save(figure: Figure, folder: Path, name: str, alt: str) -> Picture:

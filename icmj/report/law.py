@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def law_figure(law: AmplitudeLaw) -> Figure:
-    """Relative errors of interval and amplitude against q_t on logarithmic axes, with the fitted lines."""
+    """Relative errors of interval and amplitude against the threshold on logarithmic axes, with the fitted lines."""
     figure, (axes,) = style.new_figure()
     for values, slope, name, colour, marker in (
         (law.interval_error, law.interval_slope, "interval", "#0072b2", "o"),
@@ -24,15 +24,15 @@ def law_figure(law: AmplitudeLaw) -> Figure:
         known = np.isfinite(size) & (size > 0)
         if not known.any():
             continue
-        q_t, size = law.q_t[known], size[known]
+        threshold, size = law.q_t[known], size[known]
         # the fitted line has the given slope and passes through the points' centre
-        level = np.exp(np.mean(np.log(size)) - slope * np.mean(np.log(q_t)))
-        span = np.geomspace(q_t.min() / 1.5, q_t.max() * 1.5, 2)
+        level = np.exp(np.mean(np.log(size)) - slope * np.mean(np.log(threshold)))
+        span = np.geomspace(threshold.min() / 1.5, threshold.max() * 1.5, 2)
         axes.loglog(span, level * span**slope, color=colour, linewidth=0.8, linestyle=(0, (5, 1.5)))
         axes.loglog(
-            q_t, size, marker, markersize=4, color=colour, markerfacecolor="white", markeredgewidth=1.0,
+            threshold, size, marker, markersize=4, color=colour, markerfacecolor="white", markeredgewidth=1.0,
             label=f"{name}, slope {slope:.3f}",
         )  # fmt: skip
-    axes.set(xlabel="$q_t$ (rad)", ylabel="relative error")
+    axes.set(xlabel="threshold (rad)", ylabel="relative error")
     style.legend(figure, axes)
     return figure

@@ -3,49 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from log_cases import made_up
+from log_cases import assert_same, awkward, made_up
 
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
-from icmj.result.result import Result
-from icmj.runfile.schema import RunFile
-
-
-def assert_same(a: Any, b: Any, where: str = "result") -> None:
-    """Equal down to types, dtypes and bits."""
-    assert type(a) is type(b), where
-    if isinstance(a, np.ndarray):
-        assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), where
-    elif isinstance(a, RunFile):
-        assert (a.text, a.path, a) == (b.text, b.path, b), where
-    elif is_dataclass(a):
-        for field in fields(a):
-            assert_same(getattr(a, field.name), getattr(b, field.name), f"{where}.{field.name}")
-    elif isinstance(a, tuple | list):
-        assert len(a) == len(b), where
-        for i, (x, y) in enumerate(zip(a, b, strict=True)):
-            assert_same(x, y, f"{where}[{i}]")
-    elif isinstance(a, dict):
-        assert a.keys() == b.keys(), where
-        for key in a:
-            assert_same(a[key], b[key], f"{where}[{key}]")
-    else:
-        assert a == b or a != a, where
-
-
-def awkward() -> Result:
-    """A result with everything that formats like to lose."""
-    result, _ = made_up(duration=3.0)
-    x = result.simulation.x.copy()
-    x[0, 0], x[1, 0], x[2, 0], x[3, 0] = -0.0, np.inf, np.nextafter(0, 1), 0.1 + 0.2
-    x[4, 1] = np.frombuffer(np.uint64(0x7FF8_0000_0000_BEEF).tobytes())[0]  # a NaN with a payload
-    precision = {"order": 4, "error": 1 / 3, "name": "RK4 „quoted“\n", "none": float("nan"), "big": 10**15}
-    return replace(result, simulation=replace(result.simulation, x=x, precision=precision))
 
 
 def test_everything_comes_back_bit_for_bit() -> None:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from log_cases import made_up, with_scene
-from test_archive import assert_same, awkward
+from log_cases import assert_same, awkward, made_up, with_scene
 
 from icmj.errors import LogError
 from icmj.log import read_log, read_summary, write_log
@@ -47,9 +46,9 @@ def test_the_summary_holds_the_numbers_in_full(log: Path) -> None:
     assert facts["predicted"]["gamma"] == result.prediction.gamma
     assert facts["measured"]["interval"] == result.measurement.interval
     assert facts["measured"]["amplitude_angle"] == result.measurement.amplitude[0]
-    assert (
-        facts["case"] | {"name": "made-up", "plant": "linear", "events": len(result.simulation.events)} == facts["case"]
-    )
+    simulation = result.simulation
+    counted = {"rows": len(simulation.t), "events": len(simulation.events)}
+    assert facts["case"] | {"name": "made-up", "plant": "linear", **counted} == facts["case"]
     assert facts["outcome"]["kind"] == "completed"
     assert facts["precision"]["event_tolerance"] == 1e-13
     assert facts["provenance"] == {"icmj": "0.1.0", "git": "0123abc"}

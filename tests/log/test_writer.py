@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +12,16 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
-from log_cases import MODELS, made_up, with_scene
+from log_cases import MODELS, assert_same, made_up, with_scene
 from rerun.chunk import RrdReader
-from test_archive import assert_same
 
+from icmj.base.files import whole
+from icmj.comparison.comparison import Comparison, compare
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log import read_log, write_log
+from icmj.log import read_log, read_summary, write_log
 from icmj.log.figure import FRAME, eye
 from icmj.measurement.measurement import measure
 from icmj.result.result import Result
@@ -200,7 +203,7 @@ def other_kinds() -> dict[str, Result]:
     )
     return {
         "no events": replace(result, simulation=replace(simulation, events=never), measurement=quiet),
-        "one sample": replace(result, simulation=replace(simulation, **one, events=never), measurement=quiet),
+        "one row": replace(result, simulation=replace(simulation, **one, events=never), measurement=quiet),
         "diverged": replace(result, simulation=replace(simulation, **nan)),
         "diverged, with figures": with_scene(replace(result, simulation=replace(simulation, **nan)), plant),
         "no prediction": replace(result, prediction=replace(result.prediction, cycle=False, **nothing)),
@@ -224,6 +227,21 @@ def test_every_kind_of_result_is_logged(kind: str, tmp_path: Path) -> None:
     result = other_kinds()[kind]
     write_log(result, tmp_path / "x.rrd")
     assert_same(replace(result, scene=None), read_log(tmp_path / "x.rrd"))
+
+
+def test_a_run_is_compared_with_its_prediction_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[Result] = []
+
+    def counting(result: Result) -> Comparison:
+        compared.append(result)
+        return compare(result)
+
+    for module in ("writer", "summary"):
+        monkeypatch.setattr(f"icmj.log.{module}.compare", counting, raising=False)
+    result, _ = made_up(duration=3.0)
+    write_log(result, tmp_path / "x.rrd")
+    assert compared == [result]
+    assert read_summary(tmp_path / "x.rrd")["outcome"]["verdict"] == compare(result).words
 
 
 def test_one_content_has_one_identity(tmp_path: Path) -> None:
@@ -260,7 +278,14 @@ def test_a_full_disk_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     """rerun itself is silent about it until the file is read back."""
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
-    (tmp_path / "x.rrd.tmp").symlink_to("/dev/full")
+
+    @contextmanager
+    def on_a_full_disk(target: Path) -> Iterator[Path]:
+        with whole(target) as part:
+            part.symlink_to("/dev/full")
+            yield part
+
+    monkeypatch.setattr("icmj.log.writer.whole", on_a_full_disk)
     with pytest.raises(LogError, match="cannot be written"):
         write_log(made_up(duration=3.0)[0], tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -84,7 +85,7 @@ def test_every_panel_of_every_case_is_in_the_page_with_words(page):
 
 def test_every_figure_is_saved_as_pdf_and_svg(report):
     folder = report / "report_figures"
-    names = {f"{case}_{letter}" for case in CASES for letter in PANELS} | {"three-link_law"}
+    names = {f"{case}_{letter}" for case in CASES for letter in "abcdef"} | {"three-link_law"}
     assert {path.name for path in folder.iterdir()} == {f"{name}.{kind}" for name in names for kind in ("svg", "pdf")}
     for name in names:
         root = ElementTree.parse(folder / f"{name}.svg").getroot()
@@ -129,7 +130,7 @@ def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
     def fail(case):
         raise RuntimeError("no panel")
 
-    monkeypatch.setitem(PANELS, "f", fail)
+    monkeypatch.setattr("icmj.report.panels.PANELS", (*PANELS[:-1], replace(PANELS[-1], drawing=fail)))
     with pytest.raises(RuntimeError, match="no panel"):
         build_report([result("b0.8")], out)
     assert out.read_text() == "old"
@@ -149,8 +150,6 @@ def test_an_unusable_place_is_named(tmp_path):
 
 
 def test_titles_are_text_not_markup(tmp_path):
-    from dataclasses import replace
-
     from report_cases import run_text
 
     from icmj.runfile.reading import parse_run

@@ -17,6 +17,7 @@ def test_points_lie_on_a_line_of_the_fitted_slope():
     with style.applied():
         axes = law_figure(law).axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert axes.get_xlabel() == "threshold (rad)"
     for factor, label in ((2.3, "interval, slope 2.000"), (1.4, "amplitude, slope 2.000")):
         points = next(item for item in axes.get_lines() if item.get_label() == label)
         assert points.get_ydata() == pytest.approx(factor * Q_T**2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from icmj.report.notation import notation
+from icmj.report.notation import notation, symbol
 
 
 @pytest.mark.parametrize(
@@ -19,3 +19,18 @@ from icmj.report.notation import notation
 )
 def test_notation(text, html):
     assert str(notation(text)) == html
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("q_t", "q_t"),
+        ("Q_t", "Q_t"),
+        ("delta_min", "Δ_min"),
+        ("gamma", "γ"),
+        ("clock", "clock"),
+        ("dead_zone", "dead zone"),
+    ],
+)
+def test_a_name_in_code_as_the_paper_writes_it(name, text):
+    assert symbol(name) == text

@@ -11,15 +11,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from report_cases import CASES, result
 from scipy.linalg import expm
 
-from icmj.report import style
+from icmj.report import panels, style
 from icmj.report.pairing import paired
-from icmj.report.panels import PANELS
+from icmj.report.panels import Panel
 from icmj.report.panels.eigenvalues import shown_locus
-from icmj.report.panels.modes import x_bar_of
-from icmj.report.panels.phase import velocity
-from icmj.report.panels.window import latter_part, orbit_sign, repeated_orbit
+from icmj.view.motion import reduced
 
 DEG = np.rad2deg(1)
+PANELS = {panel.letter: panel for panel in panels.PANELS}
+# what each caption speaks of, panel by panel, and no other does
+SUBJECTS = ("Largest", "unit circle", "^Outputs? under", "Velocity", "^Open-loop interval that", "mode|Norm")
 
 
 @pytest.fixture(autouse=True)
@@ -76,7 +77,7 @@ def assert_legible(figure):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("letter", PANELS)
 def test_every_panel_of_every_case_is_whole_and_legible(name, letter):
-    figure = PANELS[letter](case(name))
+    figure = PANELS[letter].draw(case(name))
     assert_legible(figure)
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85)
     for axes in figure.axes:
@@ -84,11 +85,33 @@ def test_every_panel_of_every_case_is_whole_and_legible(name, letter):
     assert figure.axes[0].get_xlabel() or figure.axes[-1].get_xlabel()
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_every_panel_has_its_own_letter_and_caption(name):
+    assert [panel.letter for panel in panels.PANELS] == list("abcdef")
+    captions = [panel.caption(case(name)) for panel in panels.PANELS]
+    assert len(set(captions)) == len(captions)
+    for panel, caption, subject in zip(panels.PANELS, captions, SUBJECTS, strict=True):
+        assert re.search(subject, caption), panel.letter
+        assert caption.endswith(".")
+        assert sum(bool(re.search(other, caption)) for other in SUBJECTS) == 1
+
+
+@pytest.mark.parametrize("panel", panels.PANELS, ids=lambda panel: panel.letter)
+def test_the_letter_on_a_panel_is_its_own(panel):
+    letters = [text.get_text() for text in panel.draw(case("b0.8", "linear")).texts]
+    assert letters == [f"({panel.letter})"]
+
+
+def test_a_panel_without_a_caption_cannot_be():
+    with pytest.raises(TypeError, match="caption"):
+        Panel("g", PANELS["f"].drawing)
+
+
 @pytest.mark.parametrize("name", ["b0.8", "exact"])
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 @pytest.mark.parametrize("letter", PANELS)
 def test_one_plant_alone_is_drawn_too(name, plant, letter):
-    assert len(style.save(PANELS[letter](case(name, plant)), "svg")) > 5000
+    assert len(style.save(PANELS[letter].draw(case(name, plant)), "svg")) > 5000
 
 
 @pytest.mark.parametrize("letter", PANELS)
@@ -100,7 +123,7 @@ def test_a_run_without_events_is_drawn_too(letter):
     )
     quiet = replace(found.measurement, kind="no events", p=None, period=None, interval=None, intervals=np.zeros(0))
     runs = paired([replace(found, simulation=replace(found.simulation, events=none), measurement=quiet)])
-    assert style.save(PANELS[letter](runs[0]), "pdf").startswith(b"%PDF")
+    assert style.save(PANELS[letter].draw(runs[0]), "pdf").startswith(b"%PDF")
 
 
 @pytest.mark.parametrize("letter", PANELS)
@@ -113,13 +136,13 @@ def test_a_diverged_run_is_drawn_up_to_where_it_is_finite(name, letter):
         values[-3:-1], values[-1] = np.inf, np.nan
     lost = replace(found.measurement, kind="growth", p=None, period=None, intervals=np.zeros(0))
     with np.errstate(invalid="ignore"):
-        figure = PANELS[letter](paired([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
+        figure = PANELS[letter].draw(paired([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
         assert_legible(figure)
 
 
 def test_a_passes_through_one_at_delta_crit():
     runs = case("b0.8")
-    axes = PANELS["a"](runs).axes[0]
+    axes = PANELS["a"].draw(runs).axes[0]
     delta, largest = line(axes, r"$\rho=1$").T
     assert np.interp(1.8065408, delta, largest) == pytest.approx(1, abs=1e-3)
     # ρ = 0: the separation principle; φ has the eigenvalues of e^{Â_cΔ} and e^{Â_oΔ}
@@ -137,7 +160,7 @@ def test_a_passes_through_one_at_delta_crit():
 
 def test_b_marks_the_eigenvalues_at_delta_crit():
     runs = case("b1.7")
-    axes = PANELS["b"](runs).axes[0]
+    axes = PANELS["b"].draw(runs).axes[0]
     assert line(axes, r"$\lambda_{crit}=-1$")[0] == pytest.approx([-1, 0], abs=1e-6)
     all_of_them = line(axes, r"all $\lambda_j$ at $\Delta_{crit}$")
     assert sorted(np.hypot(*all_of_them.T))[-1] == pytest.approx(1.20, abs=5e-3)  # notes, section 4
@@ -155,7 +178,7 @@ def test_b_starts_at_one():
 def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
     found = result("b0.8")
     wild = replace(found, continuous=replace(found.continuous, y=found.continuous.y * 1e6))
-    axes = PANELS["c"](paired([wild])[0]).axes[0]
+    axes = PANELS["c"].draw(paired([wild])[0]).axes[0]
     assert line(axes, "linear") == pytest.approx(np.column_stack([found.simulation.t, found.simulation.y[:, 0] * DEG]))
     assert axes.get_ylim()[1] < 1.2 * np.abs(found.simulation.y).max() * DEG
     events = [segment[0, 0] for segment in axes.collections[0].get_segments()]
@@ -163,13 +186,13 @@ def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
 
 
 def test_c_has_one_axes_for_each_output():
-    axes = PANELS["c"](case("three-link")).axes
+    axes = PANELS["c"].draw(case("three-link")).axes
     assert [item.get_ylabel() for item in axes] == ["shank (deg)", "thigh (deg)", "trunk (deg)"]
 
 
 def test_d_shows_the_orbit_under_the_measured_cycle():
     runs = case("b1.2")
-    axes = PANELS["d"](runs).axes[0]
+    axes = PANELS["d"].draw(runs).axes[0]
     predicted, measured = line(axes, "predicted"), line(axes, "linear")
     nearest = [np.hypot(*(predicted - point).T).min() for point in measured[::10]]
     assert max(nearest) < 0.02 * np.abs(predicted).max()
@@ -177,20 +200,9 @@ def test_d_shows_the_orbit_under_the_measured_cycle():
     assert order.index("predicted") < order.index("linear") < order.index("MuJoCo")
 
 
-def test_velocity_is_the_derivative_of_the_output():
-    found = result("three-link")
-    s = found.simulation
-    middle = slice(200, 260)
-    t, y = s.t[middle], s.y[middle]
-    slope = np.gradient(y, t, axis=0, edge_order=2)
-    v = velocity(found, s.x[middle], s.u[middle])
-    between_events = np.min(np.abs(t[:, None] - s.events.t), axis=1) > 0.05
-    assert v[between_events][1:-1] == pytest.approx(slope[between_events][1:-1], abs=0.02 * np.abs(v).max())
-
-
 def test_e_has_every_interval_and_delta_crit():
     found = result("b0.8")
-    axes = PANELS["e"](case("b0.8", "linear")).axes[0]
+    axes = PANELS["e"].draw(case("b0.8", "linear")).axes[0]
     assert line(axes, "linear") == pytest.approx(
         np.column_stack([found.simulation.events.t, found.simulation.events.interval])
     )
@@ -201,7 +213,7 @@ def test_e_has_every_interval_and_delta_crit():
 @pytest.mark.parametrize("name", ["b0.8", "b1.2", "neglected"])
 def test_f_meets_gamma_at_events_where_the_others_vanish(name):
     found = result(name)
-    critical, others = PANELS["f"](case(name, "linear")).axes
+    critical, others = PANELS["f"].draw(case(name, "linear")).axes
     gamma = found.prediction.gamma
     chi, rest = line(critical, "linear"), others.get_lines()[-1].get_xydata()
     for t in found.simulation.events.t[-4:]:
@@ -217,32 +229,17 @@ def test_f_meets_gamma_at_events_where_the_others_vanish(name):
 
 
 def test_f_draws_the_norm_where_chi_is_undefined():
-    figure = PANELS["f"](case("exact"))
+    figure = PANELS["f"].draw(case("exact"))
     assert len(figure.axes) == 1
     assert figure.axes[0].get_yscale() == "log"
     assert "undefined" in figure.axes[0].get_ylabel()
-    expected = np.linalg.norm(x_bar_of(result("exact")), axis=1)
+    found = result("exact")
+    expected = np.linalg.norm(reduced(found, found.simulation.x, found.simulation.x_o), axis=1)
     assert line(figure.axes[0], "linear")[:, 1] == pytest.approx(expected)
 
 
-def test_latter_part_is_the_last_intervals_or_the_last_third():
-    found = result("b0.8")
-    t = found.simulation.events.t
-    assert latter_part(found, 6) == (t[-7], found.simulation.t[-1])
-    assert latter_part(found, 10_000)[0] == pytest.approx(40)
-
-
-def test_repeated_orbit_is_in_step_and_alternates():
-    found = result("b1.2")
-    orbit, last = found.prediction.orbit, found.simulation.events.t[-1]
-    t, y = repeated_orbit(found, orbit.y[:, 0], last - 4 * orbit.delta, last)
-    run = np.interp(t[~np.isnan(t)], found.simulation.t, found.simulation.y[:, 0])
-    assert np.abs(y[~np.isnan(t)] - run).max() < 0.01 * np.abs(run).max()
-    assert orbit_sign(found) in (1.0, -1.0)
-
-
 def test_saved_figures_repeat_to_the_byte_and_name_no_time():
-    first, second = (style.save(PANELS["e"](case("b0.8")), "svg") for _ in range(2))
+    first, second = (style.save(PANELS["e"].draw(case("b0.8")), "svg") for _ in range(2))
     assert first == second
     assert not re.search(rb"<dc:date>", first)
     assert b"http://" not in first.replace(b"http://www.w3.org", b"").replace(b"http://purl.org", b"").replace(

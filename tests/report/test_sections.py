@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import CASES, everything, result
+from report_cases import CASES, PENDULUM, design_of, everything, result
 
+from icmj.controller.trigger import EventRule, EventTrigger, Faces
 from icmj.report import sections
 from icmj.report.pairing import paired
 
@@ -92,6 +93,57 @@ def test_settings_keep_the_facts_of_each_plant_apart():
     assert mujoco["keys"] == ["integrator", "order", "timestep"]
     assert mujoco["rows"][0]["facts"] == ["RK4", "4", "0.005"]
     assert ("icmj", "0.1.0") in context["provenance"]
+
+
+class Cone(EventRule):
+    """A rule that the report has never heard of."""
+
+    delta_min = 0.02
+    size = 0.3
+
+    def resized(self, size):
+        raise NotImplementedError
+
+    def faces(self, design):
+        return Faces(np.eye(design.plant.n) / self.size, np.array([0, design.plant.n]))
+
+    def facts(self):
+        return {"opening": self.size, "axes": np.diag([1.0, 4.0]), "delta_min": self.delta_min}
+
+
+def test_settings_say_what_each_event_rule_says_of_itself():
+    found = result("b0.8")
+    other = replace(result("b1.2"), controller=found.controller.triggered_by(Cone()))
+    context = sections.settings(paired([found, other])).context
+    assert context["rule"] == ["q_t", "Q_t", "Δ_min", "opening", "axes"]
+    assert [row["rule"] for row in context["rows"]] == [
+        ["0.01", "ĈᵀĈ", "0.001", "–", "–"],
+        ["–", "–", "0.02", "0.3", "diag(1, 4)"],
+    ]
+
+
+def test_settings_are_those_of_the_controller_that_ran():
+    """Not those of a run file, which may have been edited or never been there."""
+    found = result("b0.8")
+    rule = EventTrigger(np.eye(2), 0.25, 0.5)
+    context = sections.settings(paired([replace(found, controller=found.controller.triggered_by(rule))])).context
+    assert dict(zip(context["rule"], context["rows"][0]["rule"], strict=True)) == {
+        "q_t": "0.25", "Q_t": "I", "Δ_min": "0.5"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("weight", "text"),
+    [
+        (PENDULUM.C.T @ PENDULUM.C, "ĈᵀĈ"),
+        (np.eye(2), "I"),
+        (np.diag([2.0, 0.5]), "diag(2, 0.5)"),
+        (np.array([[2.0, -1.0], [-1.0, 1.0]]), "[[2, −1], [−1, 1]]"),
+        (np.eye(3), "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
+    ],
+)
+def test_a_weight_is_said_in_as_few_signs_as_will_do(weight, text):
+    assert sections.rule_fact(weight, design_of("b0.8")) == text
 
 
 def test_provenance_that_differs_is_listed():

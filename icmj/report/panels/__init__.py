@@ -1,17 +1,12 @@
-"""The paper's six panels (a)–(f) for one case, each a function from the case's runs to a matplotlib figure."""
+"""The paper's six panels (a)–(f) of one case."""
 
-from icmj.report.panels.eigenvalues import locus_panel, modulus_panel
-from icmj.report.panels.modes import mode_panel
-from icmj.report.panels.phase import phase_panel
-from icmj.report.panels.time import interval_panel, output_panel
+from icmj.report.panels.eigenvalues import LOCUS, MODULUS
+from icmj.report.panels.modes import MODES
+from icmj.report.panels.panel import Panel
+from icmj.report.panels.phase import PHASE
+from icmj.report.panels.time import INTERVALS, OUTPUTS
 
-PANELS = {
-    "a": modulus_panel,
-    "b": locus_panel,
-    "c": output_panel,
-    "d": phase_panel,
-    "e": interval_panel,
-    "f": mode_panel,
-}
+PANELS: tuple[Panel, ...] = (MODULUS, LOCUS, OUTPUTS, PHASE, INTERVALS, MODES)
+"""Every panel, in the order of their letters."""
 
-__all__ = ["PANELS", "interval_panel", "locus_panel", "mode_panel", "modulus_panel", "output_panel", "phase_panel"]
+__all__ = ["PANELS", "Panel"]

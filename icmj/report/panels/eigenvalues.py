@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
+from icmj.report.panels.panel import Panel
 from icmj.theory.error_system import error_system
 from icmj.theory.locus import Locus, locus
 
@@ -24,7 +25,7 @@ SHADES = 14  # steps of the colour scale of Δ_ol along a locus
 REACH = 1.3  # half height of panel (b): the unit circle and its surroundings
 
 
-def modulus_panel(case: CaseRuns) -> Figure:
+def _draw_modulus(case: CaseRuns) -> Figure:
     """(a) Largest |λ| of φ against Δ_ol for ρ = 0 and ρ = 1, and the growth measured under the clock."""
     prediction = case.prediction
     actual, exact = shown_locus(case, case.first.actual), shown_locus(case, case.first.assumed)
@@ -50,12 +51,11 @@ def modulus_panel(case: CaseRuns) -> Figure:
     top = max(1.15, min(1.6, 1.1 * float(actual.largest.max())))
     axes.set(xlim=(0, actual.delta[-1]), ylim=(0, top))
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel=r"$\max_j\,|\lambda_j(\varphi)|$")
-    style.letter(figure, "(a)")
     style.legend(figure, axes)
     return figure
 
 
-def locus_panel(case: CaseRuns) -> Figure:
+def _draw_locus(case: CaseRuns) -> Figure:
     """(b) Eigenvalues of φ in the complex plane as Δ_ol grows, about the unit circle."""
     prediction = case.prediction
     shown = shown_locus(case, case.first.actual)
@@ -84,7 +84,6 @@ def locus_panel(case: CaseRuns) -> Figure:
     axes.set(xlim=(-REACH * width / height, REACH * width / height), ylim=(-REACH, REACH))
     axes.set(xlabel=r"$\mathrm{Re}\,\lambda$", ylabel=r"$\mathrm{Im}\,\lambda$", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
     _scale(figure, (box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height), shown, shades)
-    style.letter(figure, "(b)")
     style.legend(figure, axes)
     return figure
 
@@ -144,3 +143,15 @@ def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks
     shade = shades[next(n for n, chunk in enumerate(chunks) if i <= chunk[-1])]
     look = {"arrowstyle": "-|>", "color": shade, "lw": 0.8, "mutation_scale": 6.5, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (head.real, head.imag), (branch[i].real, branch[i].imag), arrowprops=look)
+
+
+def _modulus_caption(case: CaseRuns) -> str:
+    return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
+
+
+def _locus_caption(case: CaseRuns) -> str:
+    return "Eigenvalues of φ about the unit circle; shade and arrowheads show growing interval."
+
+
+MODULUS = Panel("a", _draw_modulus, _modulus_caption)
+LOCUS = Panel("b", _draw_locus, _locus_caption)

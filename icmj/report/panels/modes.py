@@ -5,45 +5,43 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from icmj.base.array import Array
-from icmj.plant.linear_plant import transformation
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.window import latter_part, repeated_orbit
-from icmj.result.result import Result
+from icmj.report.panels.panel import Panel
+from icmj.view.laid_orbit import laid_orbit
+from icmj.view.motion import modes, reduced
+from icmj.view.timeline import latter_part
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-INTERVALS = 6
+SHOWN = 6  # intervals
 
 
-def mode_panel(case: CaseRuns) -> Figure:
+def _draw(case: CaseRuns) -> Figure:
     """(f) χ_k1 and the norm of the other elements of χ against time, events and ±γ dotted.
 
     Where χ is undefined (no Δ_crit), the norm of x̄ is drawn instead.
     """
     if case.prediction.V_inv is None:
-        return _norm_panel(case)
+        return _draw_norm(case)
     figure, (critical, others) = style.new_figure(rows=2)
     top = case.last
-    start, end = latter_part(top, INTERVALS)
+    start, end = latter_part(top.simulation, SHOWN)
     for axes in (critical, others):
         events = top.simulation.events.t
         style.event_lines(axes, events[(events >= start) & (events <= end)])
-    orbit = case.prediction.orbit
-    if orbit is not None and case.prediction.cycle and len(top.simulation.events):
-        n = top.actual.n
-        x_bar = orbit.X[:, : n + top.assumed.n]
-        t, signal = repeated_orbit(top, _chi(top, x_bar), start, end)
-        critical.plot(t, signal[:, 0].real, label="predicted", **style.PREDICTED)
-        others.plot(t, np.linalg.norm(signal[:, 1:], axis=1), **style.PREDICTED)
+    laid = laid_orbit(top) if case.prediction.cycle else None
+    if laid is not None:
+        t = laid.times(start, end)
+        chi = modes(top, laid.at(t, laid.reduced))
+        critical.plot(t, chi[:, 0].real, label="predicted", **style.PREDICTED)
+        others.plot(t, np.linalg.norm(chi[:, 1:], axis=1), **style.PREDICTED)
     for plant, result in case.runs.items():
         simulation = result.simulation
         late = (simulation.t >= start) & (simulation.t <= end)
-        chi = _chi(result, x_bar_of(result)[late])
+        chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late]))
         critical.plot(simulation.t[late], chi[:, 0].real, label=style.NAME[plant], **style.RUN[plant])
         others.plot(simulation.t[late], np.linalg.norm(chi[:, 1:], axis=1), **style.RUN[plant])
     if case.prediction.gamma is not None:
@@ -57,32 +55,26 @@ def mode_panel(case: CaseRuns) -> Figure:
     others.set_ylim(bottom=0)
     others.set_xlabel("$t$ (s)")
     figure.align_ylabels([critical, others])
-    style.letter(figure, "(f)")
     style.legend(figure, critical)
     return figure
 
 
-def x_bar_of(result: Result) -> Array:
-    """x̄ = (x, x_o − T̂x) of a run, shape (N, n + n̂)."""
-    T_hat = transformation(result.assumed, result.actual)
-    simulation = result.simulation
-    return np.hstack([simulation.x, simulation.x_o - simulation.x @ T_hat.T])
-
-
-def _chi(result: Result, x_bar: Array) -> NDArray[np.complex128]:
-    """χ = V⁻¹x̄ (eq. chi), complex, shape (N, n + n̂)."""
-    V_inv = result.prediction.V_inv
-    assert V_inv is not None
-    return x_bar @ V_inv.T
-
-
-def _norm_panel(case: CaseRuns) -> Figure:
+def _draw_norm(case: CaseRuns) -> Figure:
     figure, (axes,) = style.new_figure()
     style.event_lines(axes, case.last.simulation.events.t)
     for plant, result in case.runs.items():
-        norm = np.linalg.norm(x_bar_of(result), axis=1)
-        axes.semilogy(result.simulation.t, np.maximum(norm, 1e-300), label=style.NAME[plant], **style.RUN[plant])
+        simulation = result.simulation
+        norm = np.linalg.norm(reduced(result, simulation.x, simulation.x_o), axis=1)
+        axes.semilogy(simulation.t, np.maximum(norm, 1e-300), label=style.NAME[plant], **style.RUN[plant])
     axes.set(xlim=(0, float(case.last.simulation.t[-1])), xlabel="$t$ (s)", ylabel=r"$\|\bar{x}\|$  ($\chi$ undefined)")
-    style.letter(figure, "(f)")
     style.legend(figure, axes)
     return figure
+
+
+def _caption(case: CaseRuns) -> str:
+    if case.prediction.V_inv is None:
+        return "Norm of x̄: without Δ_crit there is no V, hence no χ."
+    return "Critical mode and norm of the others, latter part; dotted: events and ±γ."
+
+
+MODES = Panel("f", _draw, _caption)

@@ -6,38 +6,39 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import Array
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.window import DEGREES, latter_part, orbit_sign
+from icmj.report.panels.panel import Panel
+from icmj.report.style import DEGREES
 from icmj.result.result import Result
+from icmj.view.laid_orbit import laid_orbit
+from icmj.view.motion import output_rate
+from icmj.view.timeline import event_rows, latter_part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INTERVALS = 8
+SHOWN = 8  # intervals
 
 
-def phase_panel(case: CaseRuns) -> Figure:
+def _draw(case: CaseRuns) -> Figure:
     """(d) Velocity against position of every output, with the states at events marked."""
     outputs = case.last.actual.outputs
     figure, (axes,) = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT)
-    prediction = case.prediction
+    prediction, laid = case.prediction, laid_orbit(case.last)
     for i, name in enumerate(outputs):
-        if prediction.orbit is not None:
-            orbit, sign = prediction.orbit, orbit_sign(case.last)
-            y, v = orbit.y[:, i], velocity(case.first, orbit.X[:, : case.first.actual.n], orbit.u)[:, i]
-            y, v = (sign * DEGREES * np.concatenate([s, orbit.sign * s]) for s in (y, v))
+        if laid is not None:
+            y, v = (laid.whole(signal)[:, i] * DEGREES for signal in (laid.orbit.y, laid.rate))
             label = {"attracting": "predicted", "repelling": "repelling orbit"}.get(
                 prediction.verdict, "not admissible"
             )
             axes.plot(y, v, label=label if i == 0 else None, **style.PREDICTED)
         for plant, result in case.runs.items():
             simulation = result.simulation
-            start, end = latter_part(result, INTERVALS)
+            start, end = latter_part(simulation, SHOWN)
             late = (simulation.t >= start) & (simulation.t <= end)
-            v = velocity(result, simulation.x[late], simulation.u[late])[:, i] * DEGREES
+            v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * DEGREES
             y = simulation.y[late, i] * DEGREES
             axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
             if result is case.last and len(outputs) > 1 and len(y):
@@ -47,15 +48,8 @@ def phase_panel(case: CaseRuns) -> Figure:
     if len(outputs) > 1:
         axes.set(xlabel="segment angle (deg)", ylabel="segment velocity (deg/s)")
     axes.margins(0.08)
-    style.letter(figure, "(d)")
     style.legend(figure, axes)
     return figure
-
-
-def velocity(result: Result, x: Array, u: Array) -> Array:
-    """ẏ = CAx + CBu of the actual plant, shape (N, n_y); with positions as outputs these are their velocities."""
-    plant = result.actual
-    return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
 
 
 def _label(axes: Axes, name: str, y: float, v: float) -> None:
@@ -66,14 +60,14 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
 
 
 def _mark_events(axes: Axes, result: Result, output: int) -> None:
-    events = result.simulation.events
-    start, end = latter_part(result, INTERVALS)
-    late = (events.t >= start) & (events.t <= end)
-    if not late.any():
+    simulation = result.simulation
+    start, end = latter_part(simulation, SHOWN)
+    rows = event_rows(simulation)
+    rows = rows[(simulation.t[rows] >= start) & (simulation.t[rows] <= end)]
+    if not len(rows):
         return
-    x = events.x[late]
-    u = -events.x_h[late] @ result.controller.design.k.T
-    y, v = (x @ result.actual.C.T)[:, output] * DEGREES, velocity(result, x, u)[:, output] * DEGREES
+    y = simulation.y[rows, output] * DEGREES
+    v = output_rate(result, simulation.x[rows], simulation.u[rows])[:, output] * DEGREES
     if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
         for n in range(-min(result.measurement.p or 0, len(y)), 0):
             axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
@@ -82,3 +76,10 @@ def _mark_events(axes: Axes, result: Result, output: int) -> None:
         y, v, "o", markersize=3.2, markerfacecolor="white", markeredgecolor="#222222", markeredgewidth=0.8,
         label="at events" if output == 0 else None, zorder=5,
     )  # fmt: skip
+
+
+def _caption(case: CaseRuns) -> str:
+    return "Velocity against position, latter part; circles: states at events."
+
+
+PHASE = Panel("d", _draw, _caption)

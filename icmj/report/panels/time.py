@@ -8,24 +8,25 @@ import numpy as np
 
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.window import DEGREES, orbit_sign
+from icmj.report.panels.panel import Panel
+from icmj.report.style import DEGREES
+from icmj.view.laid_orbit import laid_orbit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def output_panel(case: CaseRuns) -> Figure:
+def _draw_outputs(case: CaseRuns) -> Figure:
     """(c) Outputs under the intermittent and the continuous controller against time, with events dotted."""
     top = case.last
     outputs = top.actual.outputs
     figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
-    orbit = case.prediction.orbit if case.prediction.cycle else None
+    laid = laid_orbit(top) if case.prediction.cycle else None
     for i, (axes, name) in enumerate(zip(stack, outputs, strict=True)):
         style.event_lines(axes, top.simulation.events.t)
-        if orbit is not None:
-            sign = orbit_sign(top)
-            both = np.concatenate([orbit.y[:, i], orbit.sign * orbit.y[:, i]]) * sign * DEGREES
-            axes.axhspan(both.min(), both.max(), label="predicted range", **style.BAND)
+        if laid is not None:
+            whole = laid.whole(laid.orbit.y)[:, i] * DEGREES
+            axes.axhspan(whole.min(), whole.max(), label="predicted range", **style.BAND)
         reach = 0.0
         for plant, result in case.runs.items():
             y = result.simulation.y[:, i] * DEGREES
@@ -41,12 +42,11 @@ def output_panel(case: CaseRuns) -> Figure:
         axes.set_ylabel(f"{name} (deg)" if len(outputs) > 1 else "$y$ (deg)")
     stack[-1].set_xlabel("$t$ (s)")
     figure.align_ylabels(stack)
-    style.letter(figure, "(c)")
     style.legend(figure, stack[0])
     return figure
 
 
-def interval_panel(case: CaseRuns) -> Figure:
+def _draw_intervals(case: CaseRuns) -> Figure:
     """(e) Open-loop interval at each event against time, Δ_crit dotted."""
     figure, (axes,) = style.new_figure()
     delta_crit = case.prediction.delta_crit
@@ -67,6 +67,20 @@ def interval_panel(case: CaseRuns) -> Figure:
         xlabel="$t$ (s)",
         ylabel=r"$\Delta_{ol}$ (s)",
     )
-    style.letter(figure, "(e)")
     style.legend(figure, axes)
     return figure
+
+
+def _output_caption(case: CaseRuns) -> str:
+    several = "s" if len(case.first.actual.outputs) > 1 else ""
+    band = " Pale: predicted range." if case.prediction.cycle else ""
+    return f"Output{several} under intermittent and continuous control; dotted: events.{band}"
+
+
+def _interval_caption(case: CaseRuns) -> str:
+    dotted = "." if case.prediction.delta_crit is None else "; dotted: Δ_crit."
+    return f"Open-loop interval that ends at each event{dotted}"
+
+
+OUTPUTS = Panel("c", _draw_outputs, _output_caption)
+INTERVALS = Panel("e", _draw_intervals, _interval_caption)

@@ -2,12 +2,14 @@
 
 from icmj.report.sections.attractors import attractors
 from icmj.report.sections.figures import figures, law
-from icmj.report.sections.plants import designs, matrix, settings
-from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.plants import designs, matrix
+from icmj.report.sections.section import DrawnPanel, Picture, Section
+from icmj.report.sections.settings import rule_fact, settings
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
 
 __all__ = [
+    "DrawnPanel",
     "Picture",
     "Section",
     "abstract",
@@ -17,6 +19,7 @@ __all__ = [
     "figures",
     "law",
     "matrix",
+    "rule_fact",
     "settings",
     "statements",
     "summary",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from icmj.comparison.comparison import settled_on_prediction
+from icmj.comparison.comparison import on_predicted_cycle
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
@@ -22,7 +22,7 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
             "intervals": _intervals(found),
             "peak": f"{numbers.number(float(np.degrees(np.max(found.measurement.amplitude))), 3)}°",
             "starts": f"{found.count} of {round(found.count / found.share)}",
-            "mark": numbers.mark(settled_on_prediction(case.prediction, found.measurement)),
+            "mark": numbers.mark(on_predicted_cycle(case.prediction, found.measurement)),
         }
         for case in cases
         if case.linear is not None

@@ -7,11 +7,11 @@ from typing import Any
 
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
-from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.wording import verdicts
 
 
-def figures(cases: Sequence[CaseRuns], pictures: Mapping[str, Mapping[str, Picture]]) -> Section:
+def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]]) -> Section:
     """The six panels of each case."""
     return Section(
         "figures",
@@ -22,10 +22,7 @@ def figures(cases: Sequence[CaseRuns], pictures: Mapping[str, Mapping[str, Pictu
                 {
                     "name": case.name,
                     "title": case.first.run.case.title,
-                    "panels": [
-                        {"letter": letter, "picture": picture, "caption": _panel_caption(case, letter)}
-                        for letter, picture in pictures[case.name].items()
-                    ],
+                    "panels": panels[case.name],
                     "caption": _figure_caption(case),
                     "verdicts": verdicts(case),
                 }
@@ -69,24 +66,3 @@ def _figure_caption(case: CaseRuns) -> str:
         return text + "no limit cycle is predicted."
     period = numbers.number(prediction.period, 5)
     return text + f"a limit cycle of period {period} s is predicted, its orbit {prediction.verdict}."
-
-
-def _panel_caption(case: CaseRuns, letter: str) -> str:
-    cycle, critical = case.prediction.cycle, case.prediction.delta_crit is not None
-    several = len(case.first.actual.outputs) > 1
-    match letter:
-        case "a":
-            return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
-        case "b":
-            return "Eigenvalues of φ about the unit circle; shade and arrowheads show growing interval."
-        case "c":
-            band = " Pale: predicted range." if cycle else ""
-            return f"Output{'s' if several else ''} under intermittent and continuous control; dotted: events.{band}"
-        case "d":
-            return "Velocity against position, latter part; circles: states at events."
-        case "e":
-            return "Open-loop interval that ends at each event" + ("; dotted: Δ_crit." if critical else ".")
-        case _:
-            if case.prediction.V_inv is None:
-                return "Norm of x̄: without Δ_crit there is no V, hence no χ."
-            return "Critical mode and norm of the others, latter part; dotted: events and ±γ."

@@ -1,4 +1,4 @@
-"""Designs and linearisations, settings and provenance."""
+"""Designs and linearisations."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
-from icmj.report.style import NAME
-from icmj.result.result import Result
 
 
 def designs(cases: Sequence[CaseRuns]) -> Section:
@@ -52,31 +50,6 @@ def designs(cases: Sequence[CaseRuns]) -> Section:
     )
 
 
-def settings(cases: Sequence[CaseRuns]) -> Section:
-    """What the paper does not print and was chosen here, how the runs were integrated, and where they come from."""
-    rows = []
-    for case in cases:
-        run = case.first.run
-        rows.append(
-            {
-                "title": run.case.title,
-                "q_t": numbers.short(run.controller.q_t),
-                "Q_t": numbers.setting(run.controller.Q_t),
-                "delta_min": numbers.short(run.controller.delta_min),
-                "hold": run.controller.hold,
-                "duration": numbers.short(run.simulation.duration),
-                "initial": numbers.setting(run.simulation.initial),
-                "weights": f"R_c = {numbers.setting(run.design.R_c)}, R_o = {numbers.setting(run.design.R_o)}",
-            }
-        )
-    return Section(
-        "settings",
-        "Settings and provenance",
-        "settings.html.j2",
-        {"rows": rows, "precision": _precision(cases), "provenance": _provenance(cases)},
-    )
-
-
 def matrix(name: str, values: Array) -> dict[str, Any]:
     """A matrix as the template draws it."""
     return {"name": name, "rows": [[numbers.short(float(v), 4) for v in row] for row in np.atleast_2d(values)]}
@@ -93,44 +66,3 @@ def _sorted_eigenvalues(A: Array) -> NDArray[np.complex128]:
 
 def _same(a: Sequence[Array], b: Sequence[Array]) -> bool:
     return all(x.shape == y.shape and np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in zip(a, b, strict=True))
-
-
-def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
-    """A table for each plant: one row a run, one column for each fact that any of its runs states."""
-    tables = []
-    for plant, name in NAME.items():
-        runs = [(case, case.runs[plant].simulation) for case in cases if plant in case.runs]
-        keys = list(dict.fromkeys(key for _, simulation in runs for key in simulation.precision))
-        rows = [
-            {
-                "title": case.first.run.case.title,
-                "outcome": simulation.outcome.kind,
-                "facts": [_fact(simulation.precision.get(key)) for key in keys],
-            }
-            for case, simulation in runs
-        ]
-        if rows:
-            tables.append({"plant": name, "keys": [key.replace("_", " ") for key in keys], "rows": rows})
-    return tables
-
-
-def _fact(value: object) -> str:
-    if isinstance(value, float):
-        return numbers.short(value, 3)
-    return numbers.MISSING if value is None else str(value)
-
-
-def _provenance(cases: Sequence[CaseRuns]) -> list[tuple[str, str]]:
-    """Facts that all logs share once; others as the distinct values."""
-    keys: list[str] = []
-    results = [result for case in cases for result in case.runs.values()]
-    for result in results:
-        keys.extend(key for key in result.provenance if key not in keys)
-    return [(key.replace("_", " "), _values(key, results)) for key in keys]
-
-
-def _values(key: str, results: Sequence[Result]) -> str:
-    values = list(dict.fromkeys(str(r.provenance[key]) for r in results if key in r.provenance))
-    if key == "date" and len(values) > 1:
-        return f"{min(values)} to {max(values)}"
-    return ", ".join(values)

@@ -17,6 +17,15 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class DrawnPanel:
+    """A panel of one case as it stands in the page: letter, picture, and the caption that belongs to both."""
+
+    letter: str
+    picture: Picture
+    caption: str
+
+
+@dataclass(frozen=True)
 class Section:
     """One section of the page.
 

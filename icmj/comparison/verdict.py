@@ -1,0 +1,84 @@
+"""The verdict on one simulated run in words: what was predicted, and what came of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.measurement.measurement import Measurement
+from icmj.result.result import Result
+from icmj.theory.prediction import Prediction
+
+
+def verdict_in_words(result: Result, converged: bool) -> str:
+    """What was predicted and what came of it, for a reader who has not read the theory.
+
+    Args:
+        result: the run and its prediction.
+        converged: whether the run settled on the predicted cycle.
+    """
+    prediction, measurement, outcome = result.prediction, result.measurement, result.simulation.outcome
+    if converged:
+        mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
+        return f"Settles on the predicted cycle (period is {mirror})."
+    ended = _how_it_ended(measurement, prediction.cycle)
+    if outcome.kind in ("fell", "diverged", "interrupted"):
+        ended = f"the run {'was interrupted' if outcome.kind == 'interrupted' else outcome.kind} at {outcome.t:.3g} s"
+    elif outcome.kind == "sliding":
+        ended = "every interval collapses to Δ_min"
+    if prediction.delta_crit is None:
+        if result.simulation.plant == "mujoco" and measurement.kind == "cycle":
+            # odd symmetry makes the departure cubic: the interval grows by 2 ln 10/λ for each decade of the threshold
+            ended += (
+                ". No linear model is exact for this nonlinear plant: its departure from linearity acts as a small "
+                "model error that ends the growth of the intervals, the later the smaller the threshold"
+            )
+        if not prediction.crossings and prediction.observer_feedback_stable:
+            return f"No cycle predicted: no eigenvalue reaches the unit circle; {ended}."
+        return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1; {ended}."
+    if not prediction.cycle:
+        why = _why_no_cycle(prediction)
+        return f"Does not settle on a cycle at Δ_crit, and none is predicted: {why}; {ended}."
+    if prediction.verdict == "repelling":
+        return f"Does not settle on the predicted cycle: it is repelling ({_multiplier(prediction)}); {ended}."
+    if prediction.verdict == "not admissible":
+        reason = prediction.orbit.reason if prediction.orbit is not None else ""
+        return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
+    return f"Does not settle on the predicted cycle, though it is attracting; {ended}."
+
+
+def _why_no_cycle(prediction: Prediction) -> str:
+    parts = []
+    others = [c.largest_other for c in prediction.crossings if c.delta == prediction.delta_crit]
+    if others and others[0] > 1:
+        parts.append(f"another eigenvalue is outside the circle there (|λ| = {others[0]:.2f})")
+    if prediction.verdict == "repelling":
+        parts.append(f"the orbit is repelling ({_multiplier(prediction)})")
+    return " and ".join(parts) or "the eigenvalues cross the circle inwards"
+
+
+def _multiplier(prediction: Prediction) -> str:
+    if prediction.multipliers is None or not len(prediction.multipliers):
+        return "multiplier unknown"
+    return f"largest multiplier {np.abs(prediction.multipliers).max():.2f}"
+
+
+def _how_it_ended(measurement: Measurement, predicted: bool) -> str:
+    interval = "" if measurement.interval is None else f"{measurement.interval:.3g} s"
+    match measurement.kind:
+        case "homoclinic":
+            return "the intervals grow without bound"
+        case "cycle":
+            which = "another" if predicted else "a"
+            mirrored = "mirrored " if measurement.mirrored else ""
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"it settles on {which} {mirrored}cycle of {events}, mean interval {interval}"
+        case "quasi-periodic" | "irregular":
+            return f"the motion stays {measurement.kind}, mean interval {interval}"
+        case "growth":
+            return "the motion grows"
+        case "decay":
+            return "the motion dies out"
+        case "no events":
+            return "no event occurs"
+        case _:
+            return "the run is too short to tell"

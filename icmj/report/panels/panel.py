@@ -1,0 +1,34 @@
+"""What a panel is: its letter, its drawing and its caption, in one, so that none can get another's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One of the panels that are drawn of every case.
+
+    Attributes:
+        letter: the paper's.
+        drawing: draws it from the runs of a case, without its letter.
+        caption: says in words what is to be seen.
+    """
+
+    letter: str
+    drawing: Callable[[CaseRuns], Figure]
+    caption: Callable[[CaseRuns], str]
+
+    def draw(self, case: CaseRuns) -> Figure:
+        """The figure, with the letter on it."""
+        figure = self.drawing(case)
+        style.letter(figure, f"({self.letter})")
+        return figure

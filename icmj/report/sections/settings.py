@@ -1,0 +1,104 @@
+"""Settings, precision and provenance of the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from icmj.controller.design import Design
+from icmj.controller.trigger import output_weight
+from icmj.report import numbers
+from icmj.report.notation import symbol
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.section import Section
+from icmj.report.style import NAME
+from icmj.result.result import Result
+
+
+def settings(cases: Sequence[CaseRuns]) -> Section:
+    """What the paper does not print and was chosen here, how the runs were integrated, and where they come from."""
+    rules = [case.first.controller.trigger.facts() for case in cases]
+    keys = list(dict.fromkeys(key for rule in rules for key in rule))
+    rows = []
+    for case, rule in zip(cases, rules, strict=True):
+        run, controller = case.first.run, case.first.controller
+        rows.append(
+            {
+                "title": run.case.title,
+                "rule": [rule_fact(rule.get(key), controller.design) for key in keys],
+                "hold": controller.hold.name,
+                "duration": numbers.short(run.simulation.duration),
+                "initial": numbers.setting(run.simulation.initial),
+                "weights": f"R_c = {numbers.setting(run.design.R_c)}, R_o = {numbers.setting(run.design.R_o)}",
+            }
+        )
+    return Section(
+        "settings",
+        "Settings and provenance",
+        "settings.html.j2",
+        {
+            "rule": [symbol(key) for key in keys],
+            "rows": rows,
+            "precision": _precision(cases),
+            "provenance": _provenance(cases),
+        },
+    )
+
+
+def rule_fact(value: object, design: Design) -> str:
+    """What there is to say of the event rule under one name; a weight on the states in as few signs as will do."""
+    if value is None:
+        return numbers.MISSING
+    if not isinstance(value, np.ndarray):
+        return numbers.setting(value)
+    if value.shape == (design.plant.n, design.plant.n):
+        if np.array_equal(value, np.eye(len(value))):
+            return "I"
+        if np.allclose(value, output_weight(design), rtol=1e-12, atol=0):
+            return "ĈᵀĈ"
+        if np.array_equal(value, np.diag(np.diag(value))):
+            return f"diag({', '.join(numbers.short(float(v)) for v in np.diag(value))})"
+    return numbers.setting(value.tolist())
+
+
+def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
+    """A table for each plant: one row a run, one column for each fact that any of its runs states."""
+    tables = []
+    for plant, name in NAME.items():
+        runs = [(case, case.runs[plant].simulation) for case in cases if plant in case.runs]
+        keys = list(dict.fromkeys(key for _, simulation in runs for key in simulation.precision))
+        rows = [
+            {
+                "title": case.first.run.case.title,
+                "outcome": simulation.outcome.kind,
+                "facts": [_fact(simulation.precision.get(key)) for key in keys],
+            }
+            for case, simulation in runs
+        ]
+        if rows:
+            tables.append({"plant": name, "keys": [key.replace("_", " ") for key in keys], "rows": rows})
+    return tables
+
+
+def _fact(value: object) -> str:
+    if isinstance(value, float):
+        return numbers.short(value, 3)
+    return numbers.MISSING if value is None else str(value)
+
+
+def _provenance(cases: Sequence[CaseRuns]) -> list[tuple[str, str]]:
+    """Facts that all logs share once; others as the distinct values."""
+    keys: list[str] = []
+    results = [result for case in cases for result in case.runs.values()]
+    for result in results:
+        keys.extend(key for key in result.provenance if key not in keys)
+    return [(key.replace("_", " "), _values(key, results)) for key in keys]
+
+
+def _values(key: str, results: Sequence[Result]) -> str:
+    values = list(dict.fromkeys(str(r.provenance[key]) for r in results if key in r.provenance))
+    if key == "date" and len(values) > 1:
+        return f"{min(values)} to {max(values)}"
+    return ", ".join(values)

@@ -1,0 +1,52 @@
+"""The verdict in words, against what is known of each case."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_cases import result
+
+from icmj.comparison.verdict import verdict_in_words
+from icmj.simulation.ending import Outcome
+
+
+@pytest.mark.parametrize(("name", "period"), [("b0.8", "one interval"), ("b1.2", "twice the interval, mirrored")])
+def test_a_run_on_the_predicted_cycle(name, period):
+    words = verdict_in_words(result(name), True)
+    assert words.startswith("Settles on the predicted cycle")
+    assert period in words
+
+
+def test_another_cycle_than_the_predicted_one_is_called_so():
+    assert "settles on another cycle" in verdict_in_words(result("b0.8"), False)
+
+
+def test_large_gain_does_not_settle_and_says_why():
+    words = verdict_in_words(result("b1.7"), False)
+    assert "none is predicted" in words
+    assert "repelling" in words
+    assert "|λ| = 1.20" in words  # the other eigenvalue at this interval (notes, section 4)
+
+
+def test_exact_model_has_no_cycle():
+    words = verdict_in_words(result("exact"), False)
+    assert "No cycle predicted" in words
+    assert "grow without bound" in words
+
+
+def test_a_repelling_predicted_cycle_says_so():
+    found = result("b0.8")
+    prediction = replace(found.prediction, verdict="repelling", multipliers=np.array([1.19 + 0j]))
+    lost = replace(found.measurement, kind="irregular", p=None, period=None)
+    words = verdict_in_words(replace(found, prediction=prediction, measurement=lost), False)
+    assert "repelling (largest multiplier 1.19)" in words
+    assert "irregular" in words
+
+
+def test_a_fall_is_named_with_its_time():
+    found = result("b0.8")
+    fallen = replace(found.simulation, outcome=Outcome("fell", 3.21, "fell"))
+    lost = replace(found.measurement, kind="growth", p=None, period=None)
+    assert "fell at 3.21 s" in verdict_in_words(replace(found, simulation=fallen, measurement=lost), False)

@@ -1,0 +1,57 @@
+"""Rates, x̄ and its modes, against the closed loop that they describe."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from report_cases import result
+from scipy.linalg import expm
+
+from icmj.theory.error_system import error_system
+from icmj.view.motion import modes, output_rate, reduced
+
+CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]
+
+
+@pytest.mark.parametrize("name", ["three-link", "neglected"])
+def test_the_rate_is_the_derivative_of_the_output(name: str) -> None:
+    found = result(name)
+    s = found.simulation
+    middle = slice(200, 260)
+    t, y = s.t[middle], s.y[middle]
+    slope = np.gradient(y, t, axis=0, edge_order=2)
+    rate = output_rate(found, s.x[middle], s.u[middle])
+    between_events = np.min(np.abs(t[:, None] - s.events.t), axis=1) > 0.05
+    assert rate[between_events][1:-1] == pytest.approx(slope[between_events][1:-1], abs=0.02 * np.abs(rate).max())
+
+
+@pytest.mark.parametrize("name", CYCLES)
+def test_the_reduced_state_is_that_of_the_error_system(name: str) -> None:
+    found = result(name)
+    system = error_system(found.actual, found.controller.design)
+    s = found.simulation
+    X = system.from_original(np.hstack([s.x, s.x_o, s.x_h]))
+    np.testing.assert_array_equal(reduced(found, s.x, s.x_o), X @ system.T.T)
+    np.testing.assert_array_equal(reduced(found, s.x[7], s.x_o[7]), X[7] @ system.T.T)
+
+
+@pytest.mark.parametrize("name", CYCLES)
+def test_the_critical_mode_is_gamma_at_the_events_of_the_cycle(name: str) -> None:
+    """Eq. gamma: χ_k1 = ±γ at the events of the limit cycle, and all other modes vanish there."""
+    found = result(name)
+    events, gamma = found.simulation.events, found.prediction.gamma
+    chi = modes(found, reduced(found, events.x, events.x_o))[-4:]
+    np.testing.assert_allclose(np.abs(chi[:, 0]), gamma, rtol=1e-6)
+    assert np.abs(chi[:, 1:]).max() < 1e-5 * gamma
+    assert (np.sign(chi[1:, 0].real * chi[:-1, 0].real) == found.prediction.orbit.sign).all()
+
+
+@pytest.mark.parametrize("name", CYCLES)
+def test_modes_are_multiplied_by_their_eigenvalues_from_event_to_event(name: str) -> None:
+    """χ_{i+1} = Λ χ_i (eq. chi_i) when the interval is Δ_crit; a different route from φ through e^{Ā_C Δ}."""
+    found = result(name)
+    system = error_system(found.actual, found.controller.design)
+    x_bar = np.random.default_rng(2).normal(size=system.n + system.n_hat)
+    after = (expm(system.A_C * found.prediction.delta_crit) @ system.T_bar @ x_bar)[: len(x_bar)]
+    before, then = modes(found, np.array([x_bar, after]))
+    assert then[0] == pytest.approx(found.prediction.eigenvalue.real * before[0], rel=1e-6)
