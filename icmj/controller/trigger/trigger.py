@@ -55,8 +55,6 @@ class EventRule(Trigger):
 
     Attributes:
         size: the threshold as one number; amplitudes are proportional to it, intervals do not depend on it.
-        unit: unit of E, as in :class:`Faces`.
-        error: what the threshold is on, for axes and tables.
     """
 
     kind = "event"
