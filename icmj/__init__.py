@@ -20,8 +20,9 @@ Names below are loaded on first use, so that importing icmj costs nothing.
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
+
+from icmj.base.version import VERSION
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, open_loop, prepare, simulate, simulate_plant
@@ -132,10 +133,7 @@ _HOME = {name: module for module, names in _HOMES.items() for name in names}
 # a rule is public by standing in its home's list of names
 _OPEN_HOME = "icmj.controller.trigger"
 
-try:
-    __version__ = version("icmj")
-except PackageNotFoundError:  # a source tree that is not installed
-    __version__ = "0+unknown"
+__version__ = VERSION
 
 
 def __getattr__(name: str) -> Any:

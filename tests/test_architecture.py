@@ -59,6 +59,7 @@ def test_every_folder_has_its_floor_and_nothing_else_lies_at_the_root() -> None:
 @pytest.mark.parametrize("path", MODULES, ids=name_of)
 def test_no_arrow_runs_up(path: Path) -> None:
     here = folder_of(path)
+    assert "icmj" not in imports(path), f"{name_of(path)} imports the roof"
     for name in imports(path):
         if not name.startswith("icmj."):
             continue

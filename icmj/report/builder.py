@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from icmj import __version__
 from icmj.base.files import write_bytes
+from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.notation import notation
@@ -87,7 +87,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
         subtitle=SUBTITLE,
         abstract=sections.abstract(cases),
         sections=[part for part in parts if part is not None],
-        version=__version__,
+        version=VERSION,
     )
 
 
