@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
 from icmj.controller.design import Design
-from icmj.controller.trigger import EventRule, EventTrigger, as_weight
+from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
 from icmj.errors import SimulationError
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
@@ -70,11 +71,14 @@ class Weights(TomlTable):
 
 
 class Control(TomlTable):
-    """Hold and event rule."""
+    """Hold and event rule: ``quadratic`` by Q_t and q_t, or ``box`` by a threshold for each output or state."""
 
     hold: Literal["system-matched", "zero-order"] = "system-matched"
+    rule: Literal["quadratic", "box"] = "quadratic"
     Q_t: Weight = "output"
-    q_t: Positive
+    q_t: Positive | None = None
+    on: Literal["output", "state"] = "output"
+    threshold: Positive | list[Positive] | None = None
     delta_min: NonNegative = 1e-3
 
     def trigger(self, design: Design) -> EventRule:
@@ -83,7 +87,21 @@ class Control(TomlTable):
         Raises:
             AnalysisError: if it does not fit the design.
         """
+        if self.rule == "box":
+            assert self.threshold is not None
+            return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
+        assert self.q_t is not None
         return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
+
+    @model_validator(mode="after")
+    def _keys_are_those_of_the_rule(self) -> Control:
+        needed, others = ("threshold", ("Q_t", "q_t")) if self.rule == "box" else ("q_t", ("on", "threshold"))
+        if getattr(self, needed) is None:
+            raise ValueError(f"the {self.rule} rule needs {needed}")
+        foreign = [name for name in others if name in self.model_fields_set]
+        if foreign:
+            raise ValueError(f"the {self.rule} rule has no {foreign[0]}")
+        return self
 
 
 class Analysis(TomlTable):

@@ -3,15 +3,17 @@
 A rule of one's own is a module here: a frozen dataclass that is an :class:`EventRule` and says what its faces are.
 """
 
+from icmj.controller.trigger.box import BoxTrigger
 from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.quadratic import EventTrigger, as_weight, output_weight
 from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Trigger
 
-TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, ClockTrigger, Continuous)
+TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous)
 """Every kind of trigger, as logs and command line know them."""
 
 __all__ = [
     "TRIGGERS",
+    "BoxTrigger",
     "ClockTrigger",
     "Continuous",
     "EventRule",

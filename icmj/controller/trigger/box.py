@@ -1,0 +1,65 @@
+"""The box rule: an event when any single component of the hold error passes its own threshold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.trigger.faces import Faces
+from icmj.controller.trigger.trigger import EventRule, checked_delta_min
+from icmj.errors import AnalysisError
+
+if TYPE_CHECKING:
+    from icmj.controller.design import Design
+
+
+@dataclass(frozen=True, eq=False)
+class BoxTrigger(EventRule):
+    """An event when |e_i| > threshold_i for any i, on the output errors e = Ĉe_hp or on the state errors e = e_hp.
+
+    E = max_i (e_i²/threshold_i²) − 1, without a unit. Every component is a face of its own, so the box is the rule to
+    take where outputs have different units, or different precision.
+
+    Attributes:
+        threshold: one for each output or state [its unit], shape (n_y,) or (n̂,); or one number for all.
+        on: ``output`` or ``state``.
+        delta_min: least open-loop interval Δ_min [s]; no event comes earlier than this after the last.
+
+    Raises:
+        AnalysisError: on construction, if a threshold is not positive or Δ_min negative.
+    """
+
+    threshold: Array
+    on: Literal["output", "state"] = "output"
+    delta_min: float = 1e-3
+
+    def __post_init__(self) -> None:
+        threshold = np.array(self.threshold, dtype=float)
+        if threshold.ndim > 1 or not threshold.size or not (np.isfinite(threshold).all() and (threshold > 0).all()):
+            raise AnalysisError(f"box thresholds must be positive, one for each {self.on}; got {threshold.tolist()}")
+        if self.on not in ("output", "state"):
+            raise AnalysisError(f"a box is on the 'output' or the 'state' errors, not on {self.on!r}")
+        checked_delta_min(self.delta_min)
+        object.__setattr__(self, "threshold", threshold)
+
+    @property
+    def size(self) -> float:
+        """The largest threshold."""
+        return float(self.threshold.max())
+
+    def resized(self, size: float) -> BoxTrigger:
+        return replace(self, threshold=self.threshold * (size / self.size))
+
+    def faces(self, design: Design) -> Faces:
+        rows = design.plant.C if self.on == "output" else np.eye(design.plant.n)
+        if self.threshold.ndim and len(self.threshold) != len(rows):
+            raise AnalysisError(f"the box has {len(self.threshold)} thresholds for {len(rows)} {self.on}s")
+        R = rows / np.broadcast_to(self.threshold, (len(rows),))[:, None]
+        return Faces(R, np.arange(len(R) + 1))
+
+    def facts(self) -> Mapping[str, Any]:
+        return {"threshold": self.threshold, "on": self.on, "delta_min": self.delta_min}
