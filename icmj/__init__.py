@@ -27,7 +27,8 @@ from icmj.base.version import VERSION
 if TYPE_CHECKING:
     from icmj.case.case import Case, open_loop, prepare, simulate, simulate_plant
     from icmj.comparison.comparison import Comparison, compare
-    from icmj.controller.controller import Controller
+    from icmj.controller.controller import Controller, continuous_limit
+    from icmj.controller.delay import Delay
     from icmj.controller.design import Design, design_lq
     from icmj.controller.hold import Hold, system_matched, zero_order
     from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, EventTrigger, output_weight
@@ -63,7 +64,8 @@ _HOMES = {
         "Comparison",
         "compare",
     ),
-    "icmj.controller.controller": ("Controller",),
+    "icmj.controller.controller": ("Controller", "continuous_limit"),
+    "icmj.controller.delay": ("Delay",),
     "icmj.controller.design": (
         "Design",
         "design_lq",
@@ -154,6 +156,7 @@ __all__ = [
     "Comparison",
     "Continuous",
     "Controller",
+    "Delay",
     "Design",
     "ErrorSystem",
     "EventRule",
@@ -177,6 +180,7 @@ __all__ = [
     "build_report",
     "choose_timestep",
     "compare",
+    "continuous_limit",
     "design_lq",
     "error_system",
     "load_plant",

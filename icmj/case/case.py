@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
@@ -66,8 +67,8 @@ def prepare(run: RunFile) -> Case:
     try:
         design = _design(assumed.linearisation.plant, run.design)
         rule = run.controller.trigger(design)
-        controller = Controller(design, HOLDS[run.controller.hold](design), rule)
-        system = error_system(actual.linearisation.plant, design, controller.hold)
+        controller = Controller(design, HOLDS[run.controller.hold](design), rule, _delay(run))
+        system = error_system(actual.linearisation.plant, design, controller.hold, delay=controller.delay)
         prediction = predict(system, rule, delta_max=run.analysis.delta_max)
     except IcmjError as error:
         raise type(error)(f"{run.path}: {error}") from error
@@ -79,7 +80,7 @@ def simulate(
     plant: PlantKind = "mujoco",
     *,
     trigger: Trigger | None = None,
-    start: tuple[Array, Array] | None = None,
+    start: tuple[Array, ...] | None = None,
     duration: float | None = None,
     refinement: float = 1.0,
     progress: Callable[[float], None] | None = None,
@@ -90,7 +91,7 @@ def simulate(
         case: the case.
         plant: ``linear`` or ``mujoco``.
         trigger: instead of the case's event rule (a clock, or continuous control).
-        start: plant and observer state at t = 0, shapes (n,) and (n̂,), instead of the run file's.
+        start: plant, observer and, if given, hold state at t = 0, shapes (n,), (n̂,), (n̂,), instead of the run file's.
         duration: instead of the run file's [s].
         refinement: factor on the timestep of the run file or, where it has none, of the model.
         progress: called now and then with the fraction done, 0–1.
@@ -98,9 +99,9 @@ def simulate(
     Raises:
         SimulationError: if the simulation cannot be started.
     """
-    x0, x_o0 = start if start is not None else (None, None)
     parts = _parts(case, plant, trigger, duration, refinement)
-    return simulate_plant(*parts, x0=x0, x_o0=x_o0, progress=progress)
+    x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
+    return simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
 
 
 def simulate_plant(
@@ -187,6 +188,13 @@ def _design(plant: LinearPlant, weights: Weights) -> Design:
         Q_o=square(weights.Q_o, plant.B @ plant.B.T),
         R_o=weights.R_o,
     )
+
+
+def _delay(run: RunFile) -> Delay:
+    """The assumed delay, and the actual one, which departs from it by ρ of what the run file says."""
+    assumed = run.assumed.delay
+    actual = assumed if run.actual.delay is None else assumed + run.actual.rho * (run.actual.delay - assumed)
+    return Delay(actual, assumed)
 
 
 def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> None:

@@ -1,29 +1,45 @@
 """The intermittent controller: design, hold and trigger, and the states it runs with (paper, section 2.2).
 
 u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs all the time. An *event* is
-an instant at which the controller takes up new feedback, whether an event rule, or a clock, decides when.
+an instant at which the controller takes up new feedback, whether an event rule, or a clock, decides when. With a delay
+(:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* comes later: x_h := the prediction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.layout import Layout
-from icmj.controller.trigger import Trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
+from icmj.errors import AnalysisError
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Everything that the closed loop needs besides the plant."""
+    """Everything that the closed loop needs besides the plant.
+
+    Raises:
+        AnalysisError: on construction, if control is continuous and yet delayed.
+    """
 
     design: Design
     hold: Hold
     trigger: Trigger
+    delay: Delay = NO_DELAY
+
+    def __post_init__(self) -> None:
+        if self.delay and not self.trigger.holds:
+            raise AnalysisError(
+                "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "
+                "interval, which is the continuous predictor controller in the limit"
+            )
 
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger."""
@@ -39,8 +55,10 @@ class Realisation:
         M, N: ȧ = M a + N y between events, shapes (N_a, N_a) and (N_a, n_y) (eqs. obs, hold).
         K: u = −K a, shape (n_u, N_a) (eq. u).
         J: a := J a at an event, shape (N_a, N_a) (eq. imp).
+        G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
         cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
+        delay: t_d [s].
     """
 
     layout: Layout
@@ -48,14 +66,44 @@ class Realisation:
     N: Array
     K: Array
     J: Array
+    G: Array
     R: Array
     cuts: np.ndarray
+    delay: float
 
 
 def layout_of(controller: Controller) -> Layout:
-    """The controller's states: what the observer knows, and the hold."""
+    """The controller's states: what the observer knows, the hold, and with a delay the predictions still to act."""
     n = controller.design.plant.n
-    return Layout.of(x_o=n, x_h=n)
+    slots = controller.delay.in_flight(controller.trigger.clock)
+    return Layout.of(x_o=n, x_h=n, **({"pending": slots * n} if slots else {}))
+
+
+def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
+    """The controller's state right after an event at which observer and hold were there; shape (N_a,).
+
+    Without a delay the caller has reset the hold, or not, as it likes. With one, the event is taken up here.
+
+    Raises:
+        AnalysisError: if the trigger does not fit the design.
+    """
+    layout = layout_of(controller)
+    if "pending" not in layout.names:
+        return layout.join(x_o=x_o, x_h=x_h)
+    from scipy.linalg import expm
+
+    # predictions that would change nothing: where the hold will be by itself
+    times = _expected(controller)
+    slots = controller.delay.in_flight(controller.trigger.clock)
+    idle = [expm(controller.hold.A_h * t) @ x_h for t in times]
+    pending = np.concatenate([np.zeros((slots - len(idle)) * len(x_h)), *idle])
+    a = layout.join(x_o=x_o, x_h=x_h, pending=pending)
+    return np.asarray(realise(controller).J @ a)
+
+
+def continuous_limit(controller: Controller) -> Trigger:
+    """The trigger of the continuous controller to compare with; with a delay, a clock of a twentieth of it."""
+    return ClockTrigger(controller.delay.t_d / 20) if controller.delay else Continuous()
 
 
 def realise(controller: Controller) -> Realisation:
@@ -67,11 +115,14 @@ def realise(controller: Controller) -> Realisation:
     design, layout, trigger = controller.design, layout_of(controller), controller.trigger
     o, h = layout["x_o"], layout["x_h"]
     M, K = np.zeros((layout.size, layout.size)), np.zeros((design.plant.n_u, layout.size))
-    N, J = np.zeros((layout.size, design.plant.n_y)), np.eye(layout.size)
+    N, J, G = np.zeros((layout.size, design.plant.n_y)), np.eye(layout.size), np.eye(layout.size)
     M[o, o], N[o] = design.A_o, design.L
     if trigger.holds:
         M[o, h], M[h, h], K[:, h] = -design.plant.B @ design.k, controller.hold.A_h, design.k
-        J[h] = np.eye(layout.size)[o]
+        if controller.delay:
+            _delayed(controller, layout, J, G)
+        else:
+            J[h] = np.eye(layout.size)[o]
     else:
         # x_h runs along with x_o, so that what is recorded as the hold state is the observer's
         M[o, o] -= design.plant.B @ design.k
@@ -79,4 +130,25 @@ def realise(controller: Controller) -> Realisation:
     faces = trigger.faces(design)
     R = np.zeros((len(faces.R), layout.size))
     R[:, o], R[:, h] = -faces.R, faces.R
-    return Realisation(layout, M, N, K, J, R, faces.cuts)
+    return Realisation(layout, M, N, K, J, G, R, faces.cuts, controller.delay.t_d)
+
+
+def _expected(controller: Controller) -> list[float]:
+    """When, from a clock's event on, the controller expects the earlier predictions to act, the oldest first [s]."""
+    clock, delay = controller.trigger.clock, controller.delay
+    return delay.expected([i * clock for i in range(delay.in_flight(clock) - 1, 0, -1)])
+
+
+def _delayed(controller: Controller, layout: Layout, J: Array, G: Array) -> None:
+    """An event moves the queue on and puts its prediction last; an action takes the one that is due."""
+    n, pending, trigger = controller.design.plant.n, layout["pending"].start, controller.trigger
+    slots = controller.delay.in_flight(trigger.clock)
+    places = [slice(pending + i * n, pending + (i + 1) * n) for i in range(slots)]
+    before = np.eye(layout.size)
+    for place, following in pairwise(places):
+        J[place] = before[following]
+    times = _expected(controller)
+    E_p = predictor(controller.design, controller.hold, controller.delay.predicted, times)
+    inputs = [layout["x_o"], layout["x_h"], *places[slots - len(times) :]]
+    J[places[-1]] = sum(E_p[:, i * n : (i + 1) * n] @ before[place] for i, place in enumerate(inputs))
+    G[layout["x_h"]] = before[places[0]]

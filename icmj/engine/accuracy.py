@@ -51,6 +51,8 @@ def order_of(model: mujoco.MjModel) -> int:
 
 def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     """Estimate the error of a run; all NaN where the run is too short to repeat a stretch of it."""
+    if loop.controller.delay.in_flight(loop.controller.trigger.clock) > 1:
+        return _nothing(loop)  # a row does not hold the events that have not acted yet
     if len(record.events) >= 2:
         return _over_an_interval(loop, schedule, record)
     return _over_a_second(loop, schedule, record)
@@ -62,8 +64,9 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
     end = float(last[0]) + 0.1 * stretch + 10 * schedule.timestep
+    hold = first.x_h[0] if loop.controller.delay else None
     flights = [
-        EngineOpenLoop(loop, replace(schedule, timestep=h, t_end=end))(first.x[0], first.x_o[0], None, begin)
+        EngineOpenLoop(loop, replace(schedule, timestep=h, t_end=end))(first.x[0], first.x_o[0], hold, begin)
         for h in (schedule.timestep, schedule.timestep / 2)
     ]
     if any(flight.outcome is not None for flight in flights):
@@ -78,7 +81,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     # a row that is an event shows the state before the reset
     usable = record.rows[~np.isin(record.rows[:, 0], record.events[:, 0])]
-    if len(usable) < 3:
+    if len(usable) < 3 or loop.controller.delay:
         return _nothing(loop)
     first, last = usable[np.searchsorted(usable[:, 0], usable[-1, 0] - 1.0)], usable[-1]
     stretch = float(last[0] - first[0])

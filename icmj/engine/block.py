@@ -46,13 +46,14 @@ class Slot(IntEnum):
     AT_N = 13
     AT_K = 14
     AT_J = 15
-    AT_R = 16
-    AT_CUTS = 17
-    AT_SEGMENTS = 18
-    AT_SPAN_K = 19
-    AT_Y_0 = 20
-    AT_CTRL_0 = 21
-    AT_TERMS = 22
+    AT_G = 16
+    AT_R = 17
+    AT_CUTS = 18
+    AT_SEGMENTS = 19
+    AT_SPAN_K = 20
+    AT_Y_0 = 21
+    AT_CTRL_0 = 22
+    AT_TERMS = 23
 
 
 HEADER = 24
@@ -62,6 +63,7 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_N, "N", (Slot.SIZE, Slot.N_Y)),
     (Slot.AT_K, "K", (Slot.N_U, Slot.SIZE)),
     (Slot.AT_J, "J", (Slot.SIZE, Slot.SIZE)),
+    (Slot.AT_G, "G", (Slot.SIZE, Slot.SIZE)),
     (Slot.AT_R, "R", (Slot.ROWS, Slot.SIZE)),
     (Slot.AT_CUTS, "cuts", (Slot.FACES,)),
     (Slot.AT_SEGMENTS, "segments", (Slot.SEGMENTS, 5)),
@@ -81,7 +83,7 @@ class Block:
         header: by :class:`Slot`, shape (24,).
         M, N: ȧ = M a + N (y − y_0), shapes (N_a, N_a), (N_a, n_y).
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
-        J: a := J a at an event, shape (N_a, N_a).
+        J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
         R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
         segments: first row and end of each segment of the state, first column of M that is not zero there and end, and
             whether N is not zero there; shape (S, 5).
@@ -95,6 +97,7 @@ class Block:
     N: Array
     K: Array
     J: Array
+    G: Array
     R: Array
     cuts: Array
     segments: Array
@@ -130,7 +133,7 @@ def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Distu
         np.minimum(disturbance.end, FOREVER),
     ])  # fmt: skip
     parts = {
-        **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "R")},
+        **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
         "cuts": realisation.cuts[:-1],
         "segments": _segments(realisation),
         "span_K": span(realisation.K),

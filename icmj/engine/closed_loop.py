@@ -119,6 +119,7 @@ class ComposedLoop:
             t_end=settings.duration,
             delta_min=trigger.delta_min,
             clock=trigger.clock,
+            delay=self.controller.delay.t_d,
             edges=self.disturbance.edges,
             phases=phases_of(self.disturbance.edges),
             record_interval=settings.record_interval,
@@ -147,7 +148,7 @@ class ComposedLoop:
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges, use.find)
+            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.jumps, use.find)
             while status == Status.RUNNING and not stopped:
                 record.clear()
                 try:

@@ -13,6 +13,7 @@ from icmj.base.array import Array
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
 
+Jumps = Callable[[float, float], Array]
 Find = Callable[[Array, Array], tuple[Array, Array]]
 
 
@@ -22,13 +23,13 @@ class ExtremesTracker:
     Chunks of steps are added as they come; only the steps of the interval under way are kept.
     """
 
-    def __init__(self, t: float, y: Array, edges: Array, find: Find | None = None) -> None:
+    def __init__(self, t: float, y: Array, jumps: Jumps | None = None, find: Find | None = None) -> None:
         """Start at ``t`` with outputs ``y`` (n_y,).
 
-        ``edges`` are the times at which accelerations may jump; ``find`` is :func:`extremes` or another that does
-        the same faster.
+        ``jumps`` gives the times between two others at which accelerations may jump; ``find`` is :func:`extremes` or
+        another that does the same faster.
         """
-        self._edges = edges
+        self._jumps = jumps or (lambda start, end: np.zeros(0))
         self._find = find or extremes
         self._t = np.array([t])
         self._y = np.array([y])
@@ -43,7 +44,7 @@ class ExtremesTracker:
         start = 0
         for end in at:
             t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
-            inside = self._edges[(self._edges > t_i[0]) & (self._edges < t_i[-1])]
+            inside = self._jumps(float(t_i[0]), float(t_i[-1]))
             cuts = [0, *np.searchsorted(t_i, inside), len(t_i) - 1]
             parts = [self._find(t_i[a : b + 1], y_i[a : b + 1]) for a, b in pairwise(cuts)]
             self._max.append(np.max([high for high, _ in parts], axis=0))

@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of
+from icmj.controller.controller import Controller, start_state
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop, timestep_of
 from icmj.engine.extremes import ExtremesTracker
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Status, recording
 from icmj.engine.schedule import Schedule
-from icmj.simulation.interval import OpenLoopInterval
+from icmj.simulation.interval import OpenLoopInterval, one_in_flight
 from icmj.simulation.settings import Settings
 
 NEVER = 1e300  # s between rows: only events are wanted
@@ -25,6 +25,7 @@ class EngineOpenLoop:
     """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
 
     def __init__(self, loop: ComposedLoop, schedule: Schedule) -> None:
+        one_in_flight(loop.controller)
         self.loop = loop
         self.schedule = replace(schedule, events=1, record_interval=NEVER)
         self._data = mujoco.MjData(loop.model)
@@ -38,13 +39,13 @@ class EngineOpenLoop:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
         loop, data, record = self.loop, self._data, self._record
         hold = x_o if x_h is None else x_h
-        a = layout_of(loop.controller).join(x_o=np.asarray(x_o, float), x_h=np.asarray(hold, float))
+        a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
         y_0, status, last = loop.plant.linearisation.y, Status.RUNNING, t
         mujoco.mj_resetData(loop.model, data)
         with installed(*self._use.callbacks), loop.lent():
             loop.place(data, np.asarray(x, float), a, t)
             self._steps.begin()
-            tracker = ExtremesTracker(t, data.sensordata - y_0, self.schedule.edges, self._use.find)
+            tracker = ExtremesTracker(t, data.sensordata - y_0, self.schedule.jumps, self._use.find)
             while status == Status.RUNNING:
                 record.clear()
                 status = self._steps.advance(record, CHUNK)

@@ -91,6 +91,7 @@ class ReferenceLoop:
         self._grid, self._i = t, 0  # the step grid starts at ``grid``; ``i`` steps of it are done
         self._last, self._armed, self._events = t, False, 0
         self._clock, self._edge = schedule.first_clock(t), schedule.first_edge(t)
+        self._acted = self._clock - 1 if np.isfinite(schedule.clock) else 0
         self._begin, self._end, self._length = t, t, 0.0
         self._next_record = t + schedule.record_interval
         block.header[Slot.PHASE] = schedule.phases[self._edge]
@@ -108,10 +109,12 @@ class ReferenceLoop:
     def _advance(self, record: Recording) -> Status:
         plan, data = self.schedule, self.data
         t = data.time
-        arm = self._last + plan.delta_min if len(self.faces) and not self._armed else np.inf
+        least = max(plan.delta_min, plan.delay)
+        arm = self._last + least if len(self.faces) and not self._armed else np.inf
         clock = self._clock * plan.clock if np.isfinite(plan.clock) else np.inf
         edge = plan.edges[self._edge] if self._edge < len(plan.edges) else np.inf
-        target = min(plan.t_end, arm, clock, edge)
+        act = self._next_action()
+        target = min(plan.t_end, arm, clock, edge, act)
         lands = target - t <= plan.timestep * (1 + 1e-9)
         step = target - t if lands else plan.timestep
         fired = False
@@ -130,6 +133,11 @@ class ReferenceLoop:
         else:
             self._i += 1
         status = self._status()
+        acts = status == Status.RUNNING and lands and data.time >= act
+        if acts:
+            data.act[self.block.act] = self.block.G @ data.act[self.block.act]
+            self._acted += 1
+            mujoco.mj_forward(self.model, data)
         if status == Status.RUNNING and lands:
             # what was planned for this time
             if data.time >= arm:
@@ -144,12 +152,12 @@ class ReferenceLoop:
             self._events += 1
             if status == Status.RUNNING and self._events >= plan.events:
                 status = Status.REACHED
-        due = data.time >= self._next_record - 1e-9 * plan.timestep
+        due = acts or data.time >= self._next_record - 1e-9 * plan.timestep
         self._record(record, fired, due or status != Status.RUNNING)
         if fired:
             a = data.act[self.block.act]
             a[:] = self.block.J @ a
-            self._last, self._armed = data.time, len(self.faces) > 0 and plan.delta_min == 0
+            self._last, self._armed = data.time, len(self.faces) > 0 and least == 0
         passed = lands and data.time >= edge
         if passed:
             self._edge += 1
@@ -157,6 +165,15 @@ class ReferenceLoop:
         if fired or passed:
             mujoco.mj_forward(self.model, data)
         return status
+
+    def _next_action(self) -> float:
+        """When the oldest event that has not acted yet will; infinity if there is none."""
+        plan = self.schedule
+        if plan.delay == 0:
+            return float("inf")
+        if np.isfinite(plan.clock):
+            return plan.clock_action(self._acted) if self._acted < self._clock else float("inf")
+        return self._last + plan.delay if self._acted <= self._events else float("inf")
 
     def _step(self, step: float, first: bool = False) -> None:
         """One step of the length given from the saved state, and the forward pass at its end."""

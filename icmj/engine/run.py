@@ -88,4 +88,5 @@ def simulate(
         outcome=record.outcome,
         precision=precision,
         qpos=record.rows[:, 1 : 1 + model.nq],
+        delay=controller.delay.t_d,
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.delay import SAME
 
 EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
 
@@ -22,6 +23,7 @@ class Schedule:
         t_end: where the run ends [s].
         delta_min: Δ_min of the event trigger [s].
         clock: interval of the clock trigger [s]; infinite for others.
+        delay: t_d from an event to its action [s].
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
         record_interval: least time between two recorded rows [s]; events are always recorded.
@@ -34,6 +36,7 @@ class Schedule:
     t_end: float
     delta_min: float
     clock: float
+    delay: float
     edges: Array
     phases: Array
     record_interval: float
@@ -48,6 +51,25 @@ class Schedule:
         h⁴/384 times the fourth derivative; the factor 10 is for what the nonlinear plant adds.
         """
         return float(10 * (2 * self.rate * step) ** 4 / 384)
+
+    def clock_action(self, number: int) -> float:
+        """When the clock's event of this number acts [s]; on a tick where the delay is a multiple of its interval."""
+        ticks = self.delay / self.clock
+        if abs(ticks - round(ticks)) < SAME * ticks:
+            return (number + round(ticks)) * self.clock
+        return number * self.clock + self.delay
+
+    def jumps(self, start: float, end: float) -> Array:
+        """Times strictly between two successive events at which inputs jump: edges and actions, rising."""
+        inside = self.edges[(self.edges > start) & (self.edges < end)]
+        if self.delay == 0:
+            return inside
+        if np.isfinite(self.clock):
+            first, last = int((start - self.delay) / self.clock) - 1, int(end / self.clock) + 1
+            acts = np.array([self.clock_action(number) for number in range(max(first, 0), last)])
+        else:
+            acts = np.array([start + self.delay])
+        return np.union1d(inside, acts[(acts > start) & (acts < end)])
 
     def first_edge(self, t: float) -> int:
         """Index of the first edge after ``t``, which is also that of the stretch around ``t``."""

@@ -31,13 +31,11 @@ def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
         return None
     errors = []
     for threshold in q_t:
-        X = case.system.to_original(case.system.T_bar @ orbit.x_bar) * (threshold / trigger.size)
-        n, n_hat = case.system.n, case.system.n_hat
         run = simulate(
             case,
             "mujoco",
             trigger=trigger.resized(threshold),
-            start=(X[:n], X[n : n + n_hat]),
+            start=case.system.start(orbit.x_bar * (threshold / trigger.size)),
             duration=INTERVALS * orbit.delta,
             refinement=REFINEMENT,
         )

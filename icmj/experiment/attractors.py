@@ -11,7 +11,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import Measurement, measure, reduced_states
+from icmj.measurement.measurement import Measurement, event_states, measure, reduced_states
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.result.attractor import Attractor
 from icmj.simulation.settings import Settings
@@ -101,7 +101,7 @@ def _settle(
         # anything bounded that has not closed may still be a transient
         if measurement.kind in ("cycle", "homoclinic", "growth"):
             break
-    states = reduced_states(run.events.x, run.events.x_o, T_hat)
+    states = event_states(run, T_hat)
     return measurement, states[len(states) - (measurement.p or 0) :]
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind, open_loop
 from icmj.controller.trigger import ClockTrigger
-from icmj.measurement.measurement import growth_per_interval
+from icmj.measurement.measurement import growth_per_interval, reduced_states
 from icmj.result.result import Growth
-from icmj.theory.error_system import ErrorSystem
 
 SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
 INTERVALS = 6  # the least that a growth is measured from
@@ -27,7 +25,8 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
         return None
     delta_crit = case.prediction.delta_crit
     end = 1.25 * delta_crit if delta_crit is not None else case.run.analysis.delta_max
-    deltas = np.linspace(end / points, end, points)
+    t_d = case.controller.delay.t_d  # a clock faster than the delay is another map
+    deltas = t_d + np.linspace((end - t_d) / points, end - t_d, points)
     measured, predicted = zip(*(_growth(case, plant, float(delta)) for delta in deltas), strict=True)
     return Growth(deltas, np.array(measured), np.array(predicted))
 
@@ -36,19 +35,14 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
     system = case.system
     eigenvalues, vectors = np.linalg.eig(system.phi(delta))
     dominant = int(np.argmax(np.abs(eigenvalues)))
-    x_bar = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
+    w = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
     fly = open_loop(case, plant, trigger=ClockTrigger(delta), duration=(INTERVALS + 0.5) * delta)
-    x, x_o = _start(system, x_bar)
+    x, x_o, x_h = system.start(w)
     states = []
     for i in range(INTERVALS):
-        flight = fly(x, x_o, t=i * delta)
+        flight = fly(x, x_o, x_h, i * delta)
         if flight.outcome is not None:
             break
-        x, x_o = flight.x, flight.x_o
-        states.append(np.concatenate([x, x_o - system.T_hat @ x]))
+        x, x_o, x_h = flight.x, flight.x_o, flight.x_h if system.delay else flight.x_o
+        states.append(reduced_states(x, x_o, system.T_hat, x_h if system.delay else None))
     return growth_per_interval(np.array(states)), float(np.abs(eigenvalues[dominant]))
-
-
-def _start(system: ErrorSystem, x_bar: Array) -> tuple[Array, Array]:
-    X = system.to_original(system.T_bar @ x_bar)
-    return X[: system.n], X[system.n : system.n + system.n_hat]

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of
+from icmj.controller.controller import Controller
 from icmj.controller.layout import Layout
 from icmj.controller.trigger import Faces
 from icmj.errors import SimulationError
@@ -61,10 +61,9 @@ class LinearLoop:
         """The segments of z."""
         return Layout.of(x=self.n, d=self.n_hat, e=self.n_hat)
 
-    def state(self, x: Array, a: Array) -> Array:
-        """z from the plant's state and the controller's, in its layout."""
-        known = layout_of(self.controller).split(a)
-        return self.layout.join(x=x, d=known["x_o"] - self.T_hat @ x, e=known["x_h"] - known["x_o"])
+    def state(self, x: Array, x_o: Array, x_h: Array) -> Array:
+        """z from (x, x_o, x_h)."""
+        return self.layout.join(x=x, d=x_o - self.T_hat @ x, e=x_h - x_o)
 
     def x(self, Z: Array) -> Array:
         """Plant state, last axis; any leading shape."""
@@ -82,10 +81,10 @@ class LinearLoop:
         """Hold state."""
         return self.x_o(Z) + self.e(Z)
 
-    def reset(self, z: Array) -> Array:
-        """z right after an event: x_h := x_o."""
+    def reset(self, z: Array, x_h: Array | None = None) -> Array:
+        """z right after x_h was set to a prediction, or to x_o."""
         after = z.copy()
-        after[self.layout["e"]] = 0
+        after[self.layout["e"]] = 0 if x_h is None else x_h - self.x_o(z)
         return after
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.linear.closed_loop import LinearLoop, Stretch, closed_loop, stretches
+from icmj.linear.queue import Queue
 from icmj.linear.watch import DIVERGED, Piece, Watch
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
@@ -29,27 +30,31 @@ class Stage:
     duration: float
     limit: float
 
-    def flight(self, z: Array, t: float) -> Iterator[tuple[Watch, Piece, float]]:
+    def flight(self, z: Array, t: float, queue: Queue) -> Iterator[tuple[Watch, Piece, float]]:
         """Pieces of the motion from ``z`` right after an event at ``t``, each with its watch and when it ends [s].
 
         The last one ends in an event (also one that falls due by the clock), a fall, divergence, or at the end of
-        the duration. An event falls on the first time after Δ_min at which E ≥ 0, on Δ_min itself if E ≥ 0 there.
+        the duration. An event falls on the first time after Δ_min and the delay at which E ≥ 0, on that time itself if
+        E ≥ 0 there. Actions of the ``queue`` end pieces on the way; those hold the state after the action.
         """
         trigger, faces, size = self.loop.controller.trigger, self.loop.faces, len(z)
-        ready = t + trigger.delta_min
+        ready = t + max(trigger.delta_min, self.loop.controller.delay.t_d)
         clock = (
             (np.floor(t / trigger.clock * (1 + 1e-12)) + 1) * trigger.clock if np.isfinite(trigger.clock) else np.inf
         )
         for stretch, watch in self.stretches:
             while t < stretch.end:
                 armed = len(faces) > 0 and t >= ready
-                due = min(clock, np.inf if armed or not len(faces) else ready)
+                act = queue.due
+                due = min(clock, act, np.inf if armed or not len(faces) else ready)
                 if np.abs(z).max() < _TINY:
                     z = np.zeros_like(z)
                 stop = min(due, stretch.end)
                 piece = watch.advance(stretch.augmented(z, t), stop - t, armed)
                 # landing on a time set in advance is exact; adding the piece's length would round
                 t = stop if piece.complete and piece.kind == "end" else t + piece.length
+                if piece.kind == "end" and t == act:
+                    piece = piece.ended(self.loop.reset(piece.z[:size], queue.act()))
                 z = piece.z[:size]
                 if piece.kind == "end" and t == clock:
                     piece = piece.as_event()

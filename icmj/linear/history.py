@@ -53,7 +53,8 @@ class History:
         """The controller takes up feedback now: an event is noted and x_h := x_o."""
         self._record_now()
         self._events.append((self.t, self.z, self._y_max, self._y_min))
-        self.z = self.loop.reset(self.z)
+        if not self.loop.controller.delay:
+            self.z = self.loop.reset(self.z)
         self._reset_extremes()
 
     def intervals(self) -> Array:
@@ -92,6 +93,7 @@ class History:
                 "step": step,
                 "series_terms": degree + 1,
             },
+            delay=loop.controller.delay.t_d,
         )
 
     def _event_data(self) -> Events:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of
+from icmj.controller.controller import Controller
 from icmj.linear.flight import Stage, stage
+from icmj.linear.queue import Queue
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.interval import OpenLoopInterval
+from icmj.simulation.interval import OpenLoopInterval, one_in_flight
 from icmj.simulation.settings import Settings
 
 
@@ -17,17 +18,19 @@ class LinearOpenLoop:
     """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`."""
 
     def __init__(self, stage: Stage) -> None:
+        one_in_flight(stage.loop.controller)
         self.stage = stage
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
         loop, end = self.stage.loop, t
-        a = layout_of(loop.controller).join(
-            x_o=np.asarray(x_o, float), x_h=np.asarray(x_o if x_h is None else x_h, float)
-        )
-        z = loop.state(np.asarray(x, float), a)
+        x, x_o = np.asarray(x, float), np.asarray(x_o, float)
+        x_h = x_o if x_h is None else np.asarray(x_h, float)
+        z, queue = loop.state(x, x_o, x_h), Queue(loop.controller)
+        if loop.controller.delay:
+            queue.take_up(t, x_o, x_h)
         y_max, y_min, piece = np.full(loop.plant.n_y, -np.inf), np.full(loop.plant.n_y, np.inf), None
-        for _, piece, end in self.stage.flight(z, t):  # noqa: B007
+        for _, piece, end in self.stage.flight(z, t, queue):  # noqa: B007
             y_max, y_min = np.maximum(y_max, piece.y_max), np.minimum(y_min, piece.y_min)
         outcome = None
         if piece is None or piece.kind == "end":

@@ -12,9 +12,10 @@ from collections.abc import Callable
 
 from numpy.typing import ArrayLike
 
-from icmj.controller.controller import Controller
+from icmj.controller.controller import Controller, layout_of
 from icmj.linear.flight import Stage, stage
 from icmj.linear.history import History
+from icmj.linear.queue import Queue
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.ending import Outcome
@@ -53,7 +54,9 @@ def simulate(
     """
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)
     prepared = stage(plant, controller, settings)
-    history = History(prepared.loop, settings.record_interval, prepared.loop.state(x, a))
+    known = layout_of(controller).split(a)
+    start = prepared.loop.state(x, known["x_o"], known["x_h"])
+    history = History(prepared.loop, settings.record_interval, start)
     try:
         outcome = _run(prepared, history, progress)
     except KeyboardInterrupt:
@@ -62,9 +65,11 @@ def simulate(
 
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:
-    duration = prepared.duration
+    duration, queue = prepared.duration, Queue(prepared.loop.controller)
     while history.t < duration:
-        for watch, piece, t in prepared.flight(history.z, history.t):
+        if prepared.loop.controller.delay:
+            queue.take_up(history.t, prepared.loop.x_o(history.z), prepared.loop.x_h(history.z))
+        for watch, piece, t in prepared.flight(history.z, history.t, queue):
             history.append(watch, piece, t)
             if progress is not None:
                 progress(t / duration)

@@ -37,6 +37,10 @@ class Piece:
     y_max: Array
     y_min: Array
 
+    def ended(self, z: Array) -> Piece:
+        """The same piece with another state at its end, where an action set the hold."""
+        return replace(self, z=z)
+
     def as_event(self) -> Piece:
         """The same piece, ended by an event that falls due at its end."""
         return replace(self, kind="event")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import TRIGGERS
@@ -33,7 +34,7 @@ from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
 _DATA: tuple[type, ...] = (
-    *(LinearPlant, Design, Hold, Controller, *TRIGGERS),
+    *(LinearPlant, Design, Hold, Delay, Controller, *TRIGGERS),
     *(Crossing, Orbit, Prediction),
     *(Events, Outcome, Simulation, Measurement),
     *(Growth, AmplitudeLaw, Attractor, Result),

@@ -116,7 +116,7 @@ def _modes(result: Result) -> Iterator[Group]:
     simulation, prediction = result.simulation, result.prediction
     if prediction.V_inv is None:
         return
-    chi = modes(result, reduced(result, simulation.x, simulation.x_o)).real
+    chi = modes(result, reduced(result, simulation.x, simulation.x_o, simulation.x_h)).real
     if chi.shape[1] > 1:
         others = ("other modes",) * (chi.shape[1] - 1)
         grey = (palette.OTHER_MODES,) * len(others)
@@ -127,5 +127,5 @@ def _modes(result: Result) -> Iterator[Group]:
     yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (palette.CRITICAL,))
     if len(simulation.events):
         events = simulation.events
-        at = modes(result, reduced(result, events.x, events.x_o)).real[:, :1].copy()
+        at = modes(result, reduced(result, events.x, events.x_o, events.x_h)).real[:, :1].copy()
         yield Group("modes/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")

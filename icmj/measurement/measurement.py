@@ -104,8 +104,9 @@ def measure(
         tolerance: relative closure error that counts as settled.
         floor: closure error that is taken for round-off, so that its trend means nothing.
     """
-    events, K = simulation.events, len(simulation.events)
-    states = reduced_states(events.x, events.x_o, T_hat)
+    K = len(simulation.events)
+    events = simulation.events
+    states = event_states(simulation, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")
     if K == 0:
@@ -140,9 +141,19 @@ def measure(
     return _open(simulation, states, returns, running, tolerance, floor)
 
 
-def reduced_states(x: Array, x_o: Array, T_hat: Array) -> Array:
-    """x̄ = (x, x_o − T̂x), which a reset does not change; shapes (..., n), (..., n̂), (n̂, n) → (..., n + n̂)."""
-    return np.concatenate([x, x_o - x @ np.asarray(T_hat, float).T], axis=-1)
+def reduced_states(x: Array, x_o: Array, T_hat: Array, x_h: Array | None = None) -> Array:
+    """x̄ = (x, x_o − T̂x), which a reset does not change; shapes (..., n), (..., n̂), (n̂, n) → (..., n + n̂).
+
+    With a delay the whole state at an event has x_h − T̂x, too: give x_h, and the shape is (..., n + 2n̂).
+    """
+    seen = x @ np.asarray(T_hat, float).T
+    return np.concatenate([x, x_o - seen, *([] if x_h is None else [x_h - seen])], axis=-1)
+
+
+def event_states(simulation: Simulation, T_hat: Array) -> Array:
+    """The states at the events between which φ maps, shape (K, n + n̂), with a delay (K, n + 2n̂)."""
+    events = simulation.events
+    return reduced_states(events.x, events.x_o, T_hat, events.x_h if simulation.delay else None)
 
 
 def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat: Array) -> float:
@@ -150,10 +161,10 @@ def measured_gamma(simulation: Simulation, V_inv: NDArray[np.complex128], T_hat:
 
     Args:
         simulation: a run that has settled on the predicted cycle.
-        V_inv: rows map x̄ to χ, the critical one first, shape (n + n̂, n + n̂).
+        V_inv: rows map the state at events to χ, the critical one first.
         T_hat: T̂, shape (n̂, n).
     """
-    states = reduced_states(simulation.events.x, simulation.events.x_o, T_hat)
+    states = event_states(simulation, T_hat)
     return float(np.abs(states[-2:] @ V_inv[0]).mean()) if len(states) >= 2 else float("nan")
 
 

@@ -49,6 +49,7 @@ class Assumed(TomlTable):
 
     model: str
     keyframe: str | None = None
+    delay: NonNegative = 0.0
 
 
 class Actual(TomlTable):
@@ -59,6 +60,7 @@ class Actual(TomlTable):
     gain: Finite | list[Finite] = 1.0
     dynprm: dict[str, list[Finite]] = {}
     rho: Finite = 1.0
+    delay: NonNegative | None = None
 
 
 class Weights(TomlTable):

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.errors import SimulationError
 from icmj.simulation.ending import Outcome
 
 
@@ -35,6 +37,19 @@ class OpenLoopInterval:
     outcome: Outcome | None
 
 
+def one_in_flight(controller: Controller) -> None:
+    """Refuse a clock faster than the delay, for then x, x_o and x_h at an event are not the whole state.
+
+    Raises:
+        SimulationError: if it is.
+    """
+    if controller.delay.in_flight(controller.trigger.clock) > 1:
+        raise SimulationError(
+            f"a clock of {controller.trigger.clock:g} s ticks again before the delay of {controller.delay.t_d:g} s is "
+            "over: an interval is no function of the state at its event; simulate the run instead"
+        )
+
+
 class OpenLoop(Protocol):
     """A closed loop, ready to fly from event to event."""
 
@@ -43,6 +58,7 @@ class OpenLoop(Protocol):
 
         Args:
             x, x_o: plant and observer state there, shapes (n,) and (n̂,).
-            x_h: hold state right after it, shape (n̂,); ``x_o`` if ``None``, which is the reset.
+            x_h: hold state right after it, shape (n̂,); ``x_o`` if ``None``, which is the reset. With a delay the event
+                resets nothing yet, and x_h is needed.
             t: time of the event [s]; matters for clocks and disturbances.
         """

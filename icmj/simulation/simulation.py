@@ -22,7 +22,8 @@ class Events:
 
     Attributes:
         t: times [s], shape (K,).
-        x, x_o, x_h: plant, observer and hold state just before the reset x_h := x_o, shapes (K, n), (K, n̂), (K, n̂).
+        x, x_o, x_h: plant, observer and hold state just before the reset x_h := x_o, which a delay puts off;
+            shapes (K, n), (K, n̂), (K, n̂).
         y_max, y_min: extremes of each output over the open-loop interval that ends here, shape (K, n_y).
     """
 
@@ -56,6 +57,7 @@ class Simulation:
         events: the events.
         outcome: how it ended.
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
+        delay: t_d from an event to its action [s].
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
     """
 
@@ -72,3 +74,4 @@ class Simulation:
     outcome: Outcome
     precision: Mapping[str, float | int | str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    delay: float = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of
+from icmj.controller.controller import Controller, start_state
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
@@ -34,11 +34,16 @@ def start_states(
     Raises:
         SimulationError: if a named state does not exist, or a vector has the wrong shape or is not finite.
     """
+    if controller.delay.t_d >= settings.duration:
+        raise SimulationError(
+            f"the delay of {controller.delay.t_d:g} s is not shorter than the run of {settings.duration:g} s: "
+            "no event would ever act"
+        )
     assumed = controller.design.plant.states
     plant_state = _start("plant", plant.states, settings.initial, x)
     observer = _start("observer", assumed, settings.observer, x_o)
     hold = observer if x_h is None else _start("hold", assumed, {}, x_h)
-    return plant_state, layout_of(controller).join(x_o=observer, x_h=hold)
+    return plant_state, start_state(controller, observer, hold)
 
 
 def _start(what: str, names: Sequence[str], named: Mapping[str, float], given: ArrayLike | None) -> Array:

@@ -74,7 +74,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
     from icmj.case.case import prepare, simulate
-    from icmj.controller.trigger import Continuous
+    from icmj.controller.controller import continuous_limit
     from icmj.engine.pose import scene
     from icmj.experiment.amplitude_law import measure_law
     from icmj.experiment.growth import measure_growth
@@ -93,7 +93,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     continuous = simulate(
         case,
         plant,
-        trigger=Continuous(),
+        trigger=continuous_limit(case.controller),
         duration=min(simulation.outcome.t, AFTER_INTERRUPT) if interrupted else None,
         progress=lambda done: report(0.5 + 0.1 * done),
     )

@@ -114,6 +114,8 @@ def search(
     """As :func:`crossings`, and says how far eigenvalues could be told from rounding."""
     if not (np.isfinite(delta_max) and 0 <= delta_start < delta_max):
         raise AnalysisError(f"crossings need 0 ≤ start < end, got {delta_start} and {delta_max} s")
+    if delta_max <= system.delay.t_d:
+        raise AnalysisError(f"no interval is shorter than the delay, {system.delay.t_d:g} s; search further than that")
     if not resolution > 0:
         raise AnalysisError(f"the resolution must be positive, got {resolution} s")
     return _Finder(system, prepared or flow(system.A_C), resolution).run(delta_start, delta_max)
@@ -124,9 +126,11 @@ class _Finder:
 
     def __init__(self, system: ErrorSystem, prepared: Flow, resolution: float) -> None:
         self.system, self.flow, self.resolution = system, prepared, resolution
-        self.T, self.T_bar = system.T @ system.A_D, system.T_bar
+        self.exit, self.entry, self.t_d = system.exit, system.entry, system.delay.t_d
+        self.jump = self.exit @ self.entry - np.eye(len(self.exit))  # zero without a delay
 
     def run(self, start: float, end: float) -> Search:
+        start = max(start, self.t_d)
         end = self._clear(end)
         if end <= start:
             return Search((), end)
@@ -163,35 +167,37 @@ class _Finder:
         """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
         while True:
             with np.errstate(over="ignore", invalid="ignore"):
-                t, states = self.flow.trajectory(self.T_bar, end, 64)
-                size = self._size(self.T @ states)
+                t, states = self.flow.trajectory(self.entry, end - self.t_d, 64)
+                size = self._size(self.exit @ states)
             drowned = np.flatnonzero(~(size <= _DROWNED))
             if not len(drowned):
                 return end
             first = int(drowned[0])
             if first > 16:
-                return float(t[first - 1])
-            end = float(t[first])
+                return float(self.t_d + t[first - 1])
+            if first == 0:
+                return self.t_d
+            end = float(self.t_d + t[first])
 
     def _size(self, phi: Array) -> Array:
         """Largest entry of φ in balanced coordinates."""
-        scale = self.flow.scale[: len(self.T)]
+        scale = self.flow.scale[: len(self.exit)]
         return np.asarray(np.abs(phi * (scale / scale[:, None])).max(axis=(-2, -1)))
 
     def _panels(self, left: Array, width: float) -> tuple[Array, Spectrum, Array]:
         """Nodes, spectra of G and size of φ − I of each panel, shapes (P, nodes), (P, nodes, n + n̂) and (P,)."""
         s = (1 + nodes(_DEGREE)) / 2 * width
-        F_s = self.flow.increment(s) @ self.T_bar
-        F_a = self.flow.increment(left)
-        F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
+        F_s = self.flow.increment(s) @ self.entry
+        F_a = self.flow.increment(left - self.t_d)
+        F = (self.exit @ F_a @ self.entry + self.jump)[:, None] + (self.exit @ F_a + self.exit)[:, None] @ F_s
         delta = left[:, None] + s
         G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
         if delta[0, 0] == 0:
-            G[0, 0] = self.T @ self.system.A_C @ self.T_bar
+            G[0, 0] = self.exit @ self.system.A_C @ self.entry
         return delta, np.linalg.eigvals(G).astype(complex), self._size(F).max(axis=1)
 
     def _spectrum(self, delta: Array) -> Spectrum:
-        G = self.T @ self.flow.increment(delta) @ self.T_bar
+        G = self.exit @ self.flow.increment(delta - self.t_d) @ self.entry + self.jump
         return np.linalg.eigvals(G / delta[:, None, None]).astype(complex)
 
     def _zeros(self, kind: Kind, c: Array, centre: float, radius: float) -> list[Crossing]:
@@ -220,16 +226,17 @@ class _Finder:
 
     def _zoom(self, kind: Kind, centre: float, radius: float) -> list[Crossing]:
         degree = 8
-        low = max(centre - radius, 0.0)
+        low = max(centre - radius, self.t_d)
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
         delta = centre + radius * nodes(degree)
-        delta[0] = max(delta[0], delta[1] * 1e-3)
+        if self.t_d == 0:
+            delta[0] = max(delta[0], delta[1] * 1e-3)
         f = circle_function(kind, self._spectrum(delta), delta)
         return self._zeros(kind, coefficients(degree) @ f, centre, radius)
 
     def _crossing(self, kind: Kind, delta: float, tangent: bool) -> Crossing | None:
         """The eigenvalue that a zero belongs to, its Δ polished; ``None`` if the zero is no crossing."""
-        if delta <= 0:
+        if delta <= 0 or delta < self.t_d:
             return None
         slope, lam, values = 0.0, 1 + 0j, np.empty(0, complex)
         for step in range(4):
@@ -244,7 +251,7 @@ class _Finder:
             # a step that leaves the neighbourhood means a nearly defective eigenvalue; the zero of f stands
             if abs(move) > 1e-3 * delta:
                 break
-            delta += move
+            delta = max(delta + move, self.t_d)
             if abs(move) < 1e-14 * delta or step == 3:
                 break
         if abs(np.log(abs(lam))) > _ON or (kind != "complex" and abs(lam - int(kind)) > 1e-3):
@@ -264,8 +271,8 @@ class _Finder:
         """
         from scipy.linalg import eig
 
-        F = self.flow.increment(delta)
-        G = self.T @ F @ self.T_bar / delta
+        F = self.flow.increment(delta - self.t_d)
+        G = (self.exit @ F @ self.entry + self.jump) / delta
         g, left, right = eig(G, left=True, right=True)
         if kind == "complex":
             upper = np.flatnonzero(g.imag > 0)
@@ -279,7 +286,7 @@ class _Finder:
         if kind == "complex":
             rest = np.delete(rest, np.abs(rest - g[i].conj()).argmin())
         w, v = left[:, i].conj(), right[:, i]
-        rate = self.T @ (self.system.A_C @ (self.T_bar + F @ self.T_bar))
+        rate = self.exit @ (self.system.A_C @ (self.entry + F @ self.entry))
         overlap = w @ v
         dlam = (w @ rate @ v) / overlap if abs(overlap) > 1e-12 else complex("nan")
         return np.asarray(1 + delta * np.concatenate([[g[i]], rest]), complex), complex(dlam)

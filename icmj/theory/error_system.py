@@ -2,16 +2,22 @@
 
 With T̂ (n̂ × n), x̃_o = x_o − T̂x and x̃_h = x_h − T̂x, the closed loop between samples is X̄' = Ā_C X̄ with
 X̄ = (x, x̃_o, x̃_h); an event sets x̃_h := x̃_o (A_D), and from event to event x̄ = (x, x̃_o) goes by φ(Δ).
+
+With a delay t_d the event resets nothing yet, so that from event to event it is the whole of X̄ that goes by φ(Δ): it
+flows for t_d, then x̃_h is set to what the predictor foresaw, then it flows on. What differs between the two is in
+``lift``, ``entry`` and ``exit`` alone: the state right after an event, right after its action, and at the next event.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 
 from icmj.base.array import Array
+from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold, system_matched
 from icmj.errors import AnalysisError
@@ -27,12 +33,16 @@ class ErrorSystem:
         T_hat: T̂, shape (n̂, n).
         actual: the actual plant [A, B, C].
         design: gains and assumed plant [Â, B̂, Ĉ].
+        hold: of the controller; system-matched if ``None``.
+        delay: t_d and what the predictor takes it for.
     """
 
     A_C: Array
     T_hat: Array
     actual: LinearPlant
     design: Design
+    hold: Hold | None = None
+    delay: Delay = NO_DELAY
 
     @property
     def n(self) -> int:
@@ -85,9 +95,38 @@ class ErrorSystem:
         """u = −k̂ x_h = C_u X̄, shape (n_u, n + 2n̂)."""
         return np.hstack([-self.k, np.zeros((self.actual.n_u, self.n_hat)), -self.design.k])
 
+    @cached_property
+    def lift(self) -> Array:
+        """X̄ right after an event from the state there, w: 𝔗̄ without a delay, else the identity; shape (N, N_w)."""
+        return np.eye(len(self.A_C)) if self.delay else self.T_bar
+
+    @cached_property
+    def exit(self) -> Array:
+        """The state w at an event from X̄ just before it; shape (N_w, N)."""
+        return np.eye(len(self.A_C)) if self.delay else self.T @ self.A_D
+
+    @cached_property
+    def entry(self) -> Array:
+        """X̄ right after the action of an event from the state w at the event; shape (N, N_w)."""
+        if not self.delay:
+            return self.T_bar
+        flown = expm(self.A_C * self.delay.t_d)
+        original = self.to_original(np.eye(len(self.A_C))).T  # (x, x_o, x_h) from X̄
+        E_p = predictor(self.design, self.hold or system_matched(self.design), self.delay.predicted)
+        flown[self.n + self.n_hat :] = E_p @ original[self.n :] - self.T_hat @ flown[: self.n]
+        return np.asarray(flown)
+
     def phi(self, delta: float) -> Array:
-        """φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄, shape (n + n̂, n + n̂) (eq. pd); x̄_{i+1} = φ(Δ_i) x̄_i."""
-        return self.T @ self.A_D @ expm(self.A_C * delta) @ self.T_bar
+        """φ(Δ) of the state at events, w_{i+1} = φ(Δ_i) w_i; shape (N_w, N_w), for Δ ≥ t_d.
+
+        Without a delay w = x̄ and φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄ (eq. pd); with one w = X̄ and φ(Δ) = e^{Ā_C (Δ − t_d)} R.
+        """
+        return np.asarray(self.exit @ expm(self.A_C * (delta - self.delay.t_d)) @ self.entry)
+
+    def start(self, w: Array) -> tuple[Array, Array, Array]:
+        """(x, x_o, x_h) right after an event with the state w, shapes (n,), (n̂,), (n̂,)."""
+        x, x_o, x_h = np.split(self.to_original(self.lift @ w), [self.n, self.n + self.n_hat])
+        return x, x_o, x_h
 
     def to_original(self, X: Array) -> Array:
         """(x, x_o, x_h) from X̄ = (x, x̃_o, x̃_h); last axis is the state, shape (..., n + 2n̂)."""
@@ -107,7 +146,11 @@ class ErrorSystem:
 
 
 def error_system(
-    actual: LinearPlant, design: Design, hold: Hold | None = None, T_hat: Array | None = None
+    actual: LinearPlant,
+    design: Design,
+    hold: Hold | None = None,
+    T_hat: Array | None = None,
+    delay: Delay = NO_DELAY,
 ) -> ErrorSystem:
     """Build the error system of ``actual`` under ``design``.
 
@@ -117,6 +160,7 @@ def error_system(
         hold: the system-matched hold if ``None``.
         T_hat: T̂, shape (n̂, n); states of the same name are matched if ``None``. The choice changes the
             coordinates, not the closed loop.
+        delay: between an event and its action; none by default.
 
     Raises:
         AnalysisError: if inputs and outputs of the two plants differ in number, or T̂ does not fit.
@@ -133,7 +177,8 @@ def error_system(
     A, B, C = actual.A, actual.B, actual.C
     k_hat, L = design.k, design.L
     k = k_hat @ T_hat
-    A_h = (hold or system_matched(design)).A_h
+    hold = hold or system_matched(design)
+    A_h = hold.A_h
     A_k = A - B @ k
     B_tilde = assumed.B - T_hat @ B
     Z = np.zeros((actual.n, assumed.n))
@@ -149,4 +194,4 @@ def error_system(
             [A_h @ T_hat - T_hat @ A_k, Z_m, A_h + T_hat @ B @ k_hat],
         ]
     )
-    return ErrorSystem(A_C, T_hat, actual, design)
+    return ErrorSystem(A_C, T_hat, actual, design, hold, delay)

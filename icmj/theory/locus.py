@@ -37,7 +37,7 @@ class Locus:
 
 
 def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
-    """The eigenvalue branches on (0, ``delta_max``] at equal steps, followed on a finer grid where needed.
+    """The eigenvalue branches on (t_d, ``delta_max``] at equal steps, followed on a finer grid where needed.
 
     Args:
         system: the error system.
@@ -51,9 +51,12 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
     if not (np.isfinite(delta_max) and delta_max > 0):
         raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
     phi_t = prepared or flow(system.A_C)
-    delta, states = phi_t.trajectory(system.T_bar, delta_max, points)
-    delta, points = delta[1:], len(delta) - 1
-    values = np.linalg.eigvals(system.T @ states[1:]).astype(complex)
+    t_d = system.delay.t_d
+    if delta_max <= t_d:
+        raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
+    delta, states = phi_t.trajectory(system.entry, delta_max - t_d, points)
+    delta, points = t_d + delta[1:], len(delta) - 1
+    values = np.linalg.eigvals(system.exit @ states[1:]).astype(complex)
     wanted = np.ones(points, dtype=bool)
     check = np.arange(points - 1)  # steps not known to be clear yet
     for _ in range(_HALVINGS):
@@ -71,7 +74,7 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:
     """Eigenvalues of φ(Δ) at each Δ, unordered, shape (M, n + n̂)."""
-    phi = system.T @ prepared.exponential(delta) @ system.T_bar
+    phi = system.exit @ prepared.exponential(delta - system.delay.t_d) @ system.entry
     return np.linalg.eigvals(phi).astype(complex)
 
 

@@ -27,8 +27,8 @@ class Orbit:
         sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
         period: of the whole orbit [s].
         gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
-        x_bar: x̄ = γ V_{k1} right after an event, shape (n + n̂,).
-        t: times in [0, delta] [s], shape (M,).
+        x_bar: the state at an event, γ V_{k1}: x̄, shape (n + n̂,); with a delay X̄, shape (n + 2n̂,).
+        t: times in [0, delta] [s], shape (M,); with a delay t_d stands there twice, before and after the action.
         X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
         y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
         E: event function, shape (M,); negative until delta if the orbit is admissible.
@@ -91,10 +91,14 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
         raise AnalysisError(f"an orbit's interval must be positive, got {delta}")
     faces = trigger.faces(system.design)
     phi_t = prepared or flow(system.A_C)
-    v = critical_vector(system.T @ phi_t.exponential(delta) @ system.T_bar, sign)
+    t_d = system.delay.t_d
+    if not delta > t_d:
+        raise AnalysisError(f"an orbit's interval must be longer than the delay, {t_d:g} s; got {delta}")
+    v = critical_vector(system.exit @ phi_t.exponential(delta - t_d) @ system.entry, sign)
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
-    t, X = phi_t.trajectory(system.T_bar @ v, delta, points)
+    t, X = phi_t.trajectory(system.entry @ v, delta - t_d, points)
+    waiting, X_waiting = phi_t.trajectory(system.lift @ v, t_d, points) if t_d else (t[:0], X[:0])
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
     # the face that is reached; relative to the largest values on the way it must not be rounding
     face = int(squares[-1].argmax())
@@ -105,15 +109,20 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
     factor = 1.0 if unseen else gamma
     X = X * factor
     polynomials = phi_t.polynomials(X[:-1], t[1])
-    E = faces.unit * (squares.max(axis=1) * factor**2 - 1)
+    levels = faces.polynomials(polynomials @ (faces.R @ system.T_t).T)
+    if t_d:
+        # until the action, events are not watched; outputs may peak there all the same
+        before = phi_t.polynomials(X_waiting[:-1] * factor, waiting[1])
+        polynomials = np.concatenate([before, polynomials], axis=1)
+        X = np.concatenate([X_waiting * factor, X])
+    E = faces.E(X @ system.T_t.T)
     rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
     peak, spread = _extremes(polynomials, rows, sign)
     if unseen:
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
         reason = "the event rule does not see this orbit: its event error is zero at the event (e_0 = 0)"
     else:
-        levels = faces.polynomials(polynomials @ (faces.R @ system.T_t).T)
-        reason = _obstacle(levels, face, trigger.delta_min, t)
+        reason = _obstacle(levels, face, trigger.delta_min, t, t_d)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
     y_peak, u_peak, x_peak = np.split(peak, cuts)
     y_range, u_range, x_range = np.split(spread, cuts)
@@ -123,7 +132,7 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
         period=float(delta if sign > 0 else 2 * delta),
         gamma=float(gamma),
         x_bar=v * factor,
-        t=t,
+        t=np.concatenate([waiting, t_d + t]),
         X=X,
         y=X @ system.C_y.T,
         u=X @ system.C_u.T,
@@ -149,19 +158,19 @@ def _extremes(polynomials: Array, rows: Array, sign: int) -> tuple[Array, Array]
     return peak, (up + down if sign > 0 else 2 * peak)
 
 
-def _obstacle(levels: Array, face: int, delta_min: float, t: Array) -> str:
+def _obstacle(levels: Array, face: int, delta_min: float, t: Array, t_d: float) -> str:
     """Why the orbit is not admissible; empty if E < 0 on [Δ_min, Δ) and E rises through zero at Δ.
 
     Args:
         levels: E_j in each cell as power coefficients, shape (2d + 1, cells, F).
         face: the one that is reached at Δ.
         delta_min: Δ_min [s].
-        t: ends of the cells, the last is Δ [s]; shape (cells + 1,).
+        t: ends of the cells, counted from the action; the last is Δ − t_d [s]; shape (cells + 1,).
+        t_d: delay [s].
     """
-    delta = t[-1]
-    if not delta > delta_min:
-        return f"Δ_crit = {delta:.6g} s is not longer than Δ_min = {delta_min:.6g} s"
-    h = t[1]
+    if not t_d + t[-1] > delta_min:
+        return f"Δ_crit = {t_d + t[-1]:.6g} s is not longer than Δ_min = {delta_min:.6g} s"
+    h, delta_min = t[1], max(delta_min - t_d, 0.0)
     first = min(int(delta_min / h), len(t) - 2)
     cut = delta_min / h - first
     cells = levels[:, first:].copy()
@@ -181,10 +190,10 @@ def _obstacle(levels: Array, face: int, delta_min: float, t: Array) -> str:
         if highest.value[0] >= -TOUCH:
             cell = int(highest.cell[0])
             s = highest.s[0] if cell else cut + (1 - cut) * highest.s[0]
-            return _earlier((first + cell + s) * h, highest.value[0])
+            return _earlier(t_d + (first + cell + s) * h, highest.value[0])
     in_last = maxima(last[:, None, None])
     if in_last.value[0] >= 0:
-        return _earlier((len(t) - 2 + in_last.s[0]) * h, 0.0)
+        return _earlier(t_d + (len(t) - 2 + in_last.s[0]) * h, 0.0)
     return ""
 
 

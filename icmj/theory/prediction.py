@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.controller.trigger import EventRule
+from icmj.controller.controller import Controller
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import ClockTrigger, EventRule
+from icmj.theory.clocked import is_stable
 from icmj.theory.crossings import Crossing, search
 from icmj.theory.eigenstructure import eigenstructure
 from icmj.theory.error_system import ErrorSystem
@@ -43,8 +46,9 @@ class Prediction:
         V_inv: rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is the critical one. ``None`` where undefined.
             (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of
             the complementary invariant subspace's annihilator, from a Schur form.)
-        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant).
-        observer_feedback_stable: whether plant + observer under continuous control is stable.
+        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant, without a delay).
+        observer_feedback_stable: whether plant + observer under continuous control is stable; with a delay, under a
+            clock of a twentieth of it, which is the continuous predictor controller nearly.
     """
 
     delta_crit: float | None
@@ -83,7 +87,7 @@ def predict(system: ErrorSystem, trigger: EventRule, *, delta_max: float = 3.0) 
     if critical is not None:
         sign = 1 if critical.kind == "+1" else -1
         orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared)
-        structure = eigenstructure(system.T @ prepared.exponential(critical.delta) @ system.T_bar, sign)
+        structure = eigenstructure(system.phi(critical.delta), sign)
         V_inv, condition = structure.V_inv, structure.condition
         J = jacobian(system, trigger, orbit, prepared=prepared)
         multiplier = multipliers(J) if np.isfinite(J).all() else None
@@ -91,7 +95,6 @@ def predict(system: ErrorSystem, trigger: EventRule, *, delta_max: float = 3.0) 
             verdict = "not admissible"
         else:
             verdict = "attracting" if np.abs(multiplier[0]) < 1 else "repelling"
-    closed_loop = system.T @ system.A_C @ system.T_bar  # φ'(0): plant and observer under continuous control
     return Prediction(
         delta_crit=critical.delta if critical else None,
         eigenvalue=critical.eigenvalue if critical else None,
@@ -107,7 +110,7 @@ def predict(system: ErrorSystem, trigger: EventRule, *, delta_max: float = 3.0) 
         v_condition=condition,
         V_inv=V_inv,
         state_feedback_stable=_stable(system.actual.A - system.actual.B @ system.k),
-        observer_feedback_stable=_stable(closed_loop),
+        observer_feedback_stable=_observer_feedback_stable(system),
     )
 
 
@@ -118,6 +121,15 @@ def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None,
         if c.direction == "rising" and c.largest_other < 1:
             return c, True
     return (real[0], False) if real else (None, False)
+
+
+def _observer_feedback_stable(system: ErrorSystem) -> bool:
+    """Whether plant and observer are stable under continuous control; with a delay, under its limit, a fast clock."""
+    if not system.delay:
+        return _stable(system.T @ system.A_C @ system.T_bar)  # φ'(0)
+    hold = system.hold or system_matched(system.design)
+    clock = ClockTrigger(system.delay.t_d / 20)
+    return is_stable(system.actual, Controller(system.design, hold, clock, system.delay))
 
 
 def _stable(A: Array) -> bool:

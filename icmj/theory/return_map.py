@@ -25,16 +25,15 @@ def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared:
 
     NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
     """
-    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta)
-    X = e_A @ (system.T_bar @ orbit.x_bar)
+    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
+    X = e_A @ (system.entry @ orbit.x_bar)
     gradient = trigger.faces(system.design).gradient(system.T_t @ X) @ system.T_t
     velocity = system.A_C @ X
     slope = gradient @ velocity
     if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):
-        return np.full((system.n + system.n_hat,) * 2, np.nan)
-    jump = system.T @ system.A_D
-    flight = e_A @ system.T_bar
-    return jump @ flight - np.outer(jump @ velocity, gradient @ flight) / slope
+        return np.full((len(system.exit),) * 2, np.nan)
+    flight = e_A @ system.entry
+    return system.exit @ flight - np.outer(system.exit @ velocity, gradient @ flight) / slope
 
 
 def multipliers(J: Array) -> NDArray[np.complex128]:

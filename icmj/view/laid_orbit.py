@@ -68,14 +68,14 @@ def laid_orbit(result: Result) -> LaidOrbit | None:
     n, n_hat = result.actual.n, result.assumed.n
     if len(simulation.events):
         events = simulation.events
-        start, x_bar = events.t[-1], reduced(result, events.x[-1], events.x_o[-1])
+        start, x_bar = events.t[-1], reduced(result, events.x[-1], events.x_o[-1], events.x_h[-1])
     else:
-        start, x_bar = simulation.t[0], reduced(result, simulation.x[0], simulation.x_o[0])
+        start, x_bar = simulation.t[0], reduced(result, simulation.x[0], simulation.x_o[0], simulation.x_h[0])
     return LaidOrbit(
         orbit,
         float(start),
         # |x̄ + o| < |x̄ − o| just where x̄ · o < 0; what is not a number is nearer to neither
         -1 if float(x_bar @ orbit.x_bar) < 0 else 1,
         output_rate(result, orbit.X[:, :n], orbit.u),
-        orbit.X[:, : n + n_hat],
+        orbit.X if simulation.delay else orbit.X[:, : n + n_hat],
     )

@@ -17,9 +17,13 @@ def output_rate(result: Result, x: Array, u: Array) -> Array:
     return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
 
 
-def reduced(result: Result, x: Array, x_o: Array) -> Array:
-    """x̄ = (x, x_o − T̂x), from event to event the whole state; shapes (..., n), (..., n̂) → (..., n + n̂)."""
-    return reduced_states(x, x_o, transformation(result.assumed, result.actual))
+def reduced(result: Result, x: Array, x_o: Array, x_h: Array) -> Array:
+    """x̄ = (x, x_o − T̂x), from event to event the whole state; shapes (..., n), (..., n̂), (..., n̂) → (..., n + n̂).
+
+    With a delay x_h − T̂x belongs to it: (..., n + 2n̂).
+    """
+    delayed = x_h if result.simulation.delay else None
+    return reduced_states(x, x_o, transformation(result.assumed, result.actual), delayed)
 
 
 def modes(result: Result, x_bar: Array) -> NDArray[np.complex128]:

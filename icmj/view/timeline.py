@@ -29,7 +29,7 @@ def with_resets(simulation: Simulation, values: Array, after: Array) -> tuple[Ar
     A row at an event holds the value before the reset x_h := x_o; with the one after it, a jump is drawn upright.
     """
     at = simulation.events.t
-    if not len(at):
+    if not len(at) or simulation.delay:  # nothing is reset at an event whose action comes later
         return simulation.t, values
     place = np.searchsorted(simulation.t, at, side="right")
     return np.insert(simulation.t, place, at), np.insert(values, place, after, axis=0)

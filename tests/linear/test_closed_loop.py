@@ -24,11 +24,11 @@ def test_rates_are_those_of_the_original_coordinates(hold, n, n_hat, n_u, n_y):
     controller = event_controller(design, hold=hold)
     loop = closed_loop(plant, controller)
     x, x_o, x_h = (random.standard_normal(size) for size in (n, n_hat, n_hat))
-    z = loop.state(x, np.concatenate([x_o, x_h]))
+    z = loop.state(x, x_o, x_h)
     assert np.allclose(np.concatenate([loop.x(z), loop.x_o(z), loop.x_h(z)]), np.concatenate([x, x_o, x_h]), atol=1e-14)
     rate = loop_matrix(plant, controller) @ np.concatenate([x, x_o, x_h])
     # the map to (x, d, e) is linear, so rates map as states do
-    expected = loop.state(rate[:n], rate[n:])
+    expected = loop.state(*np.split(rate, [n, n + n_hat]))
     assert np.abs(loop.M @ z - expected).max() < 1e-12 * np.abs(expected).max()
 
 

@@ -112,30 +112,45 @@ def _record(engine, progress, interval, record, fired, due):  # type: ignore[no-
 
 
 @inlined
-def _reset(rule):  # type: ignore[no-untyped-def]
-    """a := J a."""
+def _apply(map, rule):  # type: ignore[no-untyped-def]
+    """a := map a."""
     for i in range(len(rule.a)):
         rule.scratch[i] = 0.0
         for j in range(len(rule.a)):
-            if rule.J[i, j] != 0:
-                rule.scratch[i] += rule.J[i, j] * rule.a[j]
+            if map[i, j] != 0:
+                rule.scratch[i] += map[i, j] * rule.a[j]
     for i in range(len(rule.a)):
         rule.a[i] = rule.scratch[i]
+
+
+@inlined
+def _next_action(plan, progress):  # type: ignore[no-untyped-def]
+    """When the oldest event that has not acted yet will; infinity if there is none."""
+    if plan.delay == 0:
+        return np.inf
+    acted = progress[0].acted
+    if np.isfinite(plan.clock):
+        if acted >= progress[0].clock:
+            return np.inf
+        return (acted + plan.ticks) * plan.clock if plan.ticks >= 0 else acted * plan.clock + plan.delay
+    return progress[0].last_event + plan.delay if acted <= progress[0].events else np.inf
 
 
 @compiled
 def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
     time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
+    least = max(plan.delta_min, plan.delay)
     armed = progress[0].armed != 0
     status = _RUNNING
     evaluate(rule)
     copy(rule.now, rule.before)
     for _ in range(steps):
         t = time[0]
-        arm = progress[0].last_event + plan.delta_min if watched and not armed else np.inf
+        arm = progress[0].last_event + least if watched and not armed else np.inf
         clock = progress[0].clock * plan.clock if clocked else np.inf
         edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
-        target = min(plan.t_end, arm, clock, edge)
+        act = _next_action(plan, progress)
+        target = min(plan.t_end, arm, clock, edge, act)
         lands = target - t <= plan.timestep * (1 + 1e-9)
         length = target - t if lands else plan.timestep
         fired = False
@@ -154,6 +169,13 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
         else:
             progress[0].steps += 1
         status = _status(engine, plan)
+        acts = status == _RUNNING and lands and time[0] >= act
+        if acts:
+            _apply(rule.G, rule)
+            progress[0].acted += 1
+            forward(engine.model, engine.data)
+            evaluate(rule)
+            copy(rule.now, rule.before)
         if status == _RUNNING and lands:
             # what was planned for this time
             if time[0] >= arm:
@@ -168,12 +190,12 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             progress[0].events += 1
             if status == _RUNNING and progress[0].events >= plan.events:
                 status = _REACHED
-        due = status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
+        due = acts or status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
         _record(engine, progress, plan.record_interval, record, fired, due)
         if fired:
-            _reset(rule)
+            _apply(rule.J, rule)
             progress[0].last_event = time[0]
-            armed = watched and plan.delta_min == 0
+            armed = watched and least == 0
         passed = lands and time[0] >= edge
         if passed:
             progress[0].edge += 1
@@ -199,15 +221,15 @@ def _bare_engine(e):  # type: ignore[no-untyped-def]
 @inlined
 def _bare_plan(p):  # type: ignore[no-untyped-def]
     return Plan(
-        p.timestep, p.t_end, p.delta_min, p.clock, bare(p.edges), bare(p.phases), p.record_interval, p.limit, p.rate,
-        p.events, bare(p.qpos_0), bare(p.departure), p.hinges,
+        p.timestep, p.t_end, p.delta_min, p.clock, p.delay, p.ticks, bare(p.edges), bare(p.phases), p.record_interval,
+        p.limit, p.rate, p.events, bare(p.qpos_0), bare(p.departure), p.hinges,
     )  # fmt: skip
 
 
 @inlined
 def _bare_rule(r):  # type: ignore[no-untyped-def]
     return Rule(
-        bare(r.a), bare(r.a_rate), bare(r.J), bare(r.R), bare(r.cuts), bare(r.spans), bare(r.scratch),
+        bare(r.a), bare(r.a_rate), bare(r.J), bare(r.G), bare(r.R), bare(r.cuts), bare(r.spans), bare(r.scratch),
         bare(r.before), bare(r.left), bare(r.now), bare(r.top),
     )  # fmt: skip
 

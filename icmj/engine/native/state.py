@@ -28,6 +28,7 @@ PROGRESS = np.dtype([
     ("last_event", float),   # [s]
     ("armed", np.int64),     # whether the event function is watched
     ("clock", np.int64),     # number of the clock's next event
+    ("acted", np.int64),     # number of the event that acts next: the clock's, or counted from the run's start
     ("edge", np.int64),      # number of the next edge of the disturbance
     ("events", np.int64),    # so far
     ("next_row", float),     # when the next row is due [s]
@@ -58,12 +59,17 @@ class Engine(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A :class:`icmj.engine.schedule.Schedule`, with what tells a fall."""
+    """A :class:`icmj.engine.schedule.Schedule`, with what tells a fall.
+
+    ``ticks`` is the delay in intervals of the clock where it is a multiple of that, else −1.
+    """
 
     timestep: float
     t_end: float
     delta_min: float
     clock: float
+    delay: float
+    ticks: int
     edges: Array
     phases: Array
     record_interval: float
@@ -85,6 +91,7 @@ class Rule(NamedTuple):
     a: Array
     a_rate: Array
     J: Array
+    G: Array
     R: Array
     cuts: np.ndarray
     spans: np.ndarray
@@ -123,6 +130,8 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         t_end=float(schedule.t_end),
         delta_min=float(schedule.delta_min),
         clock=float(schedule.clock),
+        delay=float(schedule.delay),
+        ticks=_ticks(schedule),
         edges=np.array(schedule.edges, dtype=float),
         phases=np.array(schedule.phases, dtype=float),
         record_interval=float(schedule.record_interval),
@@ -142,6 +151,7 @@ def rule_of(block: Block, data: mujoco.MjData) -> Rule:
         a=data.act[block.act],
         a_rate=data.act_dot[block.act],
         J=np.ascontiguousarray(block.J),
+        G=np.ascontiguousarray(block.G),
         R=np.ascontiguousarray(block.R),
         cuts=block.edges,
         spans=np.array([span(row[None, :]) for row in block.R], dtype=np.int64).reshape(-1, 2),
@@ -160,4 +170,12 @@ def progress_at(t: float, schedule: Schedule, progress: np.ndarray) -> None:
     for name in ("grid", "last_event", "begin", "end"):
         record[name] = t
     record["clock"], record["edge"] = schedule.first_clock(t), schedule.first_edge(t)
+    record["acted"] = record["clock"] - 1 if np.isfinite(schedule.clock) else 0
     record["next_row"] = t + schedule.record_interval
+
+
+def _ticks(schedule: Schedule) -> int:
+    if not np.isfinite(schedule.clock):
+        return -1
+    number = round(schedule.delay / schedule.clock)
+    return number if schedule.clock_action(0) == number * schedule.clock else -1

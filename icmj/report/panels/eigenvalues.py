@@ -94,7 +94,10 @@ def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     end = prediction.delta_max
     if prediction.delta_crit is not None:
         end = min(end, 1.6 * prediction.delta_crit)
-    found = locus(error_system(plant, controller.design, controller.hold), end, points=POINTS)
+    system = error_system(plant, controller.design, controller.hold, delay=controller.delay)
+    found = locus(system, end, points=POINTS)
+    if controller.delay:
+        return found  # from the delay on
     # φ(0) is the identity
     eigenvalues = np.vstack([np.ones((1, found.eigenvalues.shape[1])), found.eigenvalues])
     return Locus(np.append(0.0, found.delta), eigenvalues)
@@ -102,7 +105,7 @@ def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
 
 def _eigenvalues_at(case: CaseRuns, delta: float) -> Spectrum:
     controller = case.first.controller
-    phi = error_system(case.first.actual, controller.design, controller.hold).phi(delta)
+    phi = error_system(case.first.actual, controller.design, controller.hold, delay=controller.delay).phi(delta)
     return np.linalg.eigvals(phi).astype(complex)
 
 

@@ -41,7 +41,7 @@ def _draw(case: CaseRuns) -> Figure:
     for plant, result in case.runs.items():
         simulation = result.simulation
         late = (simulation.t >= start) & (simulation.t <= end)
-        chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late]))
+        chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late], simulation.x_h[late]))
         critical.plot(simulation.t[late], chi[:, 0].real, label=style.NAME[plant], **style.RUN[plant])
         others.plot(simulation.t[late], np.linalg.norm(chi[:, 1:], axis=1), **style.RUN[plant])
     if case.prediction.gamma is not None:
@@ -64,7 +64,7 @@ def _draw_norm(case: CaseRuns) -> Figure:
     style.event_lines(axes, case.last.simulation.events.t)
     for plant, result in case.runs.items():
         simulation = result.simulation
-        norm = np.linalg.norm(reduced(result, simulation.x, simulation.x_o), axis=1)
+        norm = np.linalg.norm(reduced(result, simulation.x, simulation.x_o, simulation.x_h), axis=1)
         axes.semilogy(simulation.t, np.maximum(norm, 1e-300), label=style.NAME[plant], **style.RUN[plant])
     axes.set(xlim=(0, float(case.last.simulation.t[-1])), xlabel="$t$ (s)", ylabel=r"$\|\bar{x}\|$  ($\chi$ undefined)")
     style.legend(figure, axes)

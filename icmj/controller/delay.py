@@ -1,0 +1,97 @@
+"""The delay between an event and its action, and the predictor that bridges it.
+
+At an event t_i the pair (x_o, x_h) is taken up; until t_i + t_d the old hold goes on; then x_h := E_p (x_o, x_h)(t_i),
+the model run over the delay under the hold in force (Gawthrop, Loram, Lakie and Gollee 2011). The predictor goes
+by the delay that the controller *assumes*, which may differ from the one that is there.
+
+A rule arms again no sooner than its feedback has acted, so one action at most is under way. A clock may tick faster
+than the delay: then the model is run through the resets that are still to come, each when the controller expects it.
+The controller knows its own hold, so what has acted is no longer expected; what it thinks overdue it leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold
+from icmj.errors import AnalysisError
+
+SAME = 1e-9  # relative: a delay this close to a multiple of the clock's interval is one
+
+
+@dataclass(frozen=True)
+class Delay:
+    """The time from an event to its action.
+
+    Attributes:
+        t_d: the delay that is there [s].
+        assumed: what the predictor takes it for [s]; ``t_d`` if ``None``.
+
+    Raises:
+        AnalysisError: on construction, if one is negative or not finite, or only the assumed one is there.
+    """
+
+    t_d: float = 0.0
+    assumed: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("delay", self.t_d), ("assumed delay", self.predicted)):
+            if not (np.isfinite(value) and value >= 0):
+                raise AnalysisError(f"the {name} must be at least 0 s and finite, got {value}")
+        if self.t_d == 0 and self.predicted > 0:
+            raise AnalysisError(
+                f"a delay of {self.predicted:g} s is assumed where none is there; give the actual one, too"
+            )
+
+    @property
+    def predicted(self) -> float:
+        """The delay that the predictor bridges [s]."""
+        return self.t_d if self.assumed is None else self.assumed
+
+    def __bool__(self) -> bool:
+        return self.t_d > 0
+
+    def in_flight(self, clock: float) -> int:
+        """How many events at most have not acted yet, right after one, under a clock of this interval, or a rule."""
+        if not self:
+            return 0
+        return max(int(np.ceil(self.t_d / clock * (1 - SAME))), 1) if np.isfinite(clock) else 1
+
+    def expected(self, ages: Sequence[float]) -> list[float]:
+        """When actions under way are expected, from now on [s], of events so long ago; overdue ones are left out."""
+        times = [self.predicted - age for age in ages]
+        return [time for time in times if time > SAME * self.predicted]
+
+
+NO_DELAY = Delay()
+
+
+def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
+    """E_p, which takes (x_o, x_h, p_1 … p_r) to the state of the model after ``delay``.
+
+    It is the first block row of expm([[Â, −B̂k̂], [0, A_h]] t_d), taken through resets x_h := p_j on the way.
+
+    Args:
+        design, hold: of the controller.
+        delay: how far ahead [s].
+        resets: when x_h will be reset to p_1 … p_r, rising, each less than ``delay`` [s].
+
+    Returns:
+        shape (n̂, (2 + r) n̂).
+    """
+    from scipy.linalg import expm
+
+    n, known = design.plant.n, 2 + len(resets)
+    M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
+    state, now = np.eye(2 * n, known * n), 0.0
+    for j, at in enumerate(resets):
+        state = expm(M * (at - now)) @ state
+        state[n:] = 0
+        state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
+        now = at
+    return np.asarray((expm(M * (delay - now)) @ state)[:n])

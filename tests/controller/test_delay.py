@@ -1,0 +1,434 @@
+"""Delay and predictor, from the controller's data to both plants, against SciPy, finite differences and brute force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import engine_cases
+import numpy as np
+import pytest
+from linear_cases import event_controller, pendulum_design, settings_from
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq, linear_sum_assignment
+from theory_cases import pendulum, random_systems, three_link, three_link_design
+from theory_cases import pendulum_design as paper_design
+
+from icmj.controller.controller import Controller, continuous_limit, layout_of, realise, start_state
+from icmj.controller.delay import Delay, predictor
+from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.engine.run import simulate as simulate_engine
+from icmj.errors import AnalysisError, SimulationError
+from icmj.linear.run import simulate as simulate_linear
+from icmj.measurement.measurement import event_states, measure, measured_gamma
+from icmj.simulation.settings import Settings
+from icmj.theory.clocked import clocked_map, is_stable
+from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.prediction import Prediction, predict
+from icmj.theory.return_map import jacobian
+
+# --- the predictor ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hold", [system_matched, zero_order])
+def test_the_predictor_is_the_model_run_over_the_delay(hold) -> None:
+    design = pendulum_design()
+    A, B, A_h = design.plant.A, design.plant.B, hold(design).A_h
+    x_o, x_h, p = np.array([0.3, -0.2]), np.array([0.1, 0.4]), np.array([-0.5, 0.7])
+
+    def flow(t, s):
+        return np.concatenate([A @ s[:2] - B @ design.k @ s[2:], A_h @ s[2:]])
+
+    def run(state, time):
+        return solve_ivp(flow, (0, time), state, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+
+    end = run(np.concatenate([x_o, x_h]), 0.25)
+    found = predictor(design, hold(design), 0.25) @ np.concatenate([x_o, x_h])
+    np.testing.assert_allclose(found, end[:2], atol=1e-11)
+    middle = run(np.concatenate([x_o, x_h]), 0.1)
+    end = run(np.concatenate([middle[:2], p]), 0.15)
+    found = predictor(design, hold(design), 0.25, [0.1]) @ np.concatenate([x_o, x_h, p])
+    np.testing.assert_allclose(found, end[:2], atol=1e-11)
+
+
+def test_without_a_delay_the_predictor_does_nothing() -> None:
+    design = pendulum_design()
+    np.testing.assert_array_equal(predictor(design, system_matched(design), 0.0), np.eye(2, 4))
+
+
+def test_bad_delays_are_refused() -> None:
+    for bad in (-0.1, float("nan"), float("inf")):
+        with pytest.raises(AnalysisError, match="at least 0 s and finite"):
+            Delay(bad)
+    with pytest.raises(AnalysisError, match="assumed where none is there"):
+        Delay(0.0, 0.1)
+    controller = replace(event_controller(pendulum_design()), delay=Delay(0.1))
+    with pytest.raises(AnalysisError, match="ClockTrigger of a small interval"):
+        controller.triggered_by(Continuous())
+    with pytest.raises(SimulationError, match="no event would ever act"):
+        simulate_linear(pendulum(), controller, Settings(duration=0.1))
+
+
+def test_the_states_that_wait_are_declared_once() -> None:
+    controller = event_controller(pendulum_design())
+    assert layout_of(controller).names == ("x_o", "x_h")
+    assert layout_of(replace(controller, delay=Delay(0.1))).sizes == (2, 2, 2)
+    clock = replace(controller, trigger=ClockTrigger(0.03))
+    assert layout_of(replace(clock, delay=Delay(0.1))).sizes == (2, 2, 8)  # four ticks within the delay
+    assert layout_of(replace(clock, delay=Delay(0.09))).sizes == (2, 2, 6)
+    assert layout_of(replace(clock, delay=Delay(0.05, 0.1))).sizes == (2, 2, 4)  # what has acted is not remembered
+    a = start_state(replace(controller, delay=Delay(0.1)), np.ones(2), np.ones(2))
+    # the system-matched hold is the model under control: from x_h = x_o its prediction is the hold itself
+    np.testing.assert_allclose(a[4:], expm(0.1 * pendulum_design().A_c) @ np.ones(2), rtol=1e-12)
+
+
+# --- theory ----------------------------------------------------------------------------------------------------------
+
+
+def test_values_confirmed_by_direct_simulation_elsewhere() -> None:
+    for plant, design, delta, kind, other in (
+        (pendulum(0.8), paper_design(), 1.820338, 1, 0.297),
+        (three_link(1.1), three_link_design(), 0.768044, -1, 0.547),
+    ):
+        system = error_system(plant, design, delay=Delay(0.1))
+        found = predict(system, EventTrigger(output_weight(design), 0.01))
+        assert found.delta_crit == pytest.approx(delta, abs=1.1e-6)
+        assert found.eigenvalue == kind
+        assert found.crossings[0].largest_other == pytest.approx(other, abs=1e-3)
+        assert found.verdict == "attracting"
+        assert found.observer_feedback_stable
+
+
+def test_a_vanishing_delay_is_the_paper_s_loop() -> None:
+    design = three_link_design()
+    rule = EventTrigger(output_weight(design), 0.01)
+    paper = predict(error_system(three_link(0.9), design), rule)
+    tiny = predict(error_system(three_link(0.9), design, delay=Delay(1e-7)), rule)
+    assert tiny.delta_crit == pytest.approx(paper.delta_crit, rel=1e-5)
+    np.testing.assert_allclose(tiny.amplitude, paper.amplitude, rtol=1e-4)
+    np.testing.assert_allclose(np.abs(tiny.multipliers[:10]), np.abs(paper.multipliers[:10]), atol=2e-4)
+
+
+def delayed_systems(seed: int, count: int):
+    """Random systems with random delays, two in three of them mismatched."""
+    random = np.random.default_rng(seed)
+    for system in random_systems(seed, count):
+        t_d = 10 ** random.uniform(-2, -0.3)
+        assumed = t_d * random.choice([1.0, 0.8, 1.3])
+        yield error_system(system.actual, system.design, delay=Delay(t_d, assumed))
+
+
+class EventMap:
+    """(x, x_o, x_h) at one event to the next, in the coordinates of plant, observer and hold."""
+
+    def __init__(self, system: ErrorSystem, rule: EventTrigger) -> None:
+        d, P, plant = system.design, system.design.plant, system.actual
+        self.n, self.m, self.rule, self.delay = plant.n, P.n, rule, system.delay
+        Z = np.zeros((P.n, P.n))
+        self.M = np.block([
+            [plant.A, np.zeros((plant.n, P.n)), -plant.B @ d.k],
+            [d.L @ plant.C, P.A - d.L @ P.C, -P.B @ d.k],
+            [np.zeros((P.n, plant.n)), Z, d.A_c],
+        ])  # fmt: skip
+        model = np.block([[P.A, -P.B @ d.k], [Z, d.A_c]])
+        self.E_p = expm(model * self.delay.predicted)[: P.n]
+
+    def after_action(self, z: np.ndarray) -> np.ndarray:
+        acted = expm(self.M * self.delay.t_d) @ z
+        acted[self.n + self.m :] = self.E_p @ z[self.n :]
+        return acted
+
+    def E(self, z: np.ndarray) -> float:
+        e = z[self.n + self.m :] - z[self.n : self.n + self.m]
+        return float(e @ self.rule.Q_t @ e - self.rule.q_t**2)
+
+    def near(self, z: np.ndarray, delta: float) -> np.ndarray:
+        """One interval whose event lies near ``delta``."""
+        flight = delta - self.delay.t_d
+        base = expm(self.M * 0.95 * flight) @ self.after_action(z)
+        tau = brentq(lambda s: self.E(expm(self.M * s) @ base), 0.0, 0.1 * flight, xtol=1e-15, rtol=1e-14)
+        return expm(self.M * tau) @ base
+
+
+def assert_multipliers_agree(system: ErrorSystem, rule: EventTrigger, prediction: Prediction) -> None:
+    event_map, orbit = EventMap(system, rule), prediction.orbit
+    J, size = jacobian(system, rule, orbit), np.abs(orbit.x_bar).max()
+
+    def column(j: int, h: float) -> np.ndarray:
+        ends = []
+        for sign in (1, -1):
+            w = orbit.x_bar + sign * h * size * np.eye(len(J))[j]
+            ends.append(system.from_original(event_map.near(system.to_original(w), orbit.delta)))
+        return (ends[0] - ends[1]) / (2 * h * size)
+
+    fine = 5e-5 / max(1.0, np.abs(J).max())  # where the map is steep it is curved, too
+    measured = np.column_stack([(4 * column(j, fine) - column(j, 2 * fine)) / 3 for j in range(len(J))])
+    assert np.abs(J - measured).max() < 1e-6 * max(1.0, np.abs(J).max())
+    gap = np.abs(prediction.multipliers[:, None] - np.linalg.eigvals(measured))
+    assert gap[linear_sum_assignment(gap)].max() < 1e-6 * max(1.0, np.abs(prediction.multipliers).max())
+
+
+@pytest.mark.parametrize("assumed", [0.1, 0.08, 0.13])
+@pytest.mark.parametrize("b", [0.9, 1.1])
+def test_shipped_multipliers_are_those_of_finite_differences(b: float, assumed: float) -> None:
+    design = three_link_design()
+    system = error_system(three_link(b), design, delay=Delay(0.1, assumed))
+    rule = EventTrigger(output_weight(design), 0.01)
+    prediction = predict(system, rule)
+    assert prediction.orbit is not None
+    assert_multipliers_agree(system, rule, prediction)
+
+
+@pytest.mark.slow
+def test_random_plants_and_delays_agree_with_theory_and_simulation() -> None:
+    """Multipliers by finite differences; interval, γ and attraction by the exact simulation, on a hundred and more."""
+    multipliers, cycles, repelling, wrong = 0, 0, 0, []
+    for i, system in enumerate(delayed_systems(7, 3000)):
+        rule = EventTrigger(np.eye(system.n_hat), 0.01, 1e-4)
+        prediction = predict(system, rule, delta_max=2.0 + system.delay.t_d)
+        if prediction.verdict not in ("attracting", "repelling"):
+            continue
+        largest = np.abs(prediction.multipliers).max()
+        if multipliers < 100 and largest < 1e3:
+            assert_multipliers_agree(system, rule, prediction)
+            multipliers += 1
+        if 0.9 <= largest <= 1.1:
+            continue
+        orbit = prediction.orbit
+        random = np.random.default_rng(i)
+        away = random.normal(size=len(orbit.x_bar))
+        start = orbit.x_bar + 1e-3 * np.linalg.norm(orbit.x_bar) * away / np.linalg.norm(away)
+        x, x_o, x_h = system.start(start)
+        controller = Controller(system.design, system_matched(system.design), rule, system.delay)
+        long = Settings(duration=80 * orbit.delta, record_interval=1e3, limit=1e6)
+        run = simulate_linear(system.actual, controller, long, x0=x, x_o0=x_o, x_h0=x_h)
+        at = event_states(run, system.T_hat)
+        gap = np.minimum(*(np.linalg.norm(at - s * orbit.x_bar, axis=1) for s in (1, -1)))
+        attracted = len(gap) > 10 and gap[-3:].max() < 1e-4 * np.linalg.norm(orbit.x_bar)
+        repelling += largest > 1
+        if attracted != (largest < 1):
+            wrong.append((i, float(largest)))
+        if attracted and prediction.cycle and largest < 0.7:
+            assert run.events.interval[-1] == pytest.approx(prediction.delta_crit, rel=1e-9)
+            assert measured_gamma(run, prediction.V_inv, system.T_hat) == pytest.approx(prediction.gamma, rel=1e-9)
+        cycles += 1
+        if cycles >= 130 and multipliers >= 100:
+            break
+    assert (cycles, multipliers) >= (130, 100)
+    assert repelling >= 10
+    assert wrong == []
+
+
+# --- linear plant ----------------------------------------------------------------------------------------------------
+
+
+def by_scipy(plant, controller, duration: float, x: np.ndarray, x_o: np.ndarray, torque=lambda t: 0.0):
+    """Event times under a rule and a delay by DOP853 with events, actions by restart."""
+    d, P, n, m = controller.design, controller.design.plant, plant.n, controller.design.plant.n
+    rule, delay = controller.trigger, controller.delay
+    E_p = expm(np.block([[P.A, -P.B @ d.k], [np.zeros((m, m)), controller.hold.A_h]]) * delay.predicted)[:m]
+
+    def flow(t, z):
+        x, x_o, x_h = np.split(z, [n, n + m])
+        u = -d.k @ x_h
+        observer = P.A @ x_o + P.B @ u - d.L @ (P.C @ x_o - plant.C @ x)
+        return np.concatenate([plant.A @ x + plant.B @ (u + torque(t)), observer, controller.hold.A_h @ x_h])
+
+    def E(t, z):
+        e = z[n + m :] - z[n : n + m]
+        return e @ rule.Q_t @ e - rule.q_t**2
+
+    E.terminal, E.direction = True, 1
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-15}
+    t, z, times = 0.0, np.concatenate([x, x_o, x_o]), []
+    while True:
+        p, act = E_p @ z[n:], t + delay.t_d
+        if act >= duration:
+            return np.array(times)
+        z = solve_ivp(flow, (t, act), z, **options).y[:, -1]
+        z[n + m :], armed = p, max(act, t + rule.delta_min)
+        if armed > act:
+            z = solve_ivp(flow, (act, armed), z, **options).y[:, -1]
+        t = armed
+        if E(t, z) < 0:
+            run = solve_ivp(flow, (t, duration), z, events=E, **options)
+            if run.status != 1:
+                return np.array(times)
+            t, z = run.t[-1], run.y[:, -1]
+        times.append(t)
+
+
+@pytest.mark.parametrize("assumed", [0.1, 0.06, 0.15])
+@pytest.mark.parametrize("hold", ["system-matched", "zero-order"])
+@pytest.mark.parametrize("delta_min", [0.01, 0.3])
+def test_linear_events_are_those_of_scipy(assumed: float, hold: str, delta_min: float) -> None:
+    plant = pendulum(0.8)
+    controller = event_controller(paper_design(), delta_min=delta_min, hold=hold)
+    controller = replace(controller, delay=Delay(0.1, assumed))
+    run = simulate_linear(plant, controller, Settings(duration=8.0, limit=1e6), x0=[0.0, 0.02])
+    times = by_scipy(plant, controller, 8.0, np.array([0.0, 0.02]), np.zeros(2))
+    assert len(times) >= 3
+    np.testing.assert_allclose(run.events.t, times, atol=1e-9)
+
+
+def test_the_predicted_cycle_is_reached_and_measured() -> None:
+    design = three_link_design()
+    for b in (0.9, 1.1):
+        plant, rule = three_link(b), EventTrigger(output_weight(design), 0.01, 0.01)
+        controller = Controller(design, system_matched(design), rule, Delay(0.1))
+        system = error_system(plant, design, delay=controller.delay)
+        prediction = predict(system, rule)
+        run = simulate_linear(plant, controller, Settings(duration=60.0, limit=1e6), x0=0.01 * np.eye(6)[3])
+        motion = measure(run, T_hat=system.T_hat)
+        assert motion.kind == "cycle"
+        assert motion.mirrored == (b > 1)
+        assert motion.interval == pytest.approx(prediction.delta_crit, rel=1e-9)
+        assert measured_gamma(run, prediction.V_inv, system.T_hat) == pytest.approx(prediction.gamma, rel=1e-9)
+        np.testing.assert_allclose(motion.amplitude, prediction.amplitude, rtol=1e-8)
+
+
+# --- a clock faster than the delay -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("interval", "assumed"), [(0.03, 0.1), (0.025, 0.1), (0.03, 0.13), (0.03, 0.07), (0.3, 0.1)])
+def test_clocks_follow_the_clocked_map(interval: float, assumed: float) -> None:
+    plant, design = pendulum(0.8), paper_design()
+    controller = Controller(design, system_matched(design), ClockTrigger(interval), Delay(0.1, assumed))
+    # at rest, predictions that are not there yet are those of a hold at rest
+    x, x_o = np.array([0.1, 0.02]), np.zeros(2)
+    run = simulate_linear(plant, controller, Settings(duration=1.4, limit=1e6), x0=x, x_o0=x_o)
+    state, step = np.concatenate([x, start_state(controller, x_o, x_o)]), clocked_map(plant, controller)
+    for i in range(len(run.events)):
+        state = step @ state
+        found = np.concatenate([run.events.x[i], run.events.x_o[i], run.events.x_h[i]])
+        np.testing.assert_allclose(found, state[:6], atol=1e-12)
+
+
+def test_a_fast_clock_is_the_continuous_predictor_controller() -> None:
+    """u(t) = −k̂ x_p(t), x_p the model's prediction from t − t_d by the controls under way: integrated on a grid."""
+    plant, design, t_d = pendulum(0.8), paper_design(), 0.1
+    x0 = np.array([0.0, 0.05])
+    ends = []
+    for interval in (0.01, 0.005, 0.0025):
+        controller = Controller(design, system_matched(design), ClockTrigger(interval), Delay(t_d))
+        run = simulate_linear(plant, controller, Settings(duration=2.0, limit=1e6), x0=x0)
+        ends.append(run.x[-1])
+    h, steps = 2.5e-4, 8000
+    lag, A, B, k = round(t_d / h), design.plant.A, design.plant.B, design.k
+    model = expm(np.block([[A, B], [np.zeros((1, 3))]]) * h)
+    actual = expm(np.block([[plant.A, plant.B], [np.zeros((1, 3))]]) * h)
+    watch = expm(np.block([[A - design.L @ design.plant.C, B, design.L], [np.zeros((2, 4))]]) * h)
+    # the prediction over the delay: free motion plus what the controls of the last delay add
+    weights = np.array([np.linalg.matrix_power(model, lag - 1 - j)[:2, :2] @ model[:2, 2] for j in range(lag)])
+    free = np.linalg.matrix_power(model, lag)[:2, :2]
+    x, x_o, under_way = x0.copy(), np.zeros(2), np.zeros(lag)
+    for _ in range(steps):
+        command = float((-k @ (free @ x_o + under_way @ weights))[0])
+        u, under_way = under_way[0], np.append(under_way[1:], command)
+        y = float((plant.C @ x)[0])
+        x_o = (watch @ np.concatenate([x_o, [u, y]]))[:2]
+        x = (actual @ np.append(x, u))[:2]
+    gaps = np.linalg.norm(np.array(ends) - x, axis=1)
+    assert gaps[0] > 1.6 * gaps[1] > 2.5 * gaps[2]
+    assert gaps[2] < 0.02 * np.linalg.norm(x)
+
+
+def test_stability_under_a_delay() -> None:
+    plant, design = pendulum(0.8), paper_design()
+    assert is_stable(plant, _limit(design, 0.1))
+    assert not is_stable(pendulum(1.6), _limit(design, 1.5))
+
+
+def _limit(design, t_d: float) -> Controller:
+    controller = Controller(design, system_matched(design), EventTrigger(np.eye(2), 0.01), Delay(t_d))
+    return controller.triggered_by(continuous_limit(controller))
+
+
+# --- the engine ------------------------------------------------------------------------------------------------------
+
+
+DELAYS = [Delay(0.1), Delay(0.1, 0.104), Delay(0.05, 0.047)]
+
+
+@pytest.mark.parametrize("delay", DELAYS, ids=str)
+@pytest.mark.parametrize("trigger", ["rule", "clock", "fast clock", "tick"])
+def test_native_and_python_agree(delay: Delay, trigger: str) -> None:
+    body, control = engine_cases.plant("three_link", 0.9), engine_cases.controller("three_link")
+    clocks = {"clock": 0.21, "fast clock": 0.031, "tick": 0.025}
+    if trigger in clocks:
+        control = replace(control, trigger=ClockTrigger(clocks[trigger]))
+    control = replace(control, delay=delay)
+    settings = Settings(duration=2.0, timestep=4e-3)
+    runs = [simulate_engine(body, control, replace(settings, native=n), x0=0.01 * np.ones(6)) for n in (True, False)]
+    assert len(runs[0].events) >= 2
+    for name in ("t", "x", "x_o", "x_h", "E"):
+        np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), atol=1e-12, equal_nan=True)
+    np.testing.assert_allclose(runs[0].events.y_max, runs[1].events.y_max, atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", DELAYS, ids=str)
+@pytest.mark.parametrize("trigger", ["rule", "clock", "fast clock", "tick"])
+def test_engine_and_linear_plant_agree_at_small_sway(delay: Delay, trigger: str) -> None:
+    body, control = engine_cases.plant("three_link", 0.9), engine_cases.controller("three_link", 1e-4)
+    clocks = {"clock": 0.21, "fast clock": 0.031, "tick": 0.025}
+    if trigger in clocks:
+        control = replace(control, trigger=ClockTrigger(clocks[trigger]))
+    control = replace(control, delay=delay)
+    settings = settings_from({
+        "duration": 3.0, "timestep": 1e-3,
+        "disturbance": [{"kind": "impulse", "input": "hip_torque", "size": 1e-4, "start": 0.5003, "duration": 0.05}],
+    })  # fmt: skip
+    x0 = 1e-4 * np.ones(6)
+    engine = simulate_engine(body, control, settings, x0=x0)
+    linear = simulate_linear(body.linearisation.plant, control, settings, x0=x0)
+    assert len(engine.events) == len(linear.events) >= 3
+    np.testing.assert_allclose(engine.events.t, linear.events.t, atol=1e-6)
+    scale = np.abs(linear.events.x).max(axis=0)
+    assert (np.abs(engine.events.x - linear.events.x) / scale).max() < 1e-4
+    assert (np.abs(engine.events.y_max - linear.events.y_max) / np.abs(linear.events.y_max).max()).max() < 1e-4
+
+
+def test_event_and_action_times_are_fourth_order() -> None:
+    body = engine_cases.plant("three_link", 0.9)
+    control = replace(engine_cases.controller("three_link"), delay=Delay(0.1003))
+
+    def run(h: float):
+        found = simulate_engine(body, control, Settings(duration=4.0, timestep=h), x0=0.01 * np.ones(6))
+        jumps = np.flatnonzero(np.isin(found.t, found.events.t + 0.1003))
+        return found.events.t, found.x_h[jumps[:3]]
+
+    exact, acted = run(2.5e-4)
+    runs = [run(h) for h in (8e-3, 4e-3, 2e-3)]
+    assert len(exact) >= 4
+    assert len(acted) == 3  # an action falls on its time to the last bit
+    errors = [np.abs(times - exact).max() for times, _ in runs]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 3.7) & (orders < 4.8)), orders
+    errors = [np.abs(held - acted).max() for _, held in runs]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 3.5) & (orders < 4.9)), orders
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("b", [0.9, 1.1])
+def test_the_engine_s_error_falls_with_the_square_of_the_threshold(b: float) -> None:
+    body, thresholds, errors = engine_cases.plant("three_link", b), np.geomspace(1e-2, 1e-4, 5), []
+    for q_t in thresholds:
+        control = replace(engine_cases.controller("three_link", q_t), delay=Delay(0.1))
+        linear = body.linearisation.plant
+        system = error_system(linear, control.design, control.hold, delay=control.delay)
+        prediction = predict(system, control.trigger)
+        x, x_o, x_h = system.start(prediction.orbit.x_bar)
+        settings = Settings(duration=24 * prediction.delta_crit, timestep=5e-4, record_interval=1.0)
+        run = simulate_engine(body, control, settings, x0=x, x_o0=x_o, x_h0=x_h, error_estimate=False)
+        errors.append(run.events.interval[-1] / prediction.delta_crit - 1)
+    slope = np.polyfit(np.log(thresholds), np.log(np.abs(errors)), 1)[0]
+    assert slope == pytest.approx(2.0, abs=0.05)
+
+
+def test_realisation_without_a_delay_has_no_further_state() -> None:
+    found = realise(event_controller(pendulum_design()))
+    assert found.layout.size == 4
+    assert found.delay == 0
+    np.testing.assert_array_equal(found.G, np.eye(4))
