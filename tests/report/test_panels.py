@@ -234,7 +234,7 @@ def test_f_draws_the_norm_where_chi_is_undefined():
     assert figure.axes[0].get_yscale() == "log"
     assert "undefined" in figure.axes[0].get_ylabel()
     found = result("exact")
-    expected = np.linalg.norm(reduced(found, found.simulation.x, found.simulation.x_o), axis=1)
+    expected = np.linalg.norm(reduced(found, found.simulation.x, found.simulation.x_o, found.simulation.x_h), axis=1)
     assert line(figure.axes[0], "linear")[:, 1] == pytest.approx(expected)
 
 

@@ -49,7 +49,7 @@ def test_laid_on_a_run_on_the_predicted_cycle_it_is_the_run(name: str, sign: int
     rate = output_rate(found, run.x, run.u)
     for signal, values, at in (
         (laid.orbit.y, run.y, slice(None)),
-        (laid.reduced, reduced(found, run.x, run.x_o), slice(None)),
+        (laid.reduced, reduced(found, run.x, run.x_o, run.x_h), slice(None)),
         (laid.orbit.u, run.u, between),
         (laid.rate, rate, between),
     ):
@@ -73,7 +73,7 @@ def test_one_period_is_a_closed_curve_that_starts_at_the_last_event(name: str) -
     laid = laid_orbit(found)
     whole = laid.whole(laid.reduced)
     assert len(whole) == round(laid.orbit.period / laid.orbit.delta) * len(laid.orbit.t)
-    last = reduced(found, found.simulation.events.x[-1], found.simulation.events.x_o[-1])
+    last = reduced(found, *(getattr(found.simulation.events, name)[-1] for name in ("x", "x_o", "x_h")))
     np.testing.assert_allclose(whole[[0, -1]], [last, last], atol=1e-7 * np.abs(whole).max())
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.engine import reference
+from icmj.engine import bracket
 from icmj.engine.native.compilation import compiled, inlined
 from icmj.engine.native.step import step
 from icmj.engine.schedule import EVENT_TOLERANCE
 
-_TOLERANCE, _SPLITS = EVENT_TOLERANCE, reference.SPLITS
+_TOLERANCE, _SPLITS = EVENT_TOLERANCE, bracket.SPLITS
 
 
 @inlined
