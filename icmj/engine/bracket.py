@@ -1,4 +1,4 @@
-"""What the values of the event function at the ends of a step tell of the step: whether it may hold a zero, and where."""
+"""What the event function at both ends of a step tells of the step: whether it may hold a zero, and where."""
 
 from __future__ import annotations
 

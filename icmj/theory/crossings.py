@@ -173,10 +173,8 @@ class _Finder:
             if not len(drowned):
                 return end
             first = int(drowned[0])
-            if first > 16:
-                return float(self.t_d + t[first - 1])
-            if first == 0:
-                return self.t_d
+            if first > 16 or first == 0:
+                return float(self.t_d + t[max(first - 1, 0)])
             end = float(self.t_d + t[first])
 
     def _size(self, phi: Array) -> Array:
@@ -229,8 +227,7 @@ class _Finder:
         low = max(centre - radius, self.t_d)
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
         delta = centre + radius * nodes(degree)
-        if self.t_d == 0:
-            delta[0] = max(delta[0], delta[1] * 1e-3)
+        delta[0] = max(delta[0], delta[1] * 1e-3)
         f = circle_function(kind, self._spectrum(delta), delta)
         return self._zeros(kind, coefficients(degree) @ f, centre, radius)
 
