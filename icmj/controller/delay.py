@@ -40,6 +40,8 @@ class Delay:
     assumed: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "t_d", float(self.t_d))
+        object.__setattr__(self, "assumed", None if self.assumed is None else float(self.assumed))
         for name, value in (("delay", self.t_d), ("assumed delay", self.predicted)):
             if not (np.isfinite(value) and value >= 0):
                 raise AnalysisError(f"the {name} must be at least 0 s and finite, got {value}")

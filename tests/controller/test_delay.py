@@ -70,6 +70,11 @@ def test_bad_delays_are_refused() -> None:
         simulate_linear(pendulum(), controller, Settings(duration=0.1))
 
 
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert Delay(np.float64(0.1), np.float32(0.5)) == Delay(0.1, 0.5)
+    assert bool(Delay(np.float64(0.1))) is True
+
+
 def test_the_states_that_wait_are_declared_once() -> None:
     controller = event_controller(pendulum_design())
     assert layout_of(controller).names == ("x_o", "x_h")

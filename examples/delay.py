@@ -1,0 +1,53 @@
+"""How the critical interval moves with a neural delay, known to the controller or mistaken by a tenth.
+
+Run from the folder of the checkout: python examples/delay.py --picture delay.png --points 25
+"""
+
+import argparse
+
+import matplotlib
+import numpy as np
+
+import icmj
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+CASES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1")
+
+arguments = argparse.ArgumentParser(description=__doc__)
+arguments.add_argument("--points", type=int, default=7)
+arguments.add_argument("--picture")
+given = arguments.parse_args()
+delays = np.linspace(0.0, 0.3, given.points)
+
+
+def unbroken(values):
+    """Where the curve jumps, another crossing has become the critical one: part it there."""
+    values = np.array(values)
+    jump = np.append(np.abs(np.diff(values)) > 0.15 * values[:-1], False)
+    return np.where(jump, np.nan, values)
+
+
+figure, stack = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
+for axes, system in zip(stack, ("simple", "three-link"), strict=True):
+    for name in [name for name in CASES if name.startswith(system)]:
+        case = icmj.prepare(icmj.load_run(f"runs/{name}.toml"))
+        plant, controller = case.actual.linearisation.plant, case.controller
+        for mistake, style in ((1.0, "-"), (1.1, "--"), (0.9, ":")):
+            found = []
+            for t_d in delays:
+                delay = icmj.Delay(t_d, mistake * t_d)
+                loop = icmj.error_system(plant, controller.design, controller.hold, delay=delay)
+                prediction = icmj.predict(loop, case.rule, delta_max=case.run.analysis.delta_max)
+                good = prediction.cycle and prediction.verdict == "attracting"
+                found.append(prediction.delta_crit if good else np.nan)
+            label = f"b = {name.split('-')[-1]}" if mistake == 1.0 else None
+            (line,) = axes.plot(delays, unbroken(found), style, color=None if label else line.get_color(), label=label)
+            if mistake == 1.0:
+                print(f"{name:15s} " + " ".join(f"{value:.4f}" for value in found))
+    axes.set(title=f"{system} system", xlabel="delay $t_d$ (s)", ylabel=r"$\Delta_{crit}$ (s)")
+    axes.legend(fontsize=8)
+figure.suptitle("solid: delay known; dashed: assumed 10 % too long; dotted: 10 % too short", fontsize=9)
+if given.picture:
+    figure.savefig(given.picture, dpi=150)
