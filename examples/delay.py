@@ -34,6 +34,7 @@ for axes, system in zip(stack, ("simple", "three-link"), strict=True):
     for name in [name for name in CASES if name.startswith(system)]:
         case = icmj.prepare(icmj.load_run(f"runs/{name}.toml"))
         plant, controller = case.actual.linearisation.plant, case.controller
+        colour = None  # the first curve's is that of the case
         for mistake, style in ((1.0, "-"), (1.1, "--"), (0.9, ":")):
             found = []
             for t_d in delays:
@@ -43,7 +44,8 @@ for axes, system in zip(stack, ("simple", "three-link"), strict=True):
                 good = prediction.cycle and prediction.verdict == "attracting"
                 found.append(prediction.delta_crit if good else np.nan)
             label = f"b = {name.split('-')[-1]}" if mistake == 1.0 else None
-            (line,) = axes.plot(delays, unbroken(found), style, color=None if label else line.get_color(), label=label)
+            (line,) = axes.plot(delays, unbroken(found), style, color=colour, label=label)
+            colour = line.get_color()
             if mistake == 1.0:
                 print(f"{name:15s} " + " ".join(f"{value:.4f}" for value in found))
     axes.set(title=f"{system} system", xlabel="delay $t_d$ (s)", ylabel=r"$\Delta_{crit}$ (s)")
