@@ -9,17 +9,22 @@ eigenvalues g, that is λ = 1 + Δg,
     f_c = ∏_{i<j} (g_i + g_j + Δ g_i g_j)   zero where λ_i λ_j = 1, so for a complex pair on the circle
 
 As Δ → 0, G tends to the matrix of the continuous controller (plant and observer): the eigenvalues leave +1 inwards
-iff that is stable, and this departure is not a crossing. Each function is represented by Chebyshev interpolants on
-panels, halved until the coefficients have decayed; all their zeros on a panel follow from a colleague matrix.
-Zeros close together are zoomed into until they separate. Then the crossings found must explain the change in the
-number of eigenvalues outside the circle over each panel, or the panel is halved again.
+iff that is stable, and this departure is not a crossing. The functions are made of the eigenvalues that come near the
+circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on panels, halved until the coefficients
+have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
+separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
+panel, or the panel is halved again.
 
 Resolution: two crossings of the same kind further apart than ``resolution`` are told apart. Closer ones, and a branch
-that comes so close to the circle that its crossings would be so, are reported as one of direction ``tangent``.
+that comes so close to the circle that its crossings would be so, are reported as one of direction ``tangent``. Where k
+equal eigenvalues cross together, that is one crossing of multiplicity k.
+
+Neutral directions are taken out first (:mod:`icmj.theory.reduction`): they are on the circle at every Δ.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,9 +33,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import KINDS, Kind, Spectrum, circle_function, outside
+from icmj.theory.circle import KINDS, Kind, Spectrum, circle_function, near, once, outside
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
+from icmj.theory.reduction import Reduction, reduction
+from icmj.theory.spectrum import Branch, Spectra
 
 _DEGREE = 24
 _PANELS = 8
@@ -45,25 +52,33 @@ _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the cir
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
+# panels that a search may take: no plant known needs a fifth of it, and small ones are through them in seconds
+_MOST_PANELS = 2000
+
+Direction = Literal["rising", "falling", "tangent"]
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """One crossing of the unit circle by an eigenvalue of φ(Δ).
+    """One crossing of the unit circle by an eigenvalue of φ(Δ), or by several equal ones together.
 
     Attributes:
         delta: Δ at the crossing [s].
         eigenvalue: where on the circle (the one with Im ≥ 0 of a complex pair).
         kind: ``+1``, ``-1`` or ``complex`` (a pair: Neimark–Sacker).
         direction: ``rising`` (outwards with growing Δ), ``falling`` or ``tangent``.
-        largest_other: largest magnitude of the other eigenvalues there.
+        largest_other: largest magnitude of the other eigenvalues there, those that cross together left out.
+        multiplicity: how many equal eigenvalues (or pairs) cross together.
+        dimension: of their eigenspace; less than ``multiplicity`` if they are defective.
     """
 
     delta: float
     eigenvalue: complex
-    kind: Literal["+1", "-1", "complex"]
-    direction: Literal["rising", "falling", "tangent"]
+    kind: Kind
+    direction: Direction
     largest_other: float
+    multiplicity: int = 1
+    dimension: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +113,8 @@ def crossings(
         prepared: the flow of ``system``, if at hand.
 
     Raises:
-        AnalysisError: if the interval is empty or not finite, or the resolution is not positive.
+        AnalysisError: if the interval is empty or not finite, the resolution is not positive, or the system is beyond
+            what can be analysed.
     """
     return search(system, delta_max, delta_start=delta_start, resolution=resolution, prepared=prepared).crossings
 
@@ -110,21 +126,35 @@ def search(
     delta_start: float = 0.0,
     resolution: float = 1e-6,
     prepared: Flow | None = None,
+    reduced: Reduction | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Search:
-    """As :func:`crossings`, and says how far eigenvalues could be told from rounding."""
+    """As :func:`crossings`, and says how far eigenvalues could be told from rounding.
+
+    Args:
+        system, delta_max, delta_start, resolution, prepared: as there.
+        reduced: the system without its neutral directions, if at hand.
+        progress: called now and then with the fraction done, 0–1.
+    """
     if not (np.isfinite(delta_max) and 0 <= delta_start < delta_max):
         raise AnalysisError(f"crossings need 0 ≤ start < end, got {delta_start} and {delta_max} s")
     if not resolution > 0:
         raise AnalysisError(f"the resolution must be positive, got {resolution} s")
-    return _Finder(system, prepared or flow(system.A_C), resolution).run(delta_start, delta_max)
+    if reduced is None:
+        prepared = prepared or flow(system.A_C)
+        prepared.demand(delta_max)
+        reduced = reduction(system, prepared)
+    spectra = Spectra(reduced)
+    if not spectra.count:
+        return Search((), delta_max)
+    return _Finder(spectra, resolution, progress or (lambda _: None)).run(delta_start, delta_max)
 
 
 class _Finder:
-    """The search on one system: spectra of G on demand, panels, zeros, crossings."""
+    """The search on one system: panels, zeros, crossings."""
 
-    def __init__(self, system: ErrorSystem, prepared: Flow, resolution: float) -> None:
-        self.system, self.flow, self.resolution = system, prepared, resolution
-        self.T, self.T_bar = system.T @ system.A_D, system.T_bar
+    def __init__(self, spectra: Spectra, resolution: float, progress: Callable[[float], None]) -> None:
+        self.spectra, self.resolution, self.progress = spectra, resolution, progress
 
     def run(self, start: float, end: float) -> Search:
         end = self._clear(end)
@@ -134,23 +164,33 @@ class _Finder:
         left: Array = np.asarray(start + width * np.arange(_PANELS), dtype=float)
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
+        taken = 0
         for depth in range(_DEPTH + 1):
-            delta, g, size = self._panels(left, width)
+            taken += len(left)
+            if taken > _MOST_PANELS:
+                raise AnalysisError(
+                    f"not analysable: the eigenvalues of φ(Δ) up to {end:.4g} s move too wildly to be followed; "
+                    "search a shorter range, or look for gains or rates that are out of proportion"
+                )
+            delta, g, size = self.spectra.panels(left, (1 + nodes(_DEGREE)) / 2 * width)
             plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
-            series = {kind: circle_function(kind, g, delta) @ coefficients(_DEGREE).T for kind in KINDS}
-            tail = np.max([np.abs(c[:, -3:]).max(axis=1) / np.abs(c).max(axis=1) for c in series.values()], axis=0)
+            sets = near(g, delta)
+            series = [_series(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
+            tail = np.array([max((_tail(c) for c in s.values()), default=0.0) for s in series])
             standstill = (tail > tails / 4) | (len(left) > _CROWD)
             resolved = (tail < _DECAYED) | ((tail < plateau) & standstill) | (depth == _DEPTH)
             beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
-                centre = left[m] + width / 2
-                here = [x for kind, c in series.items() for x in self._zeros(kind, c[m], centre, width / 2)]
+                centre, set_ = left[m] + width / 2, (int(sets[m, 0]), int(sets[m, 1]))
+                here = [x for kind, c in series[m].items() for x in self._zeros(kind, c, centre, width / 2, set_)]
+                here = _distinct(sorted(here, key=lambda c: c.delta), self.resolution)
                 explained = sum(_step(c) for c in here if abs(c.delta - centre) <= width / 2)
                 if depth == _DEPTH or beyond[m, 1] - beyond[m, 0] == explained:
                     found += here
                 else:
                     resolved[m] = False
             halve = left[~resolved]
+            self.progress(1 - len(halve) * width / (_PANELS * width * 2**depth) if len(halve) else 1.0)
             if not len(halve):
                 break
             width /= 2
@@ -161,10 +201,11 @@ class _Finder:
 
     def _clear(self, end: float) -> float:
         """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
+        first_end = end
         while True:
             with np.errstate(over="ignore", invalid="ignore"):
-                t, states = self.flow.trajectory(self.T_bar, end, 64)
-                size = self._size(self.T @ states)
+                t, states = self.spectra.flow.trajectory(self.spectra.right, end, 64)
+                size = self.spectra.size(self.spectra.left @ states)
             drowned = np.flatnonzero(~(size <= _DROWNED))
             if not len(drowned):
                 return end
@@ -172,29 +213,13 @@ class _Finder:
             if first > 16:
                 return float(t[first - 1])
             end = float(t[first])
+            if end < 1e-9 * first_end:
+                raise AnalysisError(
+                    f"not analysable: φ(Δ) grows beyond {_DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
+                    "search; look for gains or rates that are out of proportion"
+                )
 
-    def _size(self, phi: Array) -> Array:
-        """Largest entry of φ in balanced coordinates."""
-        scale = self.flow.scale[: len(self.T)]
-        return np.asarray(np.abs(phi * (scale / scale[:, None])).max(axis=(-2, -1)))
-
-    def _panels(self, left: Array, width: float) -> tuple[Array, Spectrum, Array]:
-        """Nodes, spectra of G and size of φ − I of each panel, shapes (P, nodes), (P, nodes, n + n̂) and (P,)."""
-        s = (1 + nodes(_DEGREE)) / 2 * width
-        F_s = self.flow.increment(s) @ self.T_bar
-        F_a = self.flow.increment(left)
-        F = (self.T @ F_a @ self.T_bar)[:, None] + (self.T @ F_a + self.T)[:, None] @ F_s
-        delta = left[:, None] + s
-        G = F / np.where(delta == 0, 1.0, delta)[..., None, None]
-        if delta[0, 0] == 0:
-            G[0, 0] = self.T @ self.system.A_C @ self.T_bar
-        return delta, np.linalg.eigvals(G).astype(complex), self._size(F).max(axis=1)
-
-    def _spectrum(self, delta: Array) -> Spectrum:
-        G = self.T @ self.flow.increment(delta) @ self.T_bar
-        return np.linalg.eigvals(G / delta[:, None, None]).astype(complex)
-
-    def _zeros(self, kind: Kind, c: Array, centre: float, radius: float) -> list[Crossing]:
+    def _zeros(self, kind: Kind, c: Array, centre: float, radius: float, near_set: tuple[int, int]) -> list[Crossing]:
         """Crossings from the zeros of one interpolant, those close together by zooming in."""
         if abs(c[0]) > np.abs(c[1:]).sum():
             return []
@@ -203,91 +228,102 @@ class _Finder:
         z = z[np.argsort(z.real)]
         found = []
         while len(z):
-            near = np.flatnonzero(np.diff(z.real) > _NEAR)
-            group, z = np.split(z, [near[0] + 1 if len(near) else len(z)])
+            apart = np.flatnonzero(np.diff(z.real) > _NEAR)
+            group, z = np.split(z, [apart[0] + 1 if len(apart) else len(z)])
             middle = centre + radius * group.real.mean()
             if len(group) == 1:
-                crossing = self._crossing(kind, middle, tangent=False)
-                found += [crossing] if crossing else []
+                found += self._crossing(kind, middle, tangent=False)
                 continue
             reach = radius * 10 * _NEAR
-            if reach > self.resolution * 10:
-                found += self._zoom(kind, middle, reach)
+            together = self._crossing(kind, middle, tangent=False, at_least=2)
+            if together:
+                found += together
+            elif reach > self.resolution * 10:
+                found += self._zoom(kind, middle, reach, near_set)
             else:
-                crossing = self._crossing(kind, middle, tangent=len(group) % 2 == 0)
-                found += [crossing] if crossing else []
+                found += self._crossing(kind, middle, tangent=len(group) % 2 == 0)
         return found
 
-    def _zoom(self, kind: Kind, centre: float, radius: float) -> list[Crossing]:
+    def _zoom(self, kind: Kind, centre: float, radius: float, near_set: tuple[int, int]) -> list[Crossing]:
         degree = 8
         low = max(centre - radius, 0.0)
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
         delta = centre + radius * nodes(degree)
         delta[0] = max(delta[0], delta[1] * 1e-3)
-        f = circle_function(kind, self._spectrum(delta), delta)
-        return self._zeros(kind, coefficients(degree) @ f, centre, radius)
+        g = once(self.spectra.at(delta)[:, slice(*near_set)])
+        f = circle_function(kind, g, delta)
+        return self._zeros(kind, coefficients(degree) @ f, centre, radius, near_set)
 
-    def _crossing(self, kind: Kind, delta: float, tangent: bool) -> Crossing | None:
-        """The eigenvalue that a zero belongs to, its Δ polished; ``None`` if the zero is no crossing."""
+    def _crossing(self, kind: Kind, delta: float, *, tangent: bool, at_least: int = 1) -> list[Crossing]:
+        """The eigenvalue that a zero belongs to, its Δ polished; none if the zero is no crossing.
+
+        Several where ``at_least`` equal eigenvalues are at the zero together but do not all go the same way.
+        """
         if delta <= 0:
-            return None
-        slope, lam, values = 0.0, 1 + 0j, np.empty(0, complex)
+            return []
+        slope, at = 0.0, None
         for step in range(4):
-            values, dlam = self._eigenvalue(kind, delta)
-            if not len(values):
-                return None
-            lam = complex(values[0])
-            slope = float(np.real(dlam / lam)) if np.isfinite(dlam) else 0.0
+            at = self.spectra.branch(kind, delta)
+            if at is None or at.count < at_least:
+                return []
+            mean = float(at.rates.mean())
+            slope = mean if np.isfinite(mean) else 0.0
             if tangent or slope == 0:
                 break
-            move = -np.log(abs(lam)) / slope
+            move = -np.log(abs(at.value)) / slope
             # a step that leaves the neighbourhood means a nearly defective eigenvalue; the zero of f stands
             if abs(move) > 1e-3 * delta:
                 break
             delta += move
             if abs(move) < 1e-14 * delta or step == 3:
                 break
-        if abs(np.log(abs(lam))) > _ON or (kind != "complex" and abs(lam - int(kind)) > 1e-3):
-            return None
-        exact = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": lam / abs(lam)}[kind]
-        exact = complex(exact.real, abs(exact.imag))
-        direction: Literal["rising", "falling", "tangent"] = (
-            "tangent" if tangent or slope == 0 else "rising" if slope > 0 else "falling"
-        )
-        others = np.sort(np.abs(values[1:]))
-        return Crossing(float(delta), exact, kind, direction, float(others[-1]) if len(others) else 0.0)
+        assert at is not None
+        if not at.value or abs(np.log(abs(at.value))) > _ON or (kind != "complex" and abs(at.value - int(kind)) > 1e-3):
+            return []
+        lam = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": at.value / abs(at.value)}[kind]
+        lam = complex(lam.real, abs(lam.imag))
+        ways = self._ways(kind, delta, at, tangent or slope == 0)
+        return [
+            Crossing(float(delta), lam, kind, way, at.largest_other, count, at.dimension if len(ways) == 1 else count)
+            for way, count in ways.items()
+        ]
 
-    def _eigenvalue(self, kind: Kind, delta: float) -> tuple[Spectrum, complex]:
-        """Eigenvalues of φ, the one of this kind nearest to the circle first, and dλ/dΔ of that.
+    def _ways(self, kind: Kind, delta: float, at: Branch, tangent: bool) -> dict[Direction, int]:
+        """How many of the eigenvalues at a crossing go which way."""
+        if at.count == 1 or np.isfinite(at.rates).all():
+            if tangent:
+                return {"tangent": at.count}
+            rising = int((at.rates > 0).sum())
+            return {way: n for way, n in (("rising", rising), ("falling", at.count - rising)) if n}  # type: ignore[misc]
+        # defective: the rates are unknown, but on either side the eigenvalues can be counted
+        reach = 1e-4 * delta
+        before, after = self.spectra.at(delta + reach * np.array([-1.0, 1.0]))
+        step = 0
+        for sign, g, d in ((-1, before, delta - reach), (1, after, delta + reach)):
+            lam = 1 + d * g
+            close = np.abs(lam[lam.imag > 1e-6] if kind == "complex" else lam)[
+                np.argsort(np.abs((lam[lam.imag > 1e-6] if kind == "complex" else lam) - at.value))[: at.count]
+            ]
+            step += sign * int((close > 1).sum())
+        return {"tangent" if not step else "rising" if step > 0 else "falling": at.count}
 
-        Of a complex pair the lower one is left out; where there is no complex pair, there are none.
-        """
-        from scipy.linalg import eig
 
-        F = self.flow.increment(delta)
-        G = self.T @ F @ self.T_bar / delta
-        g, left, right = eig(G, left=True, right=True)
-        if kind == "complex":
-            upper = np.flatnonzero(g.imag > 0)
-            if not len(upper):
-                return np.empty(0, complex), 0j
-            i = upper[np.abs(2 * g[upper].real + delta * np.abs(g[upper]) ** 2).argmin()]
-        else:
-            target = 0.0 if kind == "+1" else -2.0 / delta
-            i = int(np.abs(g - target).argmin())
-        rest = np.delete(g, i)
-        if kind == "complex":
-            rest = np.delete(rest, np.abs(rest - g[i].conj()).argmin())
-        w, v = left[:, i].conj(), right[:, i]
-        rate = self.T @ (self.system.A_C @ (self.T_bar + F @ self.T_bar))
-        overlap = w @ v
-        dlam = (w @ rate @ v) / overlap if abs(overlap) > 1e-12 else complex("nan")
-        return np.asarray(1 + delta * np.concatenate([[g[i]], rest]), complex), complex(dlam)
+def _series(g: Spectrum, delta: Array) -> dict[Kind, Array]:
+    """Chebyshev coefficients of the test functions of the near eigenvalues on one panel; none where there are none."""
+    if not g.shape[-1]:
+        return {}
+    g = once(g)
+    return {kind: coefficients(_DEGREE) @ circle_function(kind, g, delta) for kind in KINDS}
+
+
+def _tail(c: Array) -> float:
+    return float(np.abs(c[-3:]).max() / np.abs(c).max())
 
 
 def _step(crossing: Crossing) -> int:
+    """Change of the number of eigenvalues outside."""
     sign = {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
-    return sign * (2 if crossing.kind == "complex" else 1)
+    return sign * crossing.multiplicity * (2 if crossing.kind == "complex" else 1)
 
 
 def _distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
@@ -300,6 +336,7 @@ def _distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
             if k.kind == c.kind
             and abs(k.delta - c.delta) < resolution * (1 if "tangent" in (k.direction, c.direction) else 1e-3)
             and abs(k.eigenvalue - c.eigenvalue) < 1e-6
+            and (k.direction == c.direction or "tangent" in (k.direction, c.direction))
         ]
         if not same:
             kept.append(c)

@@ -85,6 +85,17 @@ def test_exact_model_has_no_cycle():
     assert "grow without bound" in comparison.words
 
 
+def test_no_crossing_is_said_of_the_range_searched_only():
+    found = result("b0.8")
+    nothing = {"delta_crit": None, "eigenvalue": None, "cycle": False, "crossings": (), "delta_max": 1.5}
+    short = replace(found.prediction, **nothing, beyond=found.prediction.crossings[0])
+    words = compare(replace(found, prediction=short)).words
+    assert "no eigenvalue reaches the unit circle up to Δ = 1.5 s (the range searched)" in words
+    assert "one does at 1.81 s: raise analysis.delta_max" in words
+    growing = replace(found.prediction, **nothing, growing=True)
+    assert "the largest |λ| still grows" in compare(replace(found, prediction=growing)).words
+
+
 def test_a_repelling_predicted_cycle_says_so():
     found = result("b0.8")
     prediction = replace(found.prediction, verdict="repelling", multipliers=np.array([1.19 + 0j]))
