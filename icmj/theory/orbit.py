@@ -18,7 +18,7 @@ SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
 # a stiff system has so many Taylor cells that their polynomials no longer fit: states times cells
-_MOST_CELLS = 500_000
+_MOST_CELLS = 2_500_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,13 +42,13 @@ def test_absurd_systems_end_in_a_result_or_in_an_analysis_error(kind, size):
         plant, design = ABSURD[kind](size)
     except OverflowError:
         return  # not even the test can write it down
+    words = ""
     try:
-        system = error_system(plant, design)
-        found = predict(system, EventTrigger(np.eye(2), 0.01))
+        found = predict(error_system(plant, design), EventTrigger(np.eye(2), 0.01))
         assert 0 < found.delta_max <= 3
-    except AnalysisError as error:
-        assert str(error).startswith("not analysable: ") or "NaN or an infinity" in str(error)
-        assert size >= 1e4
+    except AnalysisError as refused:
+        words = str(refused)
+    assert not words or words.startswith("not analysable: ")
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9, 1e-12])
