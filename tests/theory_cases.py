@@ -164,3 +164,25 @@ def system_beside(extra, *, known=True, gain=0.8, **more) -> ErrorSystem:
     L = np.zeros((2 + count, actual.n_y))
     L[:2, :1] = plain.L
     return error_system(actual, Design(beside(1.0, extra, **more), k, L))
+
+
+def visiting() -> ErrorSystem:
+    """The fifth of a series of random plants of 16 to 24 states, kept because of what its eigenvalues do at 0.159 s."""
+    rng, made = np.random.default_rng(3), 0
+    while True:
+        n = int(rng.integers(16, 25))
+        n_u, n_y = rng.integers(1, n // 2 + 1, size=2)
+        A = rng.normal(size=(n, n)) * 10 ** rng.uniform(-0.5, 0.5)
+        if rng.uniform() < 0.3:
+            A = A - A.T + 0.1 * rng.normal(size=(n, n))
+        A += (rng.uniform(-0.5, 1.5) - np.linalg.eigvals(A).real.max()) * np.eye(n)
+        assumed = LinearPlant(A, rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n)))
+        try:
+            design = design_lq(assumed, R_c=10 ** rng.uniform(-2, 1), R_o=10 ** rng.uniform(-2, 1))
+        except DesignError:
+            continue
+        size = 0.5 * rng.uniform()
+        A, B, C = (M * (1 + size * rng.normal(size=M.shape)) for M in (assumed.A, assumed.B, assumed.C))
+        made += 1
+        if made == 5:
+            return error_system(LinearPlant(A, B, C), design)

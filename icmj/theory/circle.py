@@ -127,6 +127,18 @@ def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
     return limits
 
 
+def away(g: Spectrum, delta: Array) -> Array:
+    """Logarithms of the three test functions of eigenvalues that should stay on one side, shape (3, nodes).
+
+    If they do, these are as smooth as the eigenvalues' symmetric functions. A visit to the circle between two nodes,
+    however short, makes a logarithmic singularity, and their Chebyshev coefficients no longer decay.
+    """
+    d, tiny = delta[:, None], np.finfo(float).tiny
+    i, j = _pairs(g.shape[-1])
+    g_i, g_j = g[:, i], g[:, j]
+    return np.array([np.log(np.abs(f) + tiny).sum(axis=1) for f in (g, 2 + d * g, g_i + g_j + d * g_i * g_j)])
+
+
 def once(g: Spectrum) -> Spectrum:
     """Eigenvalues without their repetitions, where the same are repeated at every node; shape (nodes, m) → (nodes, r).
 

@@ -33,7 +33,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import KINDS, Kind, Spectrum, circle_function, near, once, outside
+from icmj.theory.circle import KINDS, Kind, Spectrum, away, circle_function, near, once, outside
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 from icmj.theory.reduction import Reduction, reduction
@@ -49,6 +49,7 @@ _NOISY = 5
 # so many panels of one width are not all needed by zeros: what keeps them from decaying is rounding
 _CROWD = 128
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
+_QUIET = 1e-3  # last Chebyshev coefficients of the logarithm of a function without zeros nearby; a zero makes 1e-1
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
@@ -179,6 +180,10 @@ class _Finder:
             tail = np.array([max((_tail(c) for c in s.values()), default=0.0) for s in series])
             standstill = (tail > tails / 4) | (len(left) > _CROWD)
             resolved = (tail < _DECAYED) | ((tail < plateau) & standstill) | (depth == _DEPTH)
+            if depth < _DEPTH and len(left) <= _CROWD:
+                for m in np.flatnonzero(resolved):
+                    a, b = sets[m]
+                    resolved[m] = _quiet(g[m, :, :a], delta[m]) and _quiet(g[m, :, b:], delta[m])
             beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 centre, set_ = left[m] + width / 2, (int(sets[m, 0]), int(sets[m, 1]))
@@ -314,6 +319,11 @@ def _series(g: Spectrum, delta: Array) -> dict[Kind, Array]:
         return {}
     g = once(g)
     return {kind: coefficients(_DEGREE) @ circle_function(kind, g, delta) for kind in KINDS}
+
+
+def _quiet(g: Spectrum, delta: Array) -> bool:
+    """Whether eigenvalues that are on one side of the circle at every node stay there between the nodes."""
+    return not g.shape[-1] or bool(np.abs(away(g, delta) @ coefficients(_DEGREE)[-3:].T).max() < _QUIET)
 
 
 def _tail(c: Array) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
-from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped
+from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped, visiting
 
 from icmj.errors import AnalysisError
 from icmj.theory.crossings import crossings, search
@@ -183,3 +183,12 @@ def test_the_search_stops_where_rounding_drowns_the_circle():
 def test_an_empty_interval_is_refused(start, end):
     with pytest.raises(AnalysisError, match="start < end"):
         crossings(shipped("b=0.8"), end, delta_start=start)
+
+
+def test_a_short_visit_among_many_eigenvalues_is_not_missed():
+    """A plant of 19 states in which a pair turns real, leaves through −1 and is back within 2 ms."""
+    system = visiting()
+    found = [c for c in crossings(system, 0.3) if 0.1577 < c.delta < 0.161]
+    assert [(c.kind, c.direction) for c in found] == [("-1", "rising"), ("-1", "falling")]
+    inside, visit = ((np.abs(np.linalg.eigvals(system.phi(d))) > 1).sum() for d in (0.157, 0.159))
+    assert visit == inside + 1
