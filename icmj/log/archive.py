@@ -28,7 +28,7 @@ from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
-from icmj.theory.crossings import Crossing
+from icmj.theory.crossing import Crossing
 from icmj.theory.family import Family
 from icmj.theory.neutral import NeutralMode
 from icmj.theory.orbit import Orbit

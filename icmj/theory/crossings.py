@@ -25,15 +25,15 @@ Neutral directions are taken out first (:mod:`icmj.theory.reduction`): they are 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
 from icmj.theory.circle import KINDS, Kind, Spectrum, away, circle_function, near, once, outside
+from icmj.theory.crossing import Crossing, Direction, Search
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 from icmj.theory.reduction import Reduction, reduction
@@ -50,50 +50,12 @@ _NOISY = 5
 _CROWD = 128
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
 _QUIET = 1e-3  # last Chebyshev coefficients of the logarithm of a function without zeros nearby; a zero makes 1e-1
+_ON_AT_LAST = 1e-3  # the same where the shortest panels leave a change of their number unexplained
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
 # panels that a search may take: no plant known needs a fifth of it, and small ones are through them in seconds
 _MOST_PANELS = 2000
-
-Direction = Literal["rising", "falling", "tangent"]
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """One crossing of the unit circle by an eigenvalue of φ(Δ), or by several equal ones together.
-
-    Attributes:
-        delta: Δ at the crossing [s].
-        eigenvalue: where on the circle (the one with Im ≥ 0 of a complex pair).
-        kind: ``+1``, ``-1`` or ``complex`` (a pair: Neimark–Sacker).
-        direction: ``rising`` (outwards with growing Δ), ``falling`` or ``tangent``.
-        largest_other: largest magnitude of the other eigenvalues there, those that cross together left out.
-        multiplicity: how many equal eigenvalues (or pairs) cross together.
-        dimension: of their eigenspace; less than ``multiplicity`` if they are defective.
-    """
-
-    delta: float
-    eigenvalue: complex
-    kind: Kind
-    direction: Direction
-    largest_other: float
-    multiplicity: int = 1
-    dimension: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """What was found and how far the search could see.
-
-    Attributes:
-        crossings: by rising Δ.
-        delta_end: end of the interval searched [s]: ``delta_max``, or earlier where φ has grown so large that
-            eigenvalues near the circle drown in its rounding (‖φ‖ > 1e8 in balanced coordinates).
-    """
-
-    crossings: tuple[Crossing, ...]
-    delta_end: float
 
 
 def crossings(
@@ -156,6 +118,7 @@ class _Finder:
 
     def __init__(self, spectra: Spectra, resolution: float, progress: Callable[[float], None]) -> None:
         self.spectra, self.resolution, self.progress = spectra, resolution, progress
+        self.on = _ON
 
     def run(self, start: float, end: float) -> Search:
         end = self._clear(end)
@@ -186,11 +149,13 @@ class _Finder:
                     resolved[m] = _quiet(g[m, :, :a], delta[m]) and _quiet(g[m, :, b:], delta[m])
             beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
-                centre, set_ = left[m] + width / 2, (int(sets[m, 0]), int(sets[m, 1]))
-                here = [x for kind, c in series[m].items() for x in self._zeros(kind, c, centre, width / 2, set_)]
-                here = _distinct(sorted(here, key=lambda c: c.delta), self.resolution)
-                explained = sum(_step(c) for c in here if abs(c.delta - centre) <= width / 2)
-                if depth == _DEPTH or beyond[m, 1] - beyond[m, 0] == explained:
+                change, centre = int(beyond[m, 1] - beyond[m, 0]), left[m] + width / 2
+                here, explained = self._found(series[m], centre, width / 2, sets[m], _ON)
+                if depth == _DEPTH and explained != change:
+                    # rounding keeps an eigenvalue from settling on the circle that it has passed all the same
+                    rough, explained = self._found(series[m], centre, width / 2, sets[m], _ON_AT_LAST)
+                    here = rough if explained == change else here
+                if depth == _DEPTH or explained == change:
                     found += here
                 else:
                     resolved[m] = False
@@ -223,6 +188,15 @@ class _Finder:
                     f"not analysable: φ(Δ) grows beyond {_DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
                     "search; look for gains or rates that are out of proportion"
                 )
+
+    def _found(
+        self, series: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp], on: float
+    ) -> tuple[list[Crossing], int]:
+        """Crossings on one panel, and the change of the number of eigenvalues outside that they explain."""
+        self.on, set_ = on, (int(near_set[0]), int(near_set[1]))
+        here = [x for kind, c in series.items() for x in self._zeros(kind, c, centre, radius, set_)]
+        here = _distinct(sorted(here, key=lambda c: c.delta), self.resolution)
+        return here, sum(_step(c) for c in here if abs(c.delta - centre) <= radius)
 
     def _zeros(self, kind: Kind, c: Array, centre: float, radius: float, near_set: tuple[int, int]) -> list[Crossing]:
         """Crossings from the zeros of one interpolant, those close together by zooming in."""
@@ -283,7 +257,11 @@ class _Finder:
             if abs(move) < 1e-14 * delta or step == 3:
                 break
         assert at is not None
-        if not at.value or abs(np.log(abs(at.value))) > _ON or (kind != "complex" and abs(at.value - int(kind)) > 1e-3):
+        if (
+            not at.value
+            or abs(np.log(abs(at.value))) > self.on
+            or (kind != "complex" and abs(at.value - int(kind)) > 1e-3)
+        ):
             return []
         lam = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": at.value / abs(at.value)}[kind]
         lam = complex(lam.real, abs(lam.imag))

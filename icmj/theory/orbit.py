@@ -29,7 +29,8 @@ class Orbit:
         delta: open-loop interval Δ_crit [s].
         sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
         period: of the whole orbit [s].
-        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
+        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive; so the length of x̄, which
+            depends on T̂ and on the units of the states, as nothing else here but x_bar and X does.
         x_bar: x̄ = γ V_{k1} right after an event, shape (n + n̂,).
         t: times in [0, delta] [s], shape (M,).
         X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.errors import AnalysisError
-from icmj.theory.crossings import Crossing, search
+from icmj.theory.crossing import Crossing
+from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.reduction import Reduction
 

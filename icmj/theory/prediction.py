@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.controller.trigger import EventRule
-from icmj.theory.crossings import Crossing, search
+from icmj.theory.crossing import Crossing
+from icmj.theory.crossings import search
 from icmj.theory.eigenstructure import eigenstructure
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.family import Family, family, mixtures, modulo
