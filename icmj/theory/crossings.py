@@ -32,14 +32,14 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import KINDS, Kind, Spectrum, away, circle_function, near, once, outside
+from icmj.theory.circle import Kind, circle_function, near, once, outside
 from icmj.theory.crossing import Crossing, Direction, Search
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
+from icmj.theory.panel import DEGREE, quiet, series, tail
 from icmj.theory.reduction import Reduction, reduction
 from icmj.theory.spectrum import Branch, Spectra
 
-_DEGREE = 24
 _PANELS = 8
 _DEPTH = 14
 _DECAYED = 1e-10  # last Chebyshev coefficients, relative to the largest
@@ -49,7 +49,6 @@ _NOISY = 5
 # so many panels of one width are not all needed by zeros: what keeps them from decaying is rounding
 _CROWD = 128
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
-_QUIET = 1e-3  # last Chebyshev coefficients of the logarithm of a function without zeros nearby; a zero makes 1e-1
 _ON_AT_LAST = 1e-3  # the same where the shortest panels leave a change of their number unexplained
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
@@ -136,24 +135,24 @@ class _Finder:
                     f"not analysable: the eigenvalues of φ(Δ) up to {end:.4g} s move too wildly to be followed; "
                     "search a shorter range, or look for gains or rates that are out of proportion"
                 )
-            delta, g, size = self.spectra.panels(left, (1 + nodes(_DEGREE)) / 2 * width)
+            delta, g, size = self.spectra.panels(left, (1 + nodes(DEGREE)) / 2 * width)
             plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
             sets = near(g, delta)
-            series = [_series(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
-            tail = np.array([max((_tail(c) for c in s.values()), default=0.0) for s in series])
-            standstill = (tail > tails / 4) | (len(left) > _CROWD)
-            resolved = (tail < _DECAYED) | ((tail < plateau) & standstill) | (depth == _DEPTH)
+            parts = [series(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
+            decay = np.array([max((tail(c) for c in s.values()), default=0.0) for s in parts])
+            standstill = (decay > tails / 4) | (len(left) > _CROWD)
+            resolved = (decay < _DECAYED) | ((decay < plateau) & standstill) | (depth == _DEPTH)
             if depth < _DEPTH and len(left) <= _CROWD:
                 for m in np.flatnonzero(resolved):
                     a, b = sets[m]
-                    resolved[m] = _quiet(g[m, :, :a], delta[m]) and _quiet(g[m, :, b:], delta[m])
+                    resolved[m] = quiet(g[m, :, :a], delta[m]) and quiet(g[m, :, b:], delta[m])
             beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 change, centre = int(beyond[m, 1] - beyond[m, 0]), left[m] + width / 2
-                here, explained = self._found(series[m], centre, width / 2, sets[m], _ON)
+                here, explained = self._found(parts[m], centre, width / 2, sets[m], _ON)
                 if depth == _DEPTH and explained != change:
                     # rounding keeps an eigenvalue from settling on the circle that it has passed all the same
-                    rough, explained = self._found(series[m], centre, width / 2, sets[m], _ON_AT_LAST)
+                    rough, explained = self._found(parts[m], centre, width / 2, sets[m], _ON_AT_LAST)
                     here = rough if explained == change else here
                 if depth == _DEPTH or explained == change:
                     found += here
@@ -165,7 +164,7 @@ class _Finder:
                 break
             width /= 2
             left = np.column_stack([halve, halve + width]).reshape(-1)
-            tails = np.repeat(tail[~resolved], 2)
+            tails = np.repeat(decay[~resolved], 2)
         found = [c for c in found if start < c.delta <= end]
         return Search(tuple(_distinct(sorted(found, key=lambda c: c.delta), self.resolution)), float(end))
 
@@ -190,11 +189,11 @@ class _Finder:
                 )
 
     def _found(
-        self, series: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp], on: float
+        self, functions: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp], on: float
     ) -> tuple[list[Crossing], int]:
         """Crossings on one panel, and the change of the number of eigenvalues outside that they explain."""
         self.on, set_ = on, (int(near_set[0]), int(near_set[1]))
-        here = [x for kind, c in series.items() for x in self._zeros(kind, c, centre, radius, set_)]
+        here = [x for kind, c in functions.items() for x in self._zeros(kind, c, centre, radius, set_)]
         here = _distinct(sorted(here, key=lambda c: c.delta), self.resolution)
         return here, sum(_step(c) for c in here if abs(c.delta - centre) <= radius)
 
@@ -289,23 +288,6 @@ class _Finder:
             ]
             step += sign * int((close > 1).sum())
         return {"tangent" if not step else "rising" if step > 0 else "falling": at.count}
-
-
-def _series(g: Spectrum, delta: Array) -> dict[Kind, Array]:
-    """Chebyshev coefficients of the test functions of the near eigenvalues on one panel; none where there are none."""
-    if not g.shape[-1]:
-        return {}
-    g = once(g)
-    return {kind: coefficients(_DEGREE) @ circle_function(kind, g, delta) for kind in KINDS}
-
-
-def _quiet(g: Spectrum, delta: Array) -> bool:
-    """Whether eigenvalues that are on one side of the circle at every node stay there between the nodes."""
-    return not g.shape[-1] or bool(np.abs(away(g, delta) @ coefficients(_DEGREE)[-3:].T).max() < _QUIET)
-
-
-def _tail(c: Array) -> float:
-    return float(np.abs(c[-3:]).max() / np.abs(c).max())
 
 
 def _step(crossing: Crossing) -> int:
