@@ -1,6 +1,7 @@
 """Time of the linear analysis: ``python benchmarks/analysis.py`` prints it, ``rows()`` returns it.
 
-The plant is the three-link model from its MJCF file, linearised and designed on before the clock starts.
+The plant is the three-link model from its MJCF file, linearised and designed on before the clock starts; then standing
+chains of ever more links, to see how the analysis grows with the number of states.
 """
 
 from __future__ import annotations
@@ -8,12 +9,16 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from icmj.controller.design import design_lq
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import Deviation, load_spec
+from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.flow import flow
@@ -25,6 +30,7 @@ from icmj.theory.return_map import jacobian, multipliers
 MODELS = Path(__file__).resolve().parent.parent / "models"
 REPEATS = 21
 DELTA_MAX = 3.0
+LINKS = (6, 12, 27)
 
 
 def three_link(gain: float = 0.9) -> ErrorSystem:
@@ -32,6 +38,29 @@ def three_link(gain: float = 0.9) -> ErrorSystem:
     assumed = linearise(load_spec(MODELS / "three_link.xml").compile(), "upright").plant
     actual = linearise(load_spec(MODELS / "three_link.xml", Deviation(gain)).compile(), "upright").plant
     return error_system(actual, design_lq(assumed, R_c=5e-7, R_o=2e-7))
+
+
+def chain(links: int, gain: float = 1.0) -> LinearPlant:
+    """A standing chain of equal links, 80 kg and 1.5 m in all, held at its upper joints; 2 × ``links`` states.
+
+    Lagrange's equations in the segment angles to the vertical, linearised upright; inputs are the joint torques.
+    """
+    mass, length = 80 / links, 1.5 / links
+    lever = length * (np.tri(links, k=-1) + np.eye(links) / 2)  # of each segment's angle on each centre of mass
+    M = mass * lever.T @ lever + np.eye(links) * mass * length**2 / 12
+    gravity = 9.81 * mass * lever.sum(axis=0)
+    joints = np.eye(links) - np.eye(links, k=-1)
+    topple = 9.81 * mass * np.array([lever[j:, j:].sum() for j in range(links)])
+    stiffness = joints.T @ np.diag(0.8 * topple * (np.arange(links) > 0)) @ joints
+    damping = joints.T @ np.diag(0.02 * topple) @ joints
+    none, one = np.zeros((links, links)), np.eye(links)
+    A = np.block([[-np.linalg.solve(M, damping), np.linalg.solve(M, np.diag(gravity) - stiffness)], [one, none]])
+    return LinearPlant(A, gain * np.vstack([np.linalg.solve(M, joints.T), none]), np.hstack([none, one]))
+
+
+def standing(links: int, gain: float = 0.9) -> ErrorSystem:
+    """The error system of such a chain with every joint torque scaled by ``gain``."""
+    return error_system(chain(links, gain), design_lq(chain(links), R_c=5e-7, R_o=2e-7))
 
 
 def analyse(system: ErrorSystem, trigger: EventTrigger) -> None:
@@ -68,6 +97,12 @@ def rows() -> list[tuple[str, float, str]]:
     for name, run, note in parts:
         least, median = timed(run)
         table.append((name, median, f"{note}; least of {REPEATS}: {1e3 * least:.1f} ms"))
+    for links in LINKS:
+        large = standing(links)
+        rule = EventTrigger(output_weight(large.design), 0.01)
+        least, median = timed(partial(predict, large, rule), repeats=3)
+        name = f"{2 * links} states"
+        table.append((name, median, f"whole prediction of a chain of {links} links; least of 3: {1e3 * least:.0f} ms"))
     return table
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 from icmj.controller.design import Design, design_lq
 from icmj.errors import DesignError
@@ -95,3 +97,92 @@ def random_systems(seed: int, count: int, *, mismatch: float = 0.3) -> Iterator[
         if np.linalg.eigvals(system.T @ system.A_C @ system.T_bar).real.max() < -0.05:
             made += 1
             yield system
+
+
+def pair_of_holds(q: complex, c: complex, r: complex) -> ErrorSystem:
+    """A system whose φ has, beside e^{−Δ}, the eigenvalue e^{qΔ} + r (e^{cΔ} − e^{qΔ})/(c − q) and its conjugate.
+
+    x̃_o' = q x̃_o + r x̃_h and x̃_h' = c x̃_h, in complex numbers written as 2 × 2 blocks.
+    """
+
+    def block(z: complex) -> np.ndarray:
+        return np.array([[z.real, -z.imag], [z.imag, z.real]]) if complex in map(type, (q, c, r)) else np.array([[z]])
+
+    m = len(block(q))
+    A_C = np.zeros((1 + 2 * m, 1 + 2 * m))
+    A_C[0, 0] = -1
+    A_C[1 : 1 + m, 1 : 1 + m], A_C[1 : 1 + m, 1 + m :], A_C[1 + m :, 1 + m :] = block(q), block(r), block(c)
+    one = LinearPlant([[-1]], [[1]], [[1]])
+    design = Design(LinearPlant(-np.eye(m), np.ones((m, 1)), np.ones((1, m))), np.zeros((1, m)), np.zeros((m, 1)))
+    return ErrorSystem(A_C, np.zeros((m, 1)), one, design)
+
+
+def dip(depth: float) -> tuple[ErrorSystem, list[float]]:
+    """λ = αe^{−Δ} + (1 − α)e^{−3Δ} with least value −``depth``, and where it passes −1 (closed form)."""
+    beta = brentq(lambda b: 2 * b / 3 * np.sqrt(b / (3 * (1 + b))) - depth, 0.1, 100, xtol=1e-15, rtol=1e-15)
+    alpha = -beta
+    r = (1 - alpha) * (-3 + 1)  # r/(c − q) = 1 − α
+    # −1 = αz + (1 − α)z³ with z = e^{−Δ}
+    z = np.roots([1 - alpha, 0, alpha, 1])
+    z = z[np.abs(z.imag) < 1e-9].real
+    return pair_of_holds(-1.0, -3.0, r), sorted(-np.log(z[(z > 0) & (z < 1)]))
+
+
+INTEGRATOR = [[0.0]]
+DOUBLE = [[0.0, 1.0], [0.0, 0.0]]
+OSCILLATOR = [[0.0, 3.0], [-3.0, 0.0]]
+GROWING = [[0.5]]
+
+
+def beside(gain, extra, driven=None, shown=None) -> LinearPlant:
+    """The pendulum with more states beside it.
+
+    Args:
+        gain: of the input.
+        extra: their matrix.
+        driven: how the pendulum drives them, shape (count, 2).
+        shown: output row on them, if there is such an output.
+    """
+    plain, extra = pendulum(gain), np.asarray(extra)
+    count = len(extra)
+    A = block_diag(plain.A, extra)
+    A[2:, :2] = 0 if driven is None else driven
+    B, C = np.vstack([plain.B, np.zeros((count, 1))]), np.hstack([plain.C, np.zeros((1, count))])
+    if shown is not None:
+        C = np.vstack([C, np.concatenate([[0, 0], shown])])
+    names = (*NAMES, *"pqrs"[:count])
+    return LinearPlant(A, B, C, names, ("u",), ("y",) if shown is None else ("y", "place"))
+
+
+def system_beside(extra, *, known=True, gain=0.8, **more) -> ErrorSystem:
+    """The b = 0.8 system with more states, known to the controller or not, which does nothing about them."""
+    plain, count = pendulum_design(), len(extra)
+    actual = beside(gain, extra, **more)
+    if not known:
+        return error_system(actual, plain)
+    k = np.hstack([plain.k, np.zeros((1, count))])
+    L = np.zeros((2 + count, actual.n_y))
+    L[:2, :1] = plain.L
+    return error_system(actual, Design(beside(1.0, extra, **more), k, L))
+
+
+def visiting() -> ErrorSystem:
+    """The fifth of a series of random plants of 16 to 24 states, kept because of what its eigenvalues do at 0.159 s."""
+    rng, made = np.random.default_rng(3), 0
+    while True:
+        n = int(rng.integers(16, 25))
+        n_u, n_y = rng.integers(1, n // 2 + 1, size=2)
+        A = rng.normal(size=(n, n)) * 10 ** rng.uniform(-0.5, 0.5)
+        if rng.uniform() < 0.3:
+            A = A - A.T + 0.1 * rng.normal(size=(n, n))
+        A += (rng.uniform(-0.5, 1.5) - np.linalg.eigvals(A).real.max()) * np.eye(n)
+        assumed = LinearPlant(A, rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n)))
+        try:
+            design = design_lq(assumed, R_c=10 ** rng.uniform(-2, 1), R_o=10 ** rng.uniform(-2, 1))
+        except DesignError:
+            continue
+        size = 0.5 * rng.uniform()
+        A, B, C = (M * (1 + size * rng.normal(size=M.shape)) for M in (assumed.A, assumed.B, assumed.C))
+        made += 1
+        if made == 5:
+            return error_system(LinearPlant(A, B, C), design)

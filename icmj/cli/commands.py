@@ -96,6 +96,10 @@ def analyse(command: arguments.Analyse) -> None:
     for c in prediction.crossings:
         crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
     OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
+    if prediction.beyond is not None:
+        OUT.print(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
+    for words in (*(m.words for m in prediction.neutral), *((prediction.family.words,) if prediction.family else ())):
+        OUT.print(escape(words[0].upper() + words[1:] + "."))
 
 
 @execute.register

@@ -31,10 +31,14 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...]) -> dict[s
                     "kind": c.kind,
                     "direction": c.direction,
                     "largest_other": c.largest_other,
+                    "multiplicity": c.multiplicity,
                 }
                 for c in prediction.crossings
             ],
             "delta_max": prediction.delta_max,
+            "beyond": None if prediction.beyond is None else prediction.beyond.delta,
+            "neutral": [vars(mode) for mode in prediction.neutral],
+            "family": None if prediction.family is None else prediction.family.words,
             "continuous_stable": {
                 "state_feedback": prediction.state_feedback_stable,
                 "observer_feedback": prediction.observer_feedback_stable,

@@ -33,8 +33,8 @@ def verdict_in_words(result: Result, converged: bool) -> str:
                 "model error that ends the growth of the intervals, the later the smaller the threshold"
             )
         if not prediction.crossings and prediction.observer_feedback_stable:
-            return f"No cycle predicted: no eigenvalue reaches the unit circle; {ended}."
-        return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1; {ended}."
+            return f"No cycle predicted: no eigenvalue reaches the unit circle {_searched(prediction)}; {ended}."
+        return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1 {_searched(prediction)}; {ended}."
     if not prediction.cycle:
         why = _why_no_cycle(prediction)
         return f"Does not settle on a cycle at Δ_crit, and none is predicted: {why}; {ended}."
@@ -44,6 +44,14 @@ def verdict_in_words(result: Result, converged: bool) -> str:
         reason = prediction.orbit.reason if prediction.orbit is not None else ""
         return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
     return f"Does not settle on the predicted cycle, though it is attracting; {ended}."
+
+
+def _searched(prediction: Prediction) -> str:
+    """Over which range that is known, and what a quick look beyond it shows."""
+    words = f"up to Δ = {prediction.delta_max:.4g} s (the range searched)"
+    if prediction.beyond is not None:
+        return f"{words}, but one does at {prediction.beyond.delta:.3g} s: raise analysis.delta_max"
+    return f"{words}, at whose end the largest |λ| still grows" if prediction.growing else words
 
 
 def _why_no_cycle(prediction: Prediction) -> str:

@@ -29,13 +29,15 @@ from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
-from icmj.theory.crossings import Crossing
+from icmj.theory.crossing import Crossing
+from icmj.theory.family import Family
+from icmj.theory.neutral import NeutralMode
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
 _DATA: tuple[type, ...] = (
     *(LinearPlant, Design, Hold, Delay, Controller, *TRIGGERS),
-    *(Crossing, Orbit, Prediction),
+    *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Outcome, Simulation, Measurement),
     *(Growth, AmplitudeLaw, Attractor, Result),
 )

@@ -1,4 +1,9 @@
-"""Test functions whose zeros in Δ are the crossings of the unit circle; see :mod:`icmj.theory.crossings`."""
+"""Test functions whose zeros in Δ are the crossings of the unit circle, and which eigenvalues they need to be made of.
+
+Symmetric functions of all eigenvalues are analytic in Δ; so are those of any set that stays apart from the rest. Over a
+short panel most eigenvalues stay well inside the circle or well outside. Only the others, the *near* ones, can cross it
+there, and the functions made of them alone are few factors long and quickly resolved. See :mod:`icmj.theory.crossings`.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,11 @@ from icmj.theory.chebyshev import parabola
 Kind = Literal["+1", "-1", "complex"]
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
 Spectrum = NDArray[np.complex128]
+
+# A set stays apart from the next if the gap between them is everywhere so many times what they move between two nodes
+_APART = 2.0
+# eigenvalues nearer to each other than this, relative to the largest, at every node are one eigenvalue repeated
+TOGETHER = 1e-6
 
 # fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
 _FLOOR = 0.3
@@ -77,3 +87,91 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
     """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
     return np.asarray((2 * g.real + delta[..., None] * np.abs(g) ** 2 > 1e-10).sum(axis=-1))
+
+
+def outwards(g: Spectrum, delta: Array) -> Spectrum:
+    """Eigenvalues of G by falling distance from the circle, those outside first; last axis sorted."""
+    return np.take_along_axis(g, np.argsort(-_height(g, delta), axis=-1), axis=-1)
+
+
+def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
+    """Which eigenvalues of each panel may come to the circle: first and one past the last, shape (P, 2).
+
+    Args:
+        g: sorted by :func:`outwards`, shape (P, nodes, m).
+        delta: shape (P, nodes).
+    """
+    height = _height(g, delta)
+    panels, _, m = height.shape
+    # motion of the i-th from node to node, and the gap to the next one, at the worse of two neighbouring nodes
+    moved = np.abs(np.diff(height, axis=1))
+    gap = np.minimum(*_neighbours(height[..., :-1] - height[..., 1:]))
+    floor = 1e-9 * np.abs(height).max(axis=(1, 2))[:, None, None]
+    split = np.ones((panels, m + 1), dtype=bool)  # at 0 and m there is nothing on one side
+    split[:, 1:m] = (gap > _APART * (moved[..., :-1] + moved[..., 1:]) + floor).all(axis=1)
+    clear = np.minimum(*_neighbours(np.abs(height))) > _APART * moved + floor
+    count = (height > 0).sum(axis=2)
+    least, most = count.min(axis=1), count.max(axis=1)
+    limits = np.empty((panels, 2), dtype=np.intp)
+    for i in range(panels):
+        first, last = int(least[i]), int(most[i])
+        if first and not clear[i, :, first - 1].all():
+            first = int(np.flatnonzero(split[i, :first])[-1])
+        if last < m and not clear[i, :, last].all():
+            last += 1 + int(np.flatnonzero(split[i, last + 1 :])[0])
+        elif first < last and not split[i, last]:
+            last += int(np.flatnonzero(split[i, last:])[0])
+        if first < last and not split[i, first]:
+            first = int(np.flatnonzero(split[i, : first + 1])[-1])
+        limits[i] = first, last
+    return limits
+
+
+def away(g: Spectrum, delta: Array) -> Array:
+    """Logarithms of the three test functions of eigenvalues that should stay on one side, shape (3, nodes).
+
+    If they do, these are as smooth as the eigenvalues' symmetric functions. A visit to the circle between two nodes,
+    however short, makes a logarithmic singularity, and their Chebyshev coefficients no longer decay.
+    """
+    d, tiny = delta[:, None], np.finfo(float).tiny
+    i, j = _pairs(g.shape[-1])
+    g_i, g_j = g[:, i], g[:, j]
+    return np.array([np.log(np.abs(f) + tiny).sum(axis=1) for f in (g, 2 + d * g, g_i + g_j + d * g_i * g_j)])
+
+
+def once(g: Spectrum) -> Spectrum:
+    """Eigenvalues without their repetitions, where the same are repeated at every node; shape (nodes, m) → (nodes, r).
+
+    Repeated eigenvalues, of two like pendulums say, make zeros of high order, which rounding scatters. A defective one
+    comes out as several close ones, whose mean is good; so the mean stands for each cluster.
+    """
+    m = g.shape[1]
+    if m < 2:
+        return g
+    size = np.abs(g).max() or 1.0
+    distance = np.abs(g[:, :, None] - g[:, None, :])
+    if not ((distance < TOGETHER * size).sum(axis=2) > 1).any(axis=1).all():
+        return g
+    means, counts = [], []
+    for values, apart in zip(g, distance, strict=True):
+        left, here = np.arange(m), []
+        while len(left):
+            same = apart[left[0], left] < TOGETHER * size
+            here.append((values[left[same]].mean(), int(same.sum())))
+            left = left[~same]
+        means.append([mean for mean, _ in here])
+        counts.append([count for _, count in here])
+    if all(sorted(count) == sorted(counts[0]) for count in counts):
+        return np.array(means)
+    # where two clusters meet at a node, each still consists of a whole number of copies
+    copies = int(np.gcd.reduce(np.concatenate(counts)))
+    return np.array([np.repeat(mean, np.array(count) // copies) for mean, count in zip(means, counts, strict=True)])
+
+
+def _height(g: Spectrum, delta: Array) -> Array:
+    """(|λ|² − 1)/(2Δ): positive outside, negative inside, at Δ = 0 the real part of g."""
+    return np.asarray(g.real + delta[..., None] * (g.real**2 + g.imag**2) / 2)
+
+
+def _neighbours(values: Array) -> tuple[Array, Array]:
+    return values[:, :-1], values[:, 1:]

@@ -176,22 +176,23 @@ def error_system(
         raise AnalysisError(f"T̂ has shape {T_hat.shape}; expected {(assumed.n, actual.n)}")
     A, B, C = actual.A, actual.B, actual.C
     k_hat, L = design.k, design.L
-    k = k_hat @ T_hat
     hold = hold or system_matched(design)
-    A_h = hold.A_h
-    A_k = A - B @ k
-    B_tilde = assumed.B - T_hat @ B
-    Z = np.zeros((actual.n, assumed.n))
-    Z_m = np.zeros((assumed.n, assumed.n))
-    A_C = np.block(
-        [
-            [A_k, Z, -B @ k_hat],
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by the analysis
+        k = k_hat @ T_hat
+        A_h = hold.A_h
+        A_k = A - B @ k
+        B_tilde = assumed.B - T_hat @ B
+        Z = np.zeros((actual.n, assumed.n))
+        Z_m = np.zeros((assumed.n, assumed.n))
+        A_C = np.block(
             [
-                assumed.A @ T_hat - T_hat @ A - B_tilde @ k - L @ (assumed.C @ T_hat - C),
-                design.A_o,
-                -B_tilde @ k_hat,
-            ],
-            [A_h @ T_hat - T_hat @ A_k, Z_m, A_h + T_hat @ B @ k_hat],
-        ]
-    )
+                [A_k, Z, -B @ k_hat],
+                [
+                    assumed.A @ T_hat - T_hat @ A - B_tilde @ k - L @ (assumed.C @ T_hat - C),
+                    design.A_o,
+                    -B_tilde @ k_hat,
+                ],
+                [A_h @ T_hat - T_hat @ A_k, Z_m, A_h + T_hat @ B @ k_hat],
+            ]
+        )
     return ErrorSystem(A_C, T_hat, actual, design, hold, delay)

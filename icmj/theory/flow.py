@@ -18,6 +18,9 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError
 
 _TERMS = 18  # 1/19! = 8e-18: the Taylor series to rounding for ‖Ā_C t‖ ≤ 1
+# With ‖Ā_C‖t beyond this the rounding of e^{Ā_C t} may reach 1e-6, and no eigenvalue can be placed on the circle
+_STIFFEST = 1e-6 / np.finfo(float).eps
+_ABSURD = 1e15  # entries whose eighteenth power soon overflows
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,18 @@ class Flow:
             terms.append(terms[-1] @ step / k)
         return np.array(terms) * self.scale
 
+    def demand(self, t: float) -> None:
+        """Make sure that e^{Ā_C t} can be told from rounding.
+
+        Raises:
+            AnalysisError: if it cannot, because the fastest rate of the system is out of proportion to ``t`` [s].
+        """
+        if t > _STIFFEST * self.reach:
+            raise AnalysisError(
+                f"not analysable: the fastest rate of the error system, {1 / self.reach:.1e}/s, is out of proportion "
+                f"to a range of {t:.4g} s; look for gains or rates of the wrong size, or search a shorter range"
+            )
+
     def _doublings(self, t: float) -> int:
         return max(0, int(np.ceil(np.log2(max(t / self.reach, 1.0)))))
 
@@ -113,7 +128,9 @@ def flow(A_C: Array) -> Flow:
     """
     A_C = np.asarray(A_C, dtype=float)
     if A_C.ndim != 2 or A_C.shape[0] != A_C.shape[1] or not np.isfinite(A_C).all():
-        raise AnalysisError(f"the matrix of a flow must be finite and square, got shape {A_C.shape}")
+        raise AnalysisError(f"not analysable: the matrix of a flow must be finite and square, got shape {A_C.shape}")
+    if not np.abs(A_C).max(initial=0.0) < _ABSURD:
+        raise AnalysisError(f"not analysable: the error system has entries beyond {_ABSURD:.0e}; check gains and rates")
     balanced, (scale, _) = matrix_balance(A_C, permute=False, separate=True)
     norm = float(np.linalg.norm(balanced, 2)) or 1.0
     series = np.empty((_TERMS, *A_C.shape))

@@ -12,10 +12,13 @@ from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
 from icmj.theory.polynomial import maxima
+from icmj.theory.reduction import Reduction, reduction
 
 SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
+# a stiff system has so many Taylor cells that their polynomials no longer fit: states times cells
+_MOST_CELLS = 2_500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +29,19 @@ class Orbit:
         delta: open-loop interval Δ_crit [s].
         sign: eigenvalue there, +1 (period Δ_crit) or −1 (period 2Δ_crit, mirrored halves).
         period: of the whole orbit [s].
-        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive.
+        gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive; so the length of x̄, which
+            depends on T̂ and on the units of the states, as nothing else here but x_bar and X does.
         x_bar: the state at an event, γ V_{k1}: x̄, shape (n + n̂,); with a delay X̄, shape (n + 2n̂,).
         t: times in [0, delta] [s], shape (M,); with a delay t_d stands there twice, before and after the action.
         X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
         y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
         E: event function, shape (M,); negative until delta if the orbit is admissible.
-        y_peak, u_peak, x_peak: largest magnitude over the whole orbit.
-        y_range, u_range, x_range: peak to peak over the whole orbit.
+        y_peak, u_peak, x_peak: largest magnitude over the whole orbit; NaN where a neutral mode shows, because any
+            constant may be added there.
+        y_range, u_range, x_range: peak to peak over the whole orbit; NaN where it drifts.
         admissible: no earlier event, and delta > Δ_min.
         reason: why not admissible, or empty.
+        drift: φ x̄ ∓ x̄, how far a neutral mode moves x̄ in one interval, shape (n + n̂,); zero without such modes.
     """
 
     delta: float
@@ -57,18 +63,35 @@ class Orbit:
     x_range: Array
     admissible: bool
     reason: str
+    drift: Array | None = None
 
 
-def critical_vector(phi: Array, sign: int) -> Array:
-    """V_{k₁}: the eigenvector of φ at the eigenvalue ``sign``, unit norm, largest entry positive, shape (n + n̂,).
+def critical_vectors(phi: Array, sign: int, count: int = 1) -> Array:
+    """V_{k₁}: eigenvectors of φ at the eigenvalue ``sign``, unit norm, largest entry positive, shape (n + n̂, count).
 
-    The null vector of φ ∓ I from its singular values; sound also where V as a whole has no usable inverse.
+    The null vectors of φ ∓ I from its singular values; sound also where V as a whole has no usable inverse. Several
+    are made as sparse as can be: each has a row of its own in which the others are zero.
     """
-    v = np.linalg.svd(phi - sign * np.eye(len(phi)))[2][-1]
-    return v * np.sign(v[np.abs(v).argmax()])
+    V = np.linalg.svd(phi - sign * np.eye(len(phi)))[2][-count:].T
+    if count > 1:
+        from scipy.linalg import qr
+
+        own = qr(V.T, pivoting=True, mode="r")[1][:count]
+        V = V @ np.linalg.inv(V[own])
+        V /= np.linalg.norm(V, axis=0)
+    return np.asarray(V * np.sign(V[np.abs(V).argmax(axis=0), np.arange(count)]))
 
 
-def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, prepared: Flow | None = None) -> Orbit:
+def orbit(
+    system: ErrorSystem,
+    trigger: EventRule,
+    delta: float,
+    sign: int,
+    *,
+    prepared: Flow | None = None,
+    reduced: Reduction | None = None,
+    vector: Array | None = None,
+) -> Orbit:
     """The orbit at Δ = ``delta`` where φ has the eigenvalue ``sign``.
 
     Args:
@@ -77,13 +100,16 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
         delta: open-loop interval Δ_crit [s].
         sign: +1, or −1 for mirrored halves.
         prepared: the flow of ``system``, if at hand.
+        reduced: the system without its neutral directions, if at hand.
+        vector: which eigenvector of φ_r, where there is more than one, shape (m,).
 
     Returns:
         the orbit; where Q_t does not see it (e_0 = 0) its γ is infinite, its time courses are those of γ = 1,
         its peaks are infinite, and it is not admissible.
 
     Raises:
-        AnalysisError: if sign is not ±1, ``delta`` is not positive, or Q_t does not fit.
+        AnalysisError: if sign is not ±1, ``delta`` is not positive, Q_t does not fit, or the system is so stiff that
+            its motion over one interval cannot be held in memory.
     """
     if sign not in (1, -1):
         raise AnalysisError(f"an orbit has the eigenvalue +1 or −1, got {sign}")
@@ -91,12 +117,25 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
         raise AnalysisError(f"an orbit's interval must be positive, got {delta}")
     faces = trigger.faces(system.design)
     phi_t = prepared or flow(system.A_C)
+    reduced = reduced or reduction(system, phi_t)
     t_d = system.delay.t_d
     if not delta > t_d:
         raise AnalysisError(f"an orbit's interval must be longer than the delay, {t_d:g} s; got {delta}")
-    v = critical_vector(system.exit @ phi_t.exponential(delta - t_d) @ system.entry, sign)
+    phi = system.exit @ phi_t.exponential(delta - t_d) @ system.entry
+    if vector is None:
+        vector = critical_vectors(reduced.phi(delta) if reduced.modes else phi, sign)[:, 0]
+    v, drift = vector, np.zeros(len(phi))
+    if reduced.modes:
+        v = reduced.completed(vector, phi, sign)
+        v = v * (np.sign(v[np.abs(v).argmax()]) / np.linalg.norm(v))
+        drift = phi @ v - sign * v
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
+    if points * len(phi_t.A_C) > _MOST_CELLS:
+        raise AnalysisError(
+            f"not analysable: the orbit of {delta:.4g} s would need {points} Taylor cells; the fastest mode of the "
+            "error system is out of proportion"
+        )
     t, X = phi_t.trajectory(system.entry @ v, delta - t_d, points)
     waiting, X_waiting = phi_t.trajectory(system.lift @ v, t_d, points) if t_d else (t[:0], X[:0])
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
@@ -118,6 +157,11 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
     E = faces.E(X @ system.T_t.T)
     rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
     peak, spread = _extremes(polynomials, rows, sign)
+    if reduced.dropped.shape[1]:
+        after = rows @ system.T_bar
+        peak = np.where(reduced.shown_by(after), np.nan, peak)
+        drifts = np.abs(after @ drift) * factor > 1e-9 * (np.abs(after) @ np.abs(v) * factor + spread)
+        spread = np.where(drifts, np.nan, spread)
     if unseen:
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
         reason = "the event rule does not see this orbit: its event error is zero at the event (e_0 = 0)"
@@ -146,6 +190,7 @@ def orbit(system: ErrorSystem, trigger: EventRule, delta: float, sign: int, *, p
         x_range=x_range,
         admissible=not reason,
         reason=reason,
+        drift=drift * factor,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,12 +14,17 @@ from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule
 from icmj.theory.clocked import is_stable
-from icmj.theory.crossings import Crossing, search
+from icmj.theory.crossing import Crossing
+from icmj.theory.crossings import search
 from icmj.theory.eigenstructure import eigenstructure
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import flow
-from icmj.theory.orbit import Orbit
+from icmj.theory.family import Family, family, mixtures, modulo
+from icmj.theory.flow import Flow, flow
+from icmj.theory.neutral import NeutralMode
+from icmj.theory.orbit import Orbit, critical_vectors
 from icmj.theory.orbit import orbit as orbit_at
+from icmj.theory.outlook import Outlook, outlook
+from icmj.theory.reduction import Reduction, reduction, stable_modulo_neutral
 from icmj.theory.return_map import jacobian, multipliers
 
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
@@ -35,20 +41,30 @@ class Prediction:
         eigenvalue: λ_crit, or ``None``.
         cycle: whether a limit cycle is predicted by the paper's argument.
         period: Δ_crit for λ = +1, 2Δ_crit for −1; ``None`` if no cycle is predicted.
-        gamma: γ, ``None`` where there is no orbit.
-        amplitude: peak of every output over the orbit, shape (n_y,), or ``None``.
+        gamma: γ, ``None`` where there is no orbit. A number of the coordinates x̄, unlike everything else here.
+        amplitude: peak of every output over the orbit, shape (n_y,), NaN for one that a neutral mode shows in;
+            ``None`` where there is no orbit, or a family of them with as many amplitudes.
         crossings: all unit-circle crossings on the interval searched, by rising Δ.
         delta_max: end of the interval searched [s].
-        orbit: the orbit at Δ_crit (also where no cycle is predicted, to show why), or ``None``.
-        multipliers: eigenvalues of the return map's Jacobian J under the event rule, or ``None``.
-        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``.
+        orbit: the orbit at Δ_crit (also where no cycle is predicted, to show why), or ``None``; of a family one member.
+        multipliers: eigenvalues of the return map's Jacobian J under the event rule, or ``None``; without those of
+            neutral modes and those along a family, which are ±1 by construction.
+        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``; modulo neutral modes and family.
         v_condition: condition number of the eigenvector matrix V of φ(Δ_crit); NaN if undefined.
         V_inv: rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is the critical one. ``None`` where undefined.
             (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of
-            the complementary invariant subspace's annihilator, from a Schur form.)
-        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant, without a delay).
-        observer_feedback_stable: whether plant + observer under continuous control is stable; with a delay, under a
-            clock of a twentieth of it, which is the continuous predictor controller nearly.
+            the complementary invariant subspace's annihilator, from a Schur form.) The last rows are coordinates
+            along neutral modes. ``None`` for a family, in which no single mode is critical.
+        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant), modulo neutral
+            modes that the feedback does not see or cannot change.
+        observer_feedback_stable: whether plant + observer under continuous control is stable, modulo neutral modes;
+            false where a mode that nothing sees grows. With a delay, under a clock of a twentieth of it, which is
+            the continuous predictor controller nearly.
+        neutral: the modes that were taken out before all this, because no event and no control changes them.
+        family: the orbits of a repeated critical eigenvalue, or ``None`` where there is one orbit.
+        beyond: where there is no crossing at ±1 up to ``delta_max``, the first that a quick look further shows (any
+            crossing, if there is none at all before), or ``None``.
+        growing: whether the largest |λ| still grows at ``delta_max``.
     """
 
     delta_crit: float | None
@@ -66,67 +82,139 @@ class Prediction:
     V_inv: NDArray[np.complex128] | None
     state_feedback_stable: bool
     observer_feedback_stable: bool
+    neutral: tuple[NeutralMode, ...] = ()
+    family: Family | None = None
+    beyond: Crossing | None = None
+    growing: bool = False
 
 
-def predict(system: ErrorSystem, trigger: EventRule, *, delta_max: float = 3.0) -> Prediction:
+def predict(
+    system: ErrorSystem,
+    trigger: EventRule,
+    *,
+    delta_max: float = 3.0,
+    progress: Callable[[float], None] | None = None,
+) -> Prediction:
     """The whole linear analysis of one controller on one plant.
 
     Args:
         system: the error system of the actual plant.
         trigger: the event rule, with its Δ_min.
         delta_max: end of the interval of Δ searched [s].
+        progress: called now and then with the fraction done, 0–1.
 
     Raises:
-        AnalysisError: if ``delta_max`` is not positive and finite, or the rule does not fit.
+        AnalysisError: if ``delta_max`` is not positive and finite, the rule does not fit, or the system is beyond what
+            can be analysed.
     """
+    report = progress or (lambda _: None)
     prepared = flow(system.A_C)
-    found = search(system, delta_max, prepared=prepared)
+    if np.isfinite(delta_max):
+        prepared.demand(delta_max)
+    reduced = reduction(system, prepared)
+    found = search(system, delta_max, reduced=reduced, progress=lambda done: report(0.9 * done))
     critical, cycle = critical_crossing(found.crossings)
-    orbit, multiplier, V_inv, condition = None, None, None, float("nan")
-    verdict: Verdict = "none"
-    if critical is not None:
-        sign = 1 if critical.kind == "+1" else -1
-        orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared)
-        structure = eigenstructure(system.phi(critical.delta), sign)
-        V_inv, condition = structure.V_inv, structure.condition
-        J = jacobian(system, trigger, orbit, prepared=prepared)
-        multiplier = multipliers(J) if np.isfinite(J).all() else None
-        if not orbit.admissible or multiplier is None:
-            verdict = "not admissible"
-        else:
-            verdict = "attracting" if np.abs(multiplier[0]) < 1 else "repelling"
+    ahead = Outlook(None, False)
+    if critical is None:
+        ahead = outlook(system, reduced, found.delta_end, any_kind=not found.crossings)
+    at = _Critical.none() if critical is None else _critical(system, trigger, critical, prepared, reduced)
+    report(1.0)
+    orbit, amplitude = at.orbit, None
+    if orbit is not None and at.family is None:
+        amplitude = orbit.y_peak
     return Prediction(
         delta_crit=critical.delta if critical else None,
         eigenvalue=critical.eigenvalue if critical else None,
         cycle=cycle,
         period=orbit.period if orbit and cycle else None,
         gamma=orbit.gamma if orbit else None,
-        amplitude=orbit.y_peak if orbit else None,
+        amplitude=amplitude,
         crossings=found.crossings,
         delta_max=found.delta_end,
         orbit=orbit,
-        multipliers=multiplier,
-        verdict=verdict,
-        v_condition=condition,
-        V_inv=V_inv,
-        state_feedback_stable=_stable(system.actual.A - system.actual.B @ system.k),
-        observer_feedback_stable=_observer_feedback_stable(system),
+        multipliers=at.multipliers,
+        verdict=at.verdict,
+        v_condition=at.condition,
+        V_inv=at.V_inv,
+        state_feedback_stable=stable_modulo_neutral(
+            system.actual.A - system.actual.B @ system.k, system.actual.B, system.k
+        ),
+        observer_feedback_stable=_observer_feedback_stable(system, reduced),
+        neutral=reduced.modes,
+        family=at.family,
+        beyond=ahead.crossing,
+        growing=ahead.growing,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Critical:
+    """What follows from the critical crossing; the fields are those of :class:`Prediction`."""
+
+    orbit: Orbit | None
+    multipliers: NDArray[np.complex128] | None
+    verdict: Verdict
+    family: Family | None
+    V_inv: NDArray[np.complex128] | None
+    condition: float
+
+    @classmethod
+    def none(cls) -> _Critical:
+        return cls(None, None, "none", None, None, float("nan"))
+
+
+def _critical(
+    system: ErrorSystem, trigger: EventRule, critical: Crossing, prepared: Flow, reduced: Reduction
+) -> _Critical:
+    sign = 1 if critical.kind == "+1" else -1
+    phi = reduced.phi(critical.delta)
+    basis = critical_vectors(phi, sign, critical.dimension)
+    members = []
+    for mixture in mixtures(critical.dimension):
+        vector = basis @ mixture
+        vector = basis[:, 0] if len(mixture) == 1 else vector / np.linalg.norm(vector)
+        orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared, reduced=reduced, vector=vector)
+        J = reduced.project @ jacobian(system, trigger, orbit, prepared=prepared) @ reduced.lift
+        multiplier = multipliers(modulo(J, basis, sign)) if np.isfinite(J).all() else None
+        if not orbit.admissible or multiplier is None:
+            verdict: Verdict = "not admissible"
+        else:
+            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 else "repelling"
+        members.append((orbit, multiplier, verdict))
+    verdicts = [verdict for _, _, verdict in members]
+    # of a family the member shown is one that a motion can come to, if there is one
+    best = min(range(len(members)), key=lambda i: ("attracting", "repelling", "not admissible").index(verdicts[i]))
+    structure = eigenstructure(phi, sign)
+    whole, V_inv = None, None
+    if len(members) > 1:
+        x_bar = np.column_stack([reduced.completed(v, system.phi(critical.delta), sign) for v in basis.T])
+        admissible = len(verdicts) - verdicts.count("not admissible")
+        whole = family(x_bar, len(members), admissible, verdicts.count("attracting"), sign)
+    elif structure.V_inv is not None:
+        V_inv = structure.V_inv
+        if reduced.modes:
+            V_inv = np.vstack([V_inv @ reduced.project, reduced.along, reduced.fixed])
+            orbit = members[0][0]
+            V_inv[0] *= (orbit.gamma if np.isfinite(orbit.gamma) else 1.0) / (V_inv[0] @ orbit.x_bar)
+    return _Critical(*members[best], whole, V_inv, structure.condition)
 
 
 def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
     """The crossing that defines Δ_crit, and whether it predicts a cycle (docs/theory.md)."""
     real = [c for c in crossings if c.kind != "complex"]
     for c in real:
-        if c.direction == "rising" and c.largest_other < 1:
+        # a defective eigenvalue has fewer orbits than it needs to stay bounded
+        if c.direction == "rising" and c.largest_other < 1 and c.dimension == c.multiplicity:
             return c, True
     return (real[0], False) if real else (None, False)
 
 
-def _observer_feedback_stable(system: ErrorSystem) -> bool:
+def _observer_feedback_stable(system: ErrorSystem, reduced: Reduction) -> bool:
     """Whether plant and observer are stable under continuous control; with a delay, under its limit, a fast clock."""
     if not system.delay:
-        return _stable(system.T @ system.A_C @ system.T_bar)  # φ'(0)
+        # φ'(0) is plant and observer under continuous control
+        grows = any(mode.kind == "unstable" for mode in reduced.modes)
+        return _stable(reduced.left @ reduced.A @ reduced.right) and not grows
     hold = system.hold or system_matched(system.design)
     clock = ClockTrigger(system.delay.t_d / 20)
     return is_stable(system.actual, Controller(system.design, hold, clock, system.delay))

@@ -50,3 +50,14 @@ def test_a_fall_is_named_with_its_time():
     fallen = replace(found.simulation, outcome=Outcome("fell", 3.21, "fell"))
     lost = replace(found.measurement, kind="growth", p=None, period=None)
     assert "fell at 3.21 s" in verdict_in_words(replace(found, simulation=fallen, measurement=lost), False)
+
+
+def test_no_crossing_is_said_of_the_range_searched_only():
+    found = result("b0.8")
+    nothing = {"delta_crit": None, "eigenvalue": None, "cycle": False, "crossings": (), "delta_max": 1.5}
+    short = replace(found.prediction, **nothing, beyond=found.prediction.crossings[0])
+    words = verdict_in_words(replace(found, prediction=short), False)
+    assert "no eigenvalue reaches the unit circle up to Δ = 1.5 s (the range searched)" in words
+    assert "one does at 1.81 s: raise analysis.delta_max" in words
+    growing = replace(found.prediction, **nothing, growing=True)
+    assert "the largest |λ| still grows" in verdict_in_words(replace(found, prediction=growing), False)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from icmj.theory.chebyshev import nodes
-from icmj.theory.circle import KINDS, circle_function, outside
+from icmj.theory.chebyshev import coefficients, nodes
+from icmj.theory.circle import KINDS, away, circle_function, near, once, outside, outwards
 
 DELTA = 1.0 + 0.1 * nodes(8)
 
@@ -46,3 +46,33 @@ def test_an_eigenvalue_that_stays_on_the_circle_hides_no_crossing():
     g = spectra([*CROSSING["-1"], lambda d: 1.0, lambda d: -1.0])
     values = circle_function("-1", g, DELTA)
     assert np.count_nonzero(np.diff(np.sign(values[values != 0]))) == 1
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6, 0.0])
+def test_a_visit_to_the_circle_between_two_nodes_shows_in_the_logarithm(width):
+    """λ = c ± √((Δ − a)(b − Δ)): a complex pair inside that turns real, goes out and comes back within b − a."""
+    x = nodes(24)
+    middle = 1.0 + 0.1 * (x[12] + x[13]) / 2
+    delta = 1.0 + 0.1 * x
+
+    def spectrum(c):
+        root = np.sqrt((delta - middle + 0.05 * width + 0j) * (middle + 0.05 * width - delta)) * 3
+        return ((np.column_stack([c + root, c - root, 0.3 + 0 * root]) - 1) / delta[:, None]).astype(complex)
+
+    tails = [np.abs(away(spectrum(c), delta) @ coefficients(24)[-3:].T).max() for c in (-1.0, -0.5)]
+    assert tails[0] > 1e-2
+    assert tails[1] < 1e-3
+
+
+def test_only_eigenvalues_that_come_near_are_near():
+    branches = [lambda d: 3.0 + d, lambda d: 1 + (d - 1), lambda d: 0.5 * d, lambda d: -0.2 + 0 * d]
+    g = outwards(spectra(branches), DELTA)[None]
+    np.testing.assert_array_equal(near(g, DELTA[None]), [[1, 2]])
+    g = outwards(spectra([branches[0], *branches[2:]]), DELTA)[None]
+    np.testing.assert_array_equal(near(g, DELTA[None]), [[1, 1]])
+
+
+def test_eigenvalues_repeated_at_every_node_are_taken_once():
+    twice = [lambda d: 0.9 * d, lambda d: 0.9 * d + 1e-12, lambda d: 0.2 * d]
+    assert once(spectra(twice)).shape == (9, 2)
+    assert once(spectra([twice[0], lambda d: 0.9 * d**2, twice[2]])).shape == (9, 3)  # equal at one Δ only

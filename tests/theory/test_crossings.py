@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
-from theory_cases import SHIPPED, random_systems, shipped
+from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped, visiting
 
-from icmj.controller.design import Design
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.crossings import crossings, search
 from icmj.theory.error_system import ErrorSystem
 
@@ -35,7 +33,7 @@ def brute_force(system: ErrorSystem, end: float) -> tuple[np.ndarray, np.ndarray
 
 def step(crossing) -> int:
     size = 2 if crossing.kind == "complex" else 1
-    return size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
+    return crossing.multiplicity * size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
 
 
 def assert_agrees_with_brute_force(system: ErrorSystem, end: float) -> int:
@@ -69,37 +67,8 @@ def test_random_plants_agree_with_a_brute_force_scan():
     assert sum(found) >= 50  # enough crossings for the test to mean something
 
 
-def pair_of_holds(q: complex, c: complex, r: complex) -> ErrorSystem:
-    """A system whose φ has, beside e^{−Δ}, the eigenvalue e^{qΔ} + r (e^{cΔ} − e^{qΔ})/(c − q) and its conjugate.
-
-    x̃_o' = q x̃_o + r x̃_h and x̃_h' = c x̃_h, in complex numbers written as 2 × 2 blocks.
-    """
-
-    def block(z: complex) -> np.ndarray:
-        return np.array([[z.real, -z.imag], [z.imag, z.real]]) if complex in map(type, (q, c, r)) else np.array([[z]])
-
-    m = len(block(q))
-    A_C = np.zeros((1 + 2 * m, 1 + 2 * m))
-    A_C[0, 0] = -1
-    A_C[1 : 1 + m, 1 : 1 + m], A_C[1 : 1 + m, 1 + m :], A_C[1 + m :, 1 + m :] = block(q), block(r), block(c)
-    one = LinearPlant([[-1]], [[1]], [[1]])
-    design = Design(LinearPlant(-np.eye(m), np.ones((m, 1)), np.ones((1, m))), np.zeros((1, m)), np.zeros((m, 1)))
-    return ErrorSystem(A_C, np.zeros((m, 1)), one, design)
-
-
 def eigenvalue(delta, q, c, r):
     return np.exp(q * delta) + r * (np.exp(c * delta) - np.exp(q * delta)) / (c - q)
-
-
-def dip(depth: float) -> tuple[ErrorSystem, list[float]]:
-    """λ = αe^{−Δ} + (1 − α)e^{−3Δ} with least value −``depth``, and where it passes −1 (closed form)."""
-    beta = brentq(lambda b: 2 * b / 3 * np.sqrt(b / (3 * (1 + b))) - depth, 0.1, 100, xtol=1e-15, rtol=1e-15)
-    alpha = -beta
-    r = (1 - alpha) * (-3 + 1)  # r/(c − q) = 1 − α
-    # −1 = αz + (1 − α)z³ with z = e^{−Δ}
-    z = np.roots([1 - alpha, 0, alpha, 1])
-    z = z[np.abs(z.imag) < 1e-9].real
-    return pair_of_holds(-1.0, -3.0, r), sorted(-np.log(z[(z > 0) & (z < 1)]))
 
 
 @pytest.mark.parametrize("excess", [1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 2e-11])
@@ -214,3 +183,12 @@ def test_the_search_stops_where_rounding_drowns_the_circle():
 def test_an_empty_interval_is_refused(start, end):
     with pytest.raises(AnalysisError, match="start < end"):
         crossings(shipped("b=0.8"), end, delta_start=start)
+
+
+def test_a_short_visit_among_many_eigenvalues_is_not_missed():
+    """A plant of 19 states in which a pair turns real, leaves through −1 and is back within 2 ms."""
+    system = visiting()
+    found = [c for c in crossings(system, 0.3) if 0.1577 < c.delta < 0.161]
+    assert [(c.kind, c.direction) for c in found] == [("-1", "rising"), ("-1", "falling")]
+    inside, visit = ((np.abs(np.linalg.eigvals(system.phi(d))) > 1).sum() for d in (0.157, 0.159))
+    assert visit == inside + 1

@@ -9,7 +9,7 @@ from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 from icmj.controller.hold import zero_order
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.theory.crossings import Crossing
+from icmj.theory.crossing import Crossing
 from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
 from icmj.theory.error_system import error_system
 from icmj.theory.locus import locus

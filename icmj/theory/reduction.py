@@ -1,0 +1,223 @@
+"""The error system without its neutral directions (docs/theory.md, "Neutral modes").
+
+In the coordinates Z = (x̄, e_hp) a jump is e_hp := 0 and nothing else. So what never shows in e_hp is not touched by
+jumps, and what e_hp does not drive is not changed by them: both go as e^{μΔ} whatever the intervals are. Such modes
+with Re μ = 0 put an eigenvalue of φ(Δ) on the unit circle for every Δ, which says nothing of the cycle. Taken out are
+
+- modes that neither e_hp nor u sees (the quotient by an invariant subspace), with Re μ = 0;
+- of those with Re μ > 0 the ones that y does not see either;
+- modes with Re μ = 0 that the loop sees but cannot change (the restriction to where they are zero).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
+
+from icmj.base.array import Array
+from icmj.errors import AnalysisError
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.flow import Flow, flow
+from icmj.theory.invariant import complement, groups, growing, lasting, neutral, slow, unseen
+from icmj.theory.neutral import NeutralKind, NeutralMode, carriers, described
+
+_SHOWS = 1e-8  # an output sees a mode above this, relative to its row
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """φ_r(Δ) = left e^{A (Δ − t_d)} right on x̄_r = project x̄, with the neutral directions taken out; m are left.
+
+    Attributes:
+        flow: of A, the matrix of what is left, shape (M, M).
+        left, right: from its state to x̄_r and back after an event, shapes (m, M) and (M, m).
+        project: x̄_r = project x̄, shape (m, n + n̂).
+        lift: an x̄ for each x̄_r, shape (n + n̂, m); project lift = I.
+        dropped: x̄ of the directions that are unseen, shape (n + n̂, r).
+        along: coordinates of x̄ in those directions, shape (r, n + n̂); along dropped = I, along lift = 0.
+        fixed: coordinates of x̄ that the loop cannot change and that are taken to be zero, shape (c, n + n̂).
+        scale: of the balanced coordinates of x̄, shape (n + n̂,).
+        modes: what was taken out.
+        t_d: delay [s]; ``right`` then leads to the state after the action, and x̄ is the whole state at an event.
+    """
+
+    flow: Flow
+    left: Array
+    right: Array
+    project: Array
+    lift: Array
+    dropped: Array
+    along: Array
+    fixed: Array
+    scale: Array
+    modes: tuple[NeutralMode, ...]
+    t_d: float = 0.0
+
+    @property
+    def A(self) -> Array:
+        """The matrix of what is left, shape (M, M)."""
+        return self.flow.A_C
+
+    def shown_by(self, rows: Array) -> NDArray[np.bool_]:
+        """Which of the rows see an unseen direction after all, shape (c, n + n̂) → (c,)."""
+        rows = rows * self.scale
+        seen = np.linalg.norm(rows @ (self.dropped / self.scale[:, None]), axis=1)
+        return np.asarray(seen > _SHOWS * np.linalg.norm(rows, axis=1))
+
+    def completed(self, vector: Array, phi: Array, sign: int) -> Array:
+        """x̄ for an eigenvector of φ_r, with what it takes along in the unseen directions for φ x̄ = ±x̄.
+
+        Where these drift over every interval there is no such x̄; then the one that drifts least.
+
+        Args:
+            vector: eigenvector of φ_r at ``sign``, shape (m,).
+            phi: φ, shape (n + n̂, n + n̂).
+            sign: +1 or −1.
+        """
+        x_bar = self.lift @ vector
+        if not self.dropped.shape[1]:
+            return x_bar
+        moved = self.along @ (phi @ np.column_stack([x_bar, self.dropped]))
+        moved[:, 1:] -= sign * np.eye(len(moved))
+        U, values, Vh = np.linalg.svd(moved[:, 1:])
+        kept = values > 1e-9 * max(1.0, values[0])
+        along = Vh[kept].T @ ((U[:, kept].T @ moved[:, 0]) / values[kept])
+        return np.asarray(x_bar - self.dropped @ along)
+
+    def phi(self, delta: float) -> Array:
+        """φ_r(Δ), shape (m, m)."""
+        return np.asarray(self.left @ self.flow.exponential(delta - self.t_d) @ self.right)
+
+
+def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
+    """Take the neutral directions out; where there are none, the system's own matrices come back.
+
+    Args:
+        system: the error system.
+        prepared: its flow, if at hand.
+
+    Raises:
+        AnalysisError: if Ā_C is not finite, or there are neutral directions and a delay.
+    """
+    whole = prepared or flow(system.A_C)
+    size, n_hat = system.n + system.n_hat, system.n_hat
+    H = np.eye(len(system.A_C))  # X̄ = H (x̄, e_hp)
+    H[size:, system.n : size] = np.eye(n_hat)
+    A = (2 * np.eye(len(H)) - H) @ system.A_C @ H
+    try:
+        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+        e_hp = np.eye(len(A))[size:]
+        felt, shown = np.vstack([e_hp, (system.C_u @ H) * scale]), (system.C_y @ H) * scale
+        unfelt = unseen(A, felt)
+        D = np.linalg.qr(np.hstack([lasting(A, unfelt), growing(A, unfelt, shown)]))[0][:size]
+        A_q = _kept(A, complement(D))
+        L = neutral(A_q.T, np.eye(len(A_q))[-n_hat:])[: len(A_q) - n_hat]
+    except np.linalg.LinAlgError as error:
+        raise AnalysisError(f"not analysable: the modes of the error system cannot be told apart ({error})") from error
+    if system.delay:
+        return _delayed(system, whole, bool(D.shape[1] or L.shape[1]))
+    if not D.shape[1] and not L.shape[1]:
+        empty = np.zeros((size, 0))
+        same = np.eye(size)
+        left, right = system.T @ system.A_D, system.T_bar
+        return Reduction(whole, left, right, same, same, empty, empty.T, empty.T, scale[:size], ())
+    Q = complement(D)
+    R = Q @ complement(L)
+    named = _Named(system, A, scale, shown)
+    modes = [*named.unfelt(D), *named.unmoved(Q @ L)]
+    m, s = R.shape[1], scale[:size]
+    units = np.concatenate([np.ones(m), scale[size:]])  # e_hp gets its own units back; x̄_r has no better ones
+    left = np.eye(m, m + n_hat)
+    return Reduction(
+        flow(_kept(A, R) * units[:, None] / units),
+        left,
+        left.T.copy(),
+        R.T / s,
+        R * s[:, None],
+        D * s[:, None],
+        D.T / s,
+        (Q @ L).T / s,
+        s,
+        tuple(modes),
+    )
+
+
+def _delayed(system: ErrorSystem, whole: Flow, neutral_modes: bool) -> Reduction:
+    """With a delay a jump is more than e_hp := 0, and nothing is taken out."""
+    if neutral_modes:
+        raise AnalysisError(
+            "not analysable: there are neutral modes and a delay; leave the states out of the model that no output "
+            "sees or no input moves"
+        )
+    size = len(system.A_C)
+    same, empty = np.eye(size), np.zeros((size, 0))
+    return Reduction(
+        whole, system.exit, system.entry, same, same, empty, empty.T, empty.T, whole.scale, (), system.delay.t_d
+    )
+
+
+def _kept(A: Array, R: Array) -> Array:
+    """A on (R x̄_r, e_hp)."""
+    rest = len(A) - len(R)
+    K = np.zeros((len(A), R.shape[1] + rest))
+    K[: len(R), : R.shape[1]], K[len(R) :, R.shape[1] :] = R, np.eye(rest)
+    return np.asarray(K.T @ A @ K)
+
+
+class _Named:
+    """Finds what to call a mode. Vectors are of balanced coordinates, so that their entries can be compared."""
+
+    def __init__(self, system: ErrorSystem, A: Array, scale: Array, shown: Array) -> None:
+        self.system, self.shown = system, shown
+        self.size = system.n + system.n_hat
+        self.A, self.scale = A[: self.size, : self.size], scale[: self.size]
+
+    def unfelt(self, D: Array) -> list[NeutralMode]:
+        """Records of the modes in the invariant subspace D of x̄."""
+        A_D = D.T @ self.A @ D
+        found = []
+        for rates, within in groups(A_D, slow(A_D, self.A)):
+            V = D @ within
+            x, x_o = np.split(V * self.scale[:, None], [self.system.n])
+            weights = np.vstack([x, x_o + self.system.T_hat @ x]) / self.scale[:, None]
+            rows = self.shown[:, : self.size]
+            seen = np.linalg.norm(rows @ V, axis=1) > _SHOWS * np.linalg.norm(rows, axis=1)
+            outputs = tuple(name for name, sees in zip(self.system.actual.outputs, seen, strict=True) if sees)
+            kind: NeutralKind = "unstable" if rates[0].real > 0 else "neutral"
+            drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > slow(A_D, self.A)
+            found.append(described(kind, rates, self._carried(weights), outputs, drifts=drifts))
+        return found
+
+    def unmoved(self, L: Array) -> list[NeutralMode]:
+        """Records of the conserved directions in the left-invariant subspace L of x̄."""
+        A_L = L.T @ self.A @ L
+        found = []
+        for rates, within in groups(A_L, slow(A_L, self.A)):
+            x, x_o = np.split((L @ within) / self.scale[:, None], [self.system.n])
+            weights = np.vstack([x - self.system.T_hat.T @ x_o, x_o]) * self.scale[:, None]
+            found.append(described("offset", rates, self._carried(weights)))
+        return found
+
+    def _carried(self, weights: Array) -> tuple[str, ...]:
+        x, x_o = np.split(np.linalg.norm(weights, axis=1), [self.system.n])
+        if x.max(initial=0.0) >= 1e-3 * x_o.max(initial=0.0):
+            return carriers(x, self.system.actual.states)
+        return tuple(f"observer's {name}" for name in carriers(x_o, self.system.design.plant.states))
+
+
+def stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
+    """Whether ẋ = A x decays, but for neutral modes that ``outputs`` do not see or ``inputs`` cannot change.
+
+    Args:
+        A: shape (n, n).
+        inputs: shape (n, n_u).
+        outputs: shape (c, n).
+    """
+    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    Q = complement(neutral(A, outputs * scale))
+    A, inputs = Q.T @ A @ Q, Q.T @ (inputs / scale[:, None])
+    R = complement(neutral(A.T, inputs.T))
+    return bool(np.linalg.eigvals(R.T @ A @ R).real.max(initial=-np.inf) < 0)

@@ -1,0 +1,82 @@
+"""What depends on the coordinates and what does not: only γ and x̄ do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design
+
+from icmj.controller.trigger import EventTrigger
+from icmj.theory.error_system import error_system
+from icmj.theory.prediction import predict
+
+CASES = {
+    "b=0.8": (pendulum(0.8), pendulum_design()),
+    "b=1.7": (pendulum(1.7), pendulum_design()),
+    "zeta=0.5": (neglected(0.5), pendulum_design()),
+    "three-link": (three_link(0.9), three_link_design()),
+}
+
+
+def assert_same(found, expected, system, other):
+    assert found.delta_crit == pytest.approx(expected.delta_crit, rel=1e-9)
+    assert (found.verdict, found.cycle, found.eigenvalue) == (expected.verdict, expected.cycle, expected.eigenvalue)
+    ordered = [np.sort_complex(np.round(p.multipliers, 6)) for p in (found, expected)]
+    np.testing.assert_allclose(*ordered, atol=2e-6)
+    a, b = found.orbit, expected.orbit
+    # the grids are of powers of two steps, finer where the coordinates make it so: start, middle and end are common
+    X, Y = (s.to_original(o.X[[0, len(o.t) // 2, -1]]) for s, o in ((other, a), (system, b)))
+    size = np.abs(Y).max(axis=0)
+    sign = np.sign((X[0] * Y[0]).sum())  # which of an orbit and its mirror image is shown is a convention
+    np.testing.assert_allclose(sign * X, Y, atol=1e-7 * size.max())
+    for name in ("y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-6)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_only_gamma_depends_on_T_hat(case):
+    actual, design = CASES[case]
+    system, rng = error_system(actual, design), np.random.default_rng(2)
+    rule = EventTrigger(np.eye(system.n_hat), 0.01)
+    expected = predict(system, rule)
+    gammas = [expected.gamma]
+    for _ in range(5):
+        other = error_system(actual, design, T_hat=system.T_hat + 0.3 * rng.normal(size=system.T_hat.shape))
+        found = predict(other, rule)
+        assert_same(found, expected, system, other)
+        gammas.append(found.gamma)
+        # γ is the length of x̄ in these coordinates, and nothing more
+        assert found.gamma == pytest.approx(np.linalg.norm(found.orbit.x_bar), rel=1e-12)
+    assert np.ptp(gammas) > 1e-3 * expected.gamma
+
+
+def test_the_same_for_random_plants():
+    rng, compared = np.random.default_rng(5), 0
+    for system in random_systems(81, 60):
+        rule = EventTrigger(np.eye(system.n_hat), 0.01)
+        expected = predict(system, rule, delta_max=1.5)
+        if expected.verdict not in ("attracting", "repelling") or np.abs(expected.multipliers).max() > 50:
+            continue
+        other = error_system(
+            system.actual, system.design, T_hat=system.T_hat + 0.1 * rng.normal(size=system.T_hat.shape)
+        )
+        assert_same(predict(other, rule, delta_max=1.5), expected, system, other)
+        compared += 1
+    assert compared >= 10
+
+
+def test_gamma_depends_on_units():
+    """The same pendulum with its rate in other units: the orbit is the same motion, γ another number."""
+    S = np.diag([2.0, 1.0])
+    plain = pendulum_design()
+
+    def changed(plant):
+        return type(plant)(S @ plant.A @ np.linalg.inv(S), S @ plant.B, plant.C @ np.linalg.inv(S), plant.states)
+
+    design = type(plain)(changed(plain.plant), plain.k @ np.linalg.inv(S), S @ plain.L)
+    before = predict(error_system(pendulum(0.8), plain), EventTrigger(np.eye(2), 0.01))
+    weight = np.linalg.inv(S) ** 2
+    after = predict(error_system(changed(pendulum(0.8)), design), EventTrigger(weight, 0.01))
+    assert after.delta_crit == pytest.approx(before.delta_crit, rel=1e-12)
+    np.testing.assert_allclose(after.amplitude, before.amplitude, rtol=1e-9)
+    assert abs(after.gamma / before.gamma - 1) > 0.1
