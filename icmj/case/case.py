@@ -13,7 +13,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
-from icmj.engine.model import Deviation
+from icmj.engine.deviation import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import mujoco
 
+from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import Deviation, load_spec
+from icmj.engine.model import load_spec
+from icmj.engine.ports import Selection, ports_of
+from icmj.engine.sensing import sensed
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +21,7 @@ class MujocoPlant:
     Attributes:
         path: the MJCF file.
         spec: its model, deviated; copy before editing (``spec.copy()``).
-        linearisation: at the operating point, with the point itself.
+        linearisation: at the operating point, with the point itself and the ports.
     """
 
     path: Path
@@ -31,12 +34,28 @@ class MujocoPlant:
         return self.spec.to_xml()
 
 
-def load_plant(path: Path | str, deviation: Deviation | None = None, keyframe: str | None = None) -> MujocoPlant:
+def load_plant(
+    path: Path | str,
+    deviation: Deviation | None = None,
+    keyframe: str | None = None,
+    *,
+    selection: Selection | None = None,
+) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
+    Args:
+        path: the MJCF file.
+        deviation: what is changed in it.
+        keyframe: its operating point; the reference configuration if ``None``.
+        selection: its inputs, outputs and states; all of the model's if ``None``.
+
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec` and :func:`icmj.engine.linearisation.linearise`.
+        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of` and
+            :func:`icmj.engine.linearisation.linearise`.
     """
     path = Path(path)
     spec = load_spec(path, deviation)
-    return MujocoPlant(path, spec, linearise(spec.compile(), keyframe))
+    selection = sensed(spec, selection or Selection())
+    model = spec.compile()
+    ports = ports_of(model, selection, deviation)
+    return MujocoPlant(path, spec, linearise(model, keyframe, ports=ports))
