@@ -36,3 +36,26 @@ def written(folder: Path, text: str, name: str = "model.xml") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+TWO = """
+<mujoco model="two">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="cart"><joint name="x" type="slide" axis="1 0 0" damping="0.5"/>
+      <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+      <body name="pole"><joint name="tilt" axis="0 1 0"/>
+        <inertial pos="0 0 0.5" mass="1" diaginertia="0.02 0.02 0.02"/></body></body>
+  </worldbody>
+  <actuator>{actuators}</actuator>
+  {sensors}
+</mujoco>"""
+PUSH, TURN = '<motor name="push" joint="x"/>', '<motor name="turn" joint="tilt" gear="20"/>'
+SENSORS = ('<jointpos name="place" joint="x"/>', '<jointpos name="angle" joint="tilt"/>')
+
+
+def two(folder: Path, order: int = 1, name: str = "two.xml", sensors: bool = True) -> Path:
+    """A pole on a cart, both driven; actuators and sensors in this order or, for −1, in the other."""
+    inside = f"<sensor>{''.join(SENSORS[::order])}</sensor>" if sensors else ""
+    return written(folder, TWO.format(actuators="".join((PUSH, TURN)[::order]), sensors=inside), name)

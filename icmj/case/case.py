@@ -9,12 +9,12 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.case.plants import actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
-from icmj.engine.deviation import Deviation
-from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.engine.plant import MujocoPlant
 from icmj.errors import IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.schema import RunFile, Weights
@@ -58,10 +58,8 @@ def prepare(run: RunFile) -> Case:
         RunFileError: if the run file asks for what its models do not have; the message names the run file.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
-    deviation = Deviation(run.actual.gain, run.actual.dynprm, run.actual.rho)
-    assumed = load_plant(run.assumed_path, keyframe=run.assumed.keyframe)
-    actual_keyframe = run.actual.keyframe or (run.assumed.keyframe if run.actual.model is None else None)
-    actual = load_plant(run.actual_path, deviation, actual_keyframe)
+    assumed = assumed_plant(run)
+    actual = actual_plant(run, assumed)
     _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
     try:
         design = _design(assumed.linearisation.plant, run.design)

@@ -9,9 +9,10 @@ import mujoco
 
 from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import load_spec
-from icmj.engine.ports import Selection, ports_of
+from icmj.engine.model import load_spec, state_names
+from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
+from icmj.plant.selection import Selection
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,11 @@ class MujocoPlant:
     path: Path
     spec: mujoco.MjSpec
     linearisation: Linearisation
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All states that the model has, also those that the plant leaves out."""
+        return state_names(self.spec.compile())
 
     @property
     def xml(self) -> str:

@@ -20,24 +20,7 @@ from icmj.base.array import Array
 from icmj.engine.deviation import Deviation
 from icmj.engine.model import input_names, model_name, output_names, sensor_entries, state_names
 from icmj.errors import ModelError
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Which inputs, outputs and states a plant has, by name; ``None`` means all that the model has.
-
-    Attributes:
-        inputs: actuators, in this order; the others hold their control of the operating point.
-        outputs: sensors, or single entries ``sensor.0`` of one, in this order; joints stand for their positions and
-            ``<joint>_rate`` for their velocities; ``"joints"`` for the positions of all joints.
-        states: those kept; in the model's order.
-        drop: those left out, where ``states`` is ``None``.
-    """
-
-    inputs: tuple[str, ...] | None = None
-    outputs: tuple[str, ...] | str | None = None
-    states: tuple[str, ...] | None = None
-    drop: tuple[str, ...] = ()
+from icmj.plant.selection import Selection
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +70,13 @@ def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviatio
     entries = sensor_entries(model)
     if isinstance(chosen.outputs, str):
         raise ModelError(f'outputs = "{chosen.outputs}": expected names, or "joints" when a plant is loaded')
-    wanted = [
-        index for output in chosen.outputs or outputs
-        for index in _find(output, {**{n: (i,) for i, n in enumerate(outputs)}, **entries}, "output", name)
-    ]  # fmt: skip
     actuators = [
         index for label in chosen.inputs or inputs
         for index in _find(label, {n: (i,) for i, n in enumerate(inputs)}, "input", name)
+    ]  # fmt: skip
+    wanted = [
+        index for output in chosen.outputs or outputs
+        for index in _find(output, {**{n: (i,) for i, n in enumerate(outputs)}, **entries}, "output", name)
     ]  # fmt: skip
     kept = _states(states, chosen, name)
     for what, indices in (("input", actuators), ("output", wanted)):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 
 from icmj.engine.model import output_names, sensor_entries
-from icmj.engine.ports import Selection
+from icmj.plant.selection import Selection
 
 RATE = "_rate"
 _SENSORS = {

@@ -9,7 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
 from icmj.controller.design import Design
 from icmj.controller.trigger import EventRule, EventTrigger, as_weight
-from icmj.errors import SimulationError
+from icmj.errors import ModelError, SimulationError
+from icmj.plant.change import Change, What
+from icmj.plant.selection import Selection
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -43,21 +45,69 @@ class Identity(TomlTable):
     paper: Paper = Paper()
 
 
-class Assumed(TomlTable):
+class PlantTable(TomlTable):
+    """What both plants have: operating point, inputs, outputs and states, by name."""
+
+    keyframe: str | None = None
+    inputs: list[str] | None = None
+    outputs: list[str] | Literal["joints"] | None = None
+    states: list[str] | None = None
+    drop: list[str] = []
+
+    @property
+    def selection(self) -> Selection:
+        """The selection that it stands for."""
+        outputs = self.outputs if isinstance(self.outputs, str) else _names(self.outputs)
+        return Selection(_names(self.inputs), outputs, _names(self.states), tuple(self.drop))
+
+
+class Assumed(PlantTable):
     """The plant that the controller believes in."""
 
     model: str
-    keyframe: str | None = None
 
 
-class Actual(TomlTable):
-    """The plant that is really there: another model, or the same one with a deviation."""
+class ChangeTable(TomlTable):
+    """One named change; see :mod:`icmj.plant.change` for what there is."""
+
+    what: What
+    of: str | None = None
+    factor: Finite | None = None
+    value: Finite | list[Finite] | None = None
+
+    def change(self) -> Change:
+        """The change that it stands for.
+
+        Raises:
+            ModelError: if it is not one.
+        """
+        value = tuple(self.value) if isinstance(self.value, list) else self.value
+        return Change(self.what, self.of, self.factor, value)
+
+    @model_validator(mode="after")
+    def _is_one(self) -> ChangeTable:
+        try:
+            self.change()
+        except ModelError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+
+class Actual(PlantTable):
+    """The plant that is really there: another model, or the same one, with or without changes.
+
+    Where it names no inputs or outputs they are those of the assumed plant, by name.
+    """
 
     model: str | None = None
-    keyframe: str | None = None
     gain: Finite | list[Finite] = 1.0
     dynprm: dict[str, list[Finite]] = {}
+    change: list[ChangeTable] = []
     rho: Finite = 1.0
+
+
+def _names(given: list[str] | None) -> tuple[str, ...] | None:
+    return None if given is None else tuple(given)
 
 
 class Weights(TomlTable):

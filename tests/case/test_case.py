@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from model_cases import MOTOR, pendulum, two, written
 
 from icmj.case.case import prepare, simulate
 from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.errors import DesignError, RunFileError
+from icmj.errors import DesignError, ModelError, RunFileError
 from icmj.runfile.reading import load_run, parse_run
 
 NOTES = {  # Δ_crit [s], eigenvalue, cycle predicted (notes, sections 2, 4 and 5)
@@ -94,3 +95,66 @@ def test_exact_model_in_mujoco_has_an_interval_that_grows_with_the_logarithm_of_
         run = simulate(prepare(parse_run(changed, path)), "mujoco")
         intervals.append(run.events.interval[-1])
     assert intervals[1] - intervals[0] == pytest.approx(2 * np.log(10), rel=2e-3)
+
+
+FIVE = """
+case = {{ name = "brought", title = "Brought along" }}
+assumed = {{ model = "{assumed}"{more} }}
+actual = {{ {actual} }}
+design = {{ R_c = 0.01, R_o = 0.01 }}
+controller = {{ q_t = 0.001 }}
+"""
+
+
+def brought(folder, assumed="two.xml", actual="gain = 0.9", more="", extra=""):
+    """A run file of five lines for a model that lies in ``folder``."""
+    return parse_run(FIVE.format(assumed=assumed, actual=actual, more=more) + extra, folder / "run.toml")
+
+
+def test_inputs_and_outputs_are_matched_by_name_between_the_models(tmp_path):
+    """The same plant with its actuators and sensors in another order is the same plant."""
+    two(tmp_path), two(tmp_path, -1, "turned.xml")
+    same, turned = (prepare(brought(tmp_path, actual=a)) for a in ("gain = 0.9", 'model = "turned.xml", gain = 0.9'))
+    assert turned.prediction.delta_crit == same.prediction.delta_crit
+    assert turned.actual.linearisation.plant.outputs == ("place", "angle")
+
+
+def test_an_output_that_the_actual_model_lacks_is_named(tmp_path):
+    two(tmp_path)
+    written(tmp_path, pendulum(MOTOR), "other.xml")
+    with pytest.raises(ModelError, match="no input 'push'; it has ankle"):
+        prepare(brought(tmp_path, actual='model = "other.xml"'))
+
+
+def test_a_model_without_sensors_runs_from_five_lines(tmp_path):
+    two(tmp_path, sensors=False)
+    with pytest.raises(ModelError, match='outputs = "joints"'):
+        prepare(brought(tmp_path))
+    case = prepare(brought(tmp_path, more=', outputs = "joints", inputs = ["push"]'))
+    plant = case.actual.linearisation.plant
+    assert (plant.inputs, plant.outputs, plant.output_units) == (("push",), ("x", "tilt"), ("m", "rad"))
+
+
+def test_a_dropped_state_leaves_both_plants_if_nothing_depends_on_it(tmp_path):
+    two(tmp_path)
+    case = prepare(brought(tmp_path, more=', outputs = ["angle"], drop = ["x"]'))
+    assert case.assumed.linearisation.plant.states == ("tilt", "x_rate", "tilt_rate")
+    assert case.actual.linearisation.plant.states == ("tilt", "x_rate", "tilt_rate")
+    run = simulate(case, "mujoco", duration=2.0)
+    assert run.x.shape[1] == 3
+
+
+def test_changes_by_name_reach_the_actual_plant(tmp_path):
+    two(tmp_path)
+    extra = '[[actual.change]]\nwhat = "mass"\nof = "pole"\nfactor = 1.2\n'
+    text = extra + '[[actual.change]]\nwhat = "damping"\nof = "x"\nvalue = 0.9\n'
+    run = brought(tmp_path, actual="", extra="").model_copy()
+    run = parse_run(run.text.replace("actual = {  }\n", "") + text, run.path)
+    model = prepare(run).actual.spec.compile()
+    assert model.body("pole").mass[0] == pytest.approx(1.2)
+    assert model.body("pole").inertia == pytest.approx([0.024] * 3)
+    assert model.dof_damping.ravel()[0] == pytest.approx(0.9)
+    with pytest.raises(ModelError, match="no body 'poll' to change; it has cart, pole"):
+        prepare(parse_run(run.text.replace('of = "pole"', 'of = "poll"'), run.path))
+    with pytest.raises(RunFileError, match=r"actual.change.0: .*either a factor or a value"):
+        parse_run(run.text.replace("factor = 1.2\n", ""), run.path)

@@ -7,17 +7,18 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, written
+from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
-from icmj.engine.deviation import Change, Deviation
+from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
-from icmj.engine.ports import Selection
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
+from icmj.plant.change import Change
+from icmj.plant.selection import Selection
 from icmj.simulation.settings import Impulse, Settings
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
@@ -77,28 +78,6 @@ def test_the_disturbance_passes_the_gain_and_the_observer_does_not(tmp_path):
     settings = Settings(duration=0.2, disturbance=(Impulse("ankle", 1.0, 0.0, 0.1),))
     ends = [simulate(load_plant(path, Deviation(b)), idle, settings).x[-1] for b in (1.0, 0.5)]
     np.testing.assert_allclose(ends[1], 0.5 * ends[0], rtol=1e-6)
-
-
-TWO = """
-<mujoco model="two">
-  <compiler angle="radian"/>
-  <option timestep="0.002" integrator="RK4"><flag contact="disable"/></option>
-  <worldbody>
-    <body name="cart"><joint name="x" type="slide" axis="1 0 0" damping="0.5"/>
-      <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
-      <body name="pole"><joint name="tilt" axis="0 1 0"/>
-        <inertial pos="0 0 0.5" mass="1" diaginertia="0.02 0.02 0.02"/></body></body>
-  </worldbody>
-  <actuator>{actuators}</actuator>
-  {sensors}
-</mujoco>"""
-PUSH, TURN = '<motor name="push" joint="x"/>', '<motor name="turn" joint="tilt" gear="20"/>'
-SENSORS = ('<jointpos name="place" joint="x"/>', '<jointpos name="angle" joint="tilt"/>')
-
-
-def two(folder, order=1, name="two.xml", sensors=True):
-    inside = f"<sensor>{''.join(SENSORS[::order])}</sensor>" if sensors else ""
-    return written(folder, TWO.format(actuators="".join((PUSH, TURN)[::order]), sensors=inside), name)
 
 
 def test_units_are_the_models(tmp_path):
