@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.notice import Notice
 from icmj.plant.selection import Selection
 from icmj.runfile.schema import RunFile
 
@@ -55,6 +57,24 @@ def deviation_of(run: RunFile) -> Deviation:
     """What the run file says is wrong with the controller's model."""
     table = run.actual
     return Deviation(table.gain, table.dynprm, table.rho, tuple(entry.change() for entry in table.change))
+
+
+def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[Notice]:
+    """What there is to tell of both plants; what holds for both is told once."""
+    common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
+    yield from common
+    for which, plant in (("assumed", assumed), ("actual", actual)):
+        for notice in plant.quality.notices:
+            if notice not in common:
+                yield replace(notice, words=f"{notice.words} ({which} plant)")
+    biased = [
+        name
+        for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
+        if beta
+    ]
+    if biased:
+        words = f"the bias of {', '.join(biased)} acts in MuJoCo only; the linear theory and plant have no offset"
+        yield Notice("sensor bias", "warning", words)
 
 
 def _outputs(run: RunFile, assumed: MujocoPlant) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from icmj.cli import arguments
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from icmj.comparison.comparison import Comparison
 
@@ -64,7 +64,7 @@ def analyse(command: arguments.Analyse) -> None:
     case = prepare(run)
     prediction, outputs = case.prediction, case.assumed.linearisation.plant.outputs
     if command.json:
-        print(json.dumps(plain_prediction(prediction, outputs), indent=2, allow_nan=False))
+        print(json.dumps(plain_prediction(prediction, outputs, case.notices), indent=2, allow_nan=False))
         return
     table = Table("", "", title=escape(run.case.title), title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
@@ -96,6 +96,7 @@ def analyse(command: arguments.Analyse) -> None:
     for c in prediction.crossings:
         crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
     OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
+    _tell(case.notices)
 
 
 @execute.register
@@ -146,10 +147,11 @@ def linearise(command: arguments.Linearise) -> None:
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
 
-    linearisation = load_plant(command.model, keyframe=command.keyframe).linearisation
+    loaded = load_plant(command.model, keyframe=command.keyframe)
+    linearisation = loaded.linearisation
     plant = linearisation.plant
     if command.json:
-        print(json.dumps(plain_linearisation(linearisation), allow_nan=False))
+        print(json.dumps(plain_linearisation(linearisation, loaded.quality), allow_nan=False))
         return
     for name, matrix, rows, columns in (
         ("A", plant.A, plant.states, plant.states),
@@ -161,12 +163,7 @@ def linearise(command: arguments.Linearise) -> None:
             table.add_row(escape(label), *(f"{value:.5g}" for value in values))
         OUT.print(table)
     OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
-    if linearisation.residual > 1e-9:
-        OUT.print(
-            f"note: not an equilibrium, the largest acceleration there is {linearisation.residual:.3g}; "
-            "choose a keyframe at rest",
-            highlight=False,
-        )
+    _tell(loaded.quality.notices)
 
 
 def _progress() -> Progress:
@@ -194,8 +191,14 @@ def _show(comparisons: Sequence[Comparison]) -> None:
         )
     OUT.print(table)
     for c in comparisons:
+        _tell(f"{c.case} ({c.plant}): {notice}" for notice in c.notices)
         if not c.measured.converged:
             OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
+
+
+def _tell(notices: Iterable[object]) -> None:
+    for notice in notices:
+        OUT.print(escape(f"note: {notice}"), highlight=False, style="yellow")
 
 
 def _number(value: float | None) -> str:

@@ -77,6 +77,7 @@ class Comparison:
         case, plant: the case's name, and ``linear`` or ``mujoco``.
         predicted, measured, relative_error: the numbers.
         words: the verdict in one or two sentences for people.
+        notices: what to tell of plants and run.
     """
 
     case: str
@@ -85,6 +86,7 @@ class Comparison:
     measured: Measured
     relative_error: RelativeError
     words: str
+    notices: tuple[str, ...] = ()
 
 
 def compare(result: Result) -> Comparison:
@@ -121,7 +123,13 @@ def compare(result: Result) -> Comparison:
         gamma=_relative(measured.gamma, predicted.gamma),
     )
     return Comparison(
-        result.run.case.name, result.simulation.plant, predicted, measured, error, verdict_in_words(result, converged)
+        result.run.case.name,
+        result.simulation.plant,
+        predicted,
+        measured,
+        error,
+        verdict_in_words(result, converged),
+        result.notices,
     )
 
 
@@ -147,6 +155,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "measured": plain(vars(comparison.measured)),
         "relative_error": plain(vars(comparison.relative_error)),
         "words": comparison.words,
+        "notices": list(comparison.notices),
     }
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
 
+from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import load_spec, state_names
 from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
+from icmj.plant.quality import Quality
 from icmj.plant.selection import Selection
 
 
@@ -28,6 +31,11 @@ class MujocoPlant:
     path: Path
     spec: mujoco.MjSpec
     linearisation: Linearisation
+
+    @cached_property
+    def quality(self) -> Quality:
+        """How good its operating point is."""
+        return assess(self.spec.compile(), self.linearisation)
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from icmj.controller.design import Design
 from icmj.controller.trigger import EventRule, EventTrigger, as_weight
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.change import Change, What
+from icmj.plant.notice import Kind
 from icmj.plant.selection import Selection
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
@@ -137,9 +138,10 @@ class Control(TomlTable):
 
 
 class Analysis(TomlTable):
-    """Range of Δ searched for crossings [s]."""
+    """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
 
     delta_max: Positive = 3.0
+    allow: list[Kind] = []
 
 
 class ImpulseTable(TomlTable):

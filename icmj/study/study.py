@@ -119,6 +119,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         attractors=found,
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
+        notices=tuple(str(notice) for notice in case.notices),
     )
 
 

@@ -158,3 +158,26 @@ def test_changes_by_name_reach_the_actual_plant(tmp_path):
         prepare(parse_run(run.text.replace('of = "pole"', 'of = "poll"'), run.path))
     with pytest.raises(RunFileError, match=r"actual.change.0: .*either a factor or a value"):
         parse_run(run.text.replace("factor = 1.2\n", ""), run.path)
+
+
+def test_a_plant_that_moves_by_itself_is_refused_unless_allowed(tmp_path):
+    """A lean of 3° without control: what linear theory says of it is about nothing."""
+    written(tmp_path, pendulum(MOTOR, key=f'qpos="{np.radians(3)}"'))
+    run = brought(tmp_path, "model.xml", more=', keyframe = "stand"')
+    with pytest.raises(ModelError, match=r"run.toml: not at rest: lean accelerates by 0.516 rad/s²"):
+        prepare(run)
+    allowed = brought(
+        tmp_path, "model.xml", more=', keyframe = "stand"', extra='analysis = { allow = ["not at rest"] }'
+    )
+    assert [notice.kind for notice in prepare(allowed).notices] == ["not at rest"]
+
+
+def test_a_design_that_fails_says_what_it_cannot_move_or_see(tmp_path):
+    two(tmp_path)
+    with pytest.raises(DesignError, match="x does not matter to any output; drop"):
+        prepare(brought(tmp_path, more=', outputs = ["angle"]'))
+
+
+def test_shipped_cases_need_no_word(root):
+    for path in sorted((root / "runs").glob("*.toml")):
+        assert prepare(load_run(path)).notices == (), path
