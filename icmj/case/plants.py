@@ -22,13 +22,18 @@ def assumed_plant(run: RunFile) -> MujocoPlant:
     Raises:
         ModelError: if it cannot be loaded.
     """
-    return load_plant(run.assumed_path, keyframe=run.assumed.keyframe, selection=run.assumed.selection)
+    table = run.assumed
+    return load_plant(run.assumed_path, keyframe=table.keyframe, selection=table.selection, operating=table.operating)
 
 
 def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     """The plant that is there, with the inputs and outputs of the assumed one, matched by name.
 
     States that the assumed plant drops are dropped here, too, if nothing that is kept depends on them.
+
+    Its operating point is its own. The controller counts controls from there, as if a slow tonic part had long found
+    what holds this plant; what it does not know is how the plant departs from rest. By default it is found by the
+    assumed plant's rule, from the point where the assumed plant rests.
 
     Raises:
         ModelError: if it cannot be loaded, or lacks an input or output.
@@ -41,8 +46,12 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     if selection.outputs is None:
         selection = replace(selection, outputs=_outputs(run, assumed))
 
+    operating = run.assumed.operating if table.operating_point is None else table.operating
+    start = assumed.linearisation.point if table.model is None and table.keyframe is None else None
+
     def load(selection: Selection) -> MujocoPlant:
-        return load_plant(run.actual_path, deviation, keyframe, selection=selection)
+        path = run.actual_path
+        return load_plant(path, deviation, keyframe, selection=selection, operating=operating, start=start)
 
     actual = load(selection)
     _check_ports(run, assumed.linearisation.plant, actual.linearisation.plant)

@@ -10,10 +10,13 @@ import mujoco
 
 from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
+from icmj.engine.equilibrium import equilibrium
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import load_spec, state_names
+from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
+from icmj.errors import ModelError
+from icmj.plant.operating import OperatingRule
 from icmj.plant.quality import Quality
 from icmj.plant.selection import Selection
 
@@ -54,6 +57,8 @@ def load_plant(
     keyframe: str | None = None,
     *,
     selection: Selection | None = None,
+    operating: OperatingRule | None = None,
+    start: OperatingPoint | None = None,
 ) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
@@ -62,14 +67,21 @@ def load_plant(
         deviation: what is changed in it.
         keyframe: its operating point; the reference configuration if ``None``.
         selection: its inputs, outputs and states; all of the model's if ``None``.
+        operating: how its operating point follows from the keyframe; it is the keyframe's if ``None``.
+        start: instead of a keyframe.
 
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of` and
-            :func:`icmj.engine.linearisation.linearise`.
+        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
+            :func:`icmj.engine.equilibrium.equilibrium` and :func:`icmj.engine.linearisation.linearise`.
     """
     path = Path(path)
     spec = load_spec(path, deviation)
     selection = sensed(spec, selection or Selection())
     model = spec.compile()
     ports = ports_of(model, selection, deviation)
-    return MujocoPlant(path, spec, linearise(model, keyframe, ports=ports))
+    given = start or operating_point(model, keyframe)
+    try:
+        point = equilibrium(model, given, operating or OperatingRule())
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+    return MujocoPlant(path, spec, linearise(model, ports=ports, point=point))

@@ -12,6 +12,7 @@ from icmj.controller.trigger import EventRule, EventTrigger, as_weight
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.change import Change, What
 from icmj.plant.notice import Kind
+from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.selection import Selection
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
@@ -50,10 +51,23 @@ class PlantTable(TomlTable):
     """What both plants have: operating point, inputs, outputs and states, by name."""
 
     keyframe: str | None = None
+    operating_point: OperatingKind | None = None
+    free: list[str] = []
     inputs: list[str] | None = None
     outputs: list[str] | Literal["joints"] | None = None
     states: list[str] | None = None
     drop: list[str] = []
+
+    @property
+    def operating(self) -> OperatingRule:
+        """The rule for the operating point that it stands for."""
+        return OperatingRule(self.operating_point or "as given", tuple(self.free))
+
+    @model_validator(mode="after")
+    def _only_balance_frees(self) -> PlantTable:
+        if self.free and self.operating_point != "balance":
+            raise ValueError('free needs operating_point = "balance"')
+        return self
 
     @property
     def selection(self) -> Selection:
@@ -97,7 +111,8 @@ class ChangeTable(TomlTable):
 class Actual(PlantTable):
     """The plant that is really there: another model, or the same one, with or without changes.
 
-    Where it names no inputs or outputs they are those of the assumed plant, by name.
+    Where it names no inputs or outputs they are those of the assumed plant, by name; where it has no operating point it
+    finds its own by the assumed plant's rule, from where the assumed plant rests.
     """
 
     model: str | None = None

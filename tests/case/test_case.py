@@ -181,3 +181,30 @@ def test_a_design_that_fails_says_what_it_cannot_move_or_see(tmp_path):
 def test_shipped_cases_need_no_word(root):
     for path in sorted((root / "runs").glob("*.toml")):
         assert prepare(load_run(path)).notices == (), path
+
+
+@pytest.mark.parametrize("change", ["", '[[actual.change]]\nwhat = "mass"\nof = "rod"\nfactor = 1.05\n'])
+def test_a_lean_held_by_static_control_does_what_is_predicted(tmp_path, change):
+    """Whether the gain is wrong or the mass: the actual plant rests by its own control, and departs as predicted."""
+    written(tmp_path, pendulum(MOTOR, key=f'qpos="{np.radians(3)}"'))
+    text = f"""
+case = {{ name = "lean", title = "Lean" }}
+assumed = {{ model = "model.xml", keyframe = "stand", operating_point = "static control" }}
+design = {{ R_c = 1e-7, R_o = 1e-6 }}
+controller = {{ q_t = 2e-4 }}
+simulation = {{ duration = 12.0, initial = {{ lean = 4e-4 }} }}
+{change or "actual = { gain = 0.9 }"}
+"""
+    case = prepare(parse_run(text, tmp_path / "run.toml"))
+    assert case.notices == ()
+    assert case.prediction.verdict == "attracting"
+    run = simulate(case, "mujoco")
+    assert run.events.interval[-1] == pytest.approx(case.prediction.delta_crit, rel=2e-4)
+    torque = -70 * 9.81 * 0.9 * np.sin(np.radians(3))
+    assert case.assumed.linearisation.point.ctrl[0] == pytest.approx(torque)
+    assert case.actual.linearisation.point.ctrl[0] == pytest.approx(torque * (1.05 if change else 1))
+
+
+def test_free_needs_balance(tmp_path):
+    with pytest.raises(RunFileError, match=r'assumed: .*free needs operating_point = "balance"'):
+        brought(tmp_path, more=', free = ["x"]')

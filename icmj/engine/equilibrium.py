@@ -1,0 +1,241 @@
+"""The equilibrium near a pose: controls, and joints that may move, at which nothing accelerates.
+
+At rest the force that each degree of freedom needs, by inverse dynamics with contacts and passive forces, is the force
+that the actuators give, and activations stand still. Newton's method solves these equations for control, activation and
+free joints; where they leave a choice, the sum of squares of the actuators' forces, less those of the controls given,
+is least. Contacts carry a weight by giving way, so a body on a floor is first set down until they bear it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.actuator import second_order_lag
+from icmj.engine.callbacks import installed
+from icmj.engine.model import OperatingPoint, input_names, model_name, state_names
+from icmj.engine.units import state_units
+from icmj.errors import ModelError
+from icmj.plant.operating import OperatingRule
+
+_EPS = 1e-6  # half the distance of a difference
+_STEPS = 100
+_REST = 1e-11  # of the weight: forces that are none
+_HELD = 1e-7  # of the weight: forces that the solver may leave, before balance is given up
+_STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
+
+
+def equilibrium(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
+    """The operating point that ``rule`` makes of ``given``.
+
+    Raises:
+        ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
+    """
+    if rule.kind == "as given":
+        return given
+    return _Search(model, given, rule).run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Forces at rest: left over on each degree of freedom, shape (nv,); of the actuators, (nu,); act_dot, (na,)."""
+
+    left: Array
+    actuator: Array
+    act_dot: Array
+
+
+class _Search:
+    """Newton's method on z = (free positions, controls, activations), all as departures from what is given."""
+
+    def __init__(self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> None:
+        self.model, self.given, self.rule = model, given, rule
+        self.data = mujoco.MjData(model)
+        self.free = _free(model, rule)
+        self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
+        self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
+        self.z = np.zeros(model.nv + model.nu + model.na)
+        self.lag = np.ones(model.na)  # time constants of the activations [s]
+        low, high = model.actuator_ctrlrange.T
+        limited = model.actuator_ctrllimited.astype(bool)
+        self.low, self.high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+        muscle = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
+        self.low[muscle], self.high[muscle] = np.maximum(self.low[muscle], 0), np.minimum(self.high[muscle], 1)
+
+    def run(self) -> OperatingPoint:
+        flags = int(self.model.opt.disableflags)
+        # the search may pass beyond a range on its way
+        self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        try:
+            with installed(act_dyn=second_order_lag):
+                self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
+                self.lag = self.lags()
+                self.set_down()
+                for _ in range(self.model.nu + 1):
+                    self.solve()
+                    beyond = self.beyond()
+                    if not beyond.any():
+                        break
+                    self.fixed |= beyond
+                    ctrl = self.z[self.model.nv :][: self.model.nu]
+                    ctrl[beyond] = (
+                        np.clip(self.given.ctrl + ctrl, self.low, self.high)[beyond] - self.given.ctrl[beyond]
+                    )
+                self.check()
+        finally:
+            self.model.opt.disableflags = flags
+        point = self.place(self.z)
+        return OperatingPoint(point.qpos.copy(), 0 * self.given.qvel, point.act.copy(), point.ctrl.copy())
+
+    def place(self, z: Array) -> mujoco.MjData:
+        nv, nu, data = self.model.nv, self.model.nu, self.data
+        data.qpos[:] = self.given.qpos
+        mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
+        data.qvel[:], data.qacc[:] = 0, 0
+        data.ctrl[:], data.act[:] = self.given.ctrl + z[nv : nv + nu], self.given.act + z[nv + nu :]
+        return data
+
+    def forces(self, z: Array) -> _Forces:
+        model, data = self.model, self.place(z)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        given, force, act_dot = data.qfrc_actuator.copy(), data.actuator_force.copy(), data.act_dot.copy()
+        data.qacc[:] = 0
+        mujoco.mj_inverse(model, data)
+        return _Forces(data.qfrc_inverse - given, force, act_dot)
+
+    def residual(self, found: _Forces) -> Array:
+        """Everything that must vanish: forces in units of the weight, rates by how far activations are from rest."""
+        return np.concatenate([found.left / self.weight, self.lag * found.act_dot])
+
+    def lags(self) -> Array:
+        """The time in which each activation would come to rest, from how its rate answers controls and activations."""
+        slopes, _ = self.slopes(np.arange(self.model.nv, len(self.z)))
+        return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
+
+    def set_down(self) -> None:
+        """Move a body that may, along the vertical, to where its contacts bear the weight of the whole."""
+        i = _vertical(self.model, self.free)
+        if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+            return
+        start = self.z[i]
+
+        def unborne(z: float) -> float:
+            self.z[i] = start + z
+            return float(self.forces(self.z).left[i])
+
+        here = unborne(0.0)
+        for reach in np.geomspace(1e-5, 1.0, 61):
+            z = -reach if here > 0 else reach
+            if unborne(z) * here < 0:
+                low, high = sorted((0.0, z))
+                for _ in range(60):
+                    middle = (low + high) / 2
+                    low, high = (middle, high) if unborne(middle) < 0 else (low, middle)
+                return
+        self.z[i] = start  # nothing to stand on within a metre
+
+    def solve(self) -> None:
+        nv, nu = self.model.nv, self.model.nu
+        moving = np.concatenate([self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z))])
+        moving = moving.astype(int)
+        found = self.forces(self.z)
+        for _ in range(_STEPS):
+            r = self.residual(found)
+            J, F = self.slopes(moving)
+            step = self.step(r, found, J, F, moving)
+            size = float(np.linalg.norm(r))
+            for halving in range(30):
+                trial = self.z.copy()
+                trial[moving] += step / 2**halving
+                found = self.forces(trial)
+                if size <= _REST or float(np.linalg.norm(self.residual(found))) < max(0.99 * size, 10 * _REST):
+                    self.z = trial
+                    break
+            else:
+                return
+            if size <= _REST and np.abs(step).max(initial=0.0) < 1e-9 * (1 + np.abs(self.z).max(initial=0.0)):
+                return
+
+    def slopes(self, moving: np.ndarray) -> tuple[Array, Array]:
+        """d residual/dz and d forces/dz, of the moving entries."""
+        J, F = [], []
+        for j in moving:
+            ends = []
+            for sign in (1, -1):
+                z = self.z.copy()
+                z[j] += sign * _EPS
+                ends.append(self.forces(z))
+            up, down = ends
+            J.append((self.residual(up) - self.residual(down)) / (2 * _EPS))
+            F.append((up.actuator - down.actuator) / (2 * _EPS))
+        size = self.model.nv + self.model.na
+        return np.array(J).reshape(-1, size).T, np.array(F).reshape(-1, self.model.nu).T
+
+    def step(self, r: Array, found: _Forces, J: Array, F: Array, moving: np.ndarray) -> Array:
+        """The Newton step of least effort and least motion."""
+        position = moving < self.model.nv
+        effort = np.vstack([F / self.weight, _STAY * np.diag(position.astype(float))])
+        present = np.concatenate(
+            [(found.actuator - self.wanted) / self.weight, _STAY * np.where(position, self.z[moving], 0)]
+        )
+        # controls of very different strength are brought to one size
+        scale = 1 / np.maximum(np.linalg.norm(np.vstack([J, effort]), axis=0), 1e-12)
+        U, values, Vt = np.linalg.svd(J * scale)
+        rank = int(np.sum(values > 1e-9 * max(values.max(initial=0.0), 1e-300)))
+        particular = Vt[:rank].T @ ((U[:, :rank].T @ -r) / values[:rank])
+        free = Vt[rank:].T
+        choice = np.linalg.lstsq(effort * scale @ free, -(present + effort * scale @ particular), rcond=1e-12)[0]
+        return scale * (particular + free @ choice)
+
+    def beyond(self) -> np.ndarray:
+        """Controls beyond their range."""
+        ctrl = self.given.ctrl + self.z[self.model.nv :][: self.model.nu]
+        slack = 1e-9 * (1 + np.abs(ctrl))
+        return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
+
+    def check(self) -> None:
+        found = self.forces(self.z)
+        left = np.abs(found.left)
+        if left.max(initial=0.0) <= _HELD * self.weight and np.abs(found.act_dot).max(initial=0.0) <= 1e-6:
+            return
+        name, i = model_name(self.model), int(np.argmax(left))
+        stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
+        limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
+        unit = "N m" if state_units(self.model)[i] == "rad" else "N"
+        raise ModelError(
+            f"model {name!r} cannot be held at rest by operating_point = {self.rule.kind!r}: "
+            f"on {state_names(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
+            "choose another pose, or free joints"
+        )
+
+
+def _free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
+    """Degrees of freedom that may move."""
+    if rule.kind == "static control":
+        return np.zeros(0, dtype=int)
+    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    for name in rule.free:
+        if name not in names:
+            raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to free; it has {', '.join(names)}")
+    chosen = rule.free or names
+    return np.array([i for i in range(model.nv) if names[model.dof_jntid[i]] in chosen], dtype=int)
+
+
+def _vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
+    """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
+    for i in free:
+        joint = int(model.dof_jntid[i])
+        body, first = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
+        if model.body_parentid[body] != 0:
+            continue
+        kind = model.jnt_type[joint]
+        if kind == mujoco.mjtJoint.mjJNT_FREE and i == first + 2:
+            return int(i)
+        if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
+            return int(i)
+    return None

@@ -1,0 +1,25 @@
+"""How an operating point is found from the pose and the control that a keyframe gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+OperatingKind = Literal["as given", "static control", "balance"]
+
+
+@dataclass(frozen=True)
+class OperatingRule:
+    """What of a keyframe stands, and what follows from rest.
+
+    Attributes:
+        kind: ``as given``: pose, velocity, activation and control are the keyframe's. ``static control``: the pose is,
+            and controls and activations are those that hold it. ``balance``: the joints in ``free`` move, too.
+        free: joints that may move, by name; all where there is none.
+
+    Where there is a choice, actuator forces depart least from those of the keyframe's controls; where it has none, that
+    is the least effort.
+    """
+
+    kind: OperatingKind = "as given"
+    free: tuple[str, ...] = ()
