@@ -46,8 +46,12 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     if selection.outputs is None:
         selection = replace(selection, outputs=_outputs(run, assumed))
 
-    operating = run.assumed.operating if table.operating_point is None else table.operating
-    start = assumed.linearisation.point if table.model is None and table.keyframe is None else None
+    operating = table.operating
+    if table.operating_point is None:
+        operating = replace(run.assumed.operating, pose={**run.assumed.pose, **table.pose})
+    start = None
+    if table.model is None and table.keyframe is None:
+        start, operating = assumed.linearisation.point, replace(operating, pose=table.pose)
 
     def load(selection: Selection) -> MujocoPlant:
         path = run.actual_path

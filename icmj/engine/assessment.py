@@ -37,13 +37,14 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         residual=_residual(model, whole),
         moving=tuple(names[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
         errors=(A, B, C),
-        kinks=tuple(_kinks(model, linearisation, whole)),
+        kinks=tuple(_kinks(model, linearisation, whole.bend, half.bend)),
         friction=tuple(names[i] for i in np.flatnonzero(model.dof_frictionloss > 0)),
         margins=tuple(_margins(model, linearisation)),
         feedthrough=tuple(feedthrough),
         neutral=modes.neutral(plant),
         uncontrollable=modes.uncontrollable(plant),
         unobservable=modes.unobservable(plant),
+        idle=modes.idle(plant),
     )
 
 
@@ -62,16 +63,16 @@ def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
     return Residual(float(np.abs(found.rate[i])), of, unit, float(share[i]))
 
 
-def _kinks(model: mujoco.MjModel, linearisation: Linearisation, found: Differences) -> Iterator[Kink]:
+def _kinks(model: mujoco.MjModel, linearisation: Linearisation, whole: Array, half: Array) -> Iterator[Kink]:
+    """Where the disagreement of one-sided differences stays as the step is halved; that of a curve halves with it."""
     ports, n = linearisation.ports, len(state_names(model))
-    for i in ports.actuators:
-        if found.bend[n + i] > BENT:
-            why = _why_input(model, int(i), linearisation)
-            yield Kink(input_names(model)[i], "input", float(found.bend[n + i]), why)
-    for i in ports.states:
-        if found.bend[i] > BENT:
-            why = "a joint limit, a contact or dry friction begins there; move the operating point away from it"
-            yield Kink(state_names(model)[i], "state", float(found.bend[i]), why)
+    kinked = (half > BENT) & (half > 0.75 * whole)
+    for i in ports.actuators[kinked[n + ports.actuators]]:
+        why = _why_input(model, int(i), linearisation)
+        yield Kink(input_names(model)[i], "input", float(half[n + i]), why)
+    for i in ports.states[kinked[ports.states]]:
+        why = "a joint limit, a contact or dry friction begins there; move the operating point away from it"
+        yield Kink(state_names(model)[i], "state", float(half[i]), why)
 
 
 def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> str:

@@ -8,10 +8,13 @@ is least. Contacts carry a weight by giving way, so a body on a floor is first s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from scipy.optimize import least_squares
 
 from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
@@ -25,6 +28,8 @@ _EPS = 1e-6  # half the distance of a difference
 _STEPS = 100
 _REST = 1e-11  # of the weight: forces that are none
 _HELD = 1e-7  # of the weight: forces that the solver may leave, before balance is given up
+_EFFORT = 1e-2  # how much effort counts beside balance, where both are sought at once
+_HOLD = 1e-4  # how much leaving where a last round begins counts beside it
 _STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
 
 
@@ -34,9 +39,8 @@ def equilibrium(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRul
     Raises:
         ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
     """
-    if rule.kind == "as given":
-        return given
-    return _Search(model, given, rule).run()
+    given = _posed(model, given, rule)
+    return given if rule.kind == "as given" else _Search(model, given, rule).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +80,15 @@ class _Search:
                 self.set_down()
                 for _ in range(self.model.nu + 1):
                     self.solve()
+                    if not self.held():
+                        self.approach()
                     beyond = self.beyond()
                     if not beyond.any():
                         break
                     self.fixed |= beyond
                     ctrl = self.z[self.model.nv :][: self.model.nu]
-                    ctrl[beyond] = (
-                        np.clip(self.given.ctrl + ctrl, self.low, self.high)[beyond] - self.given.ctrl[beyond]
-                    )
+                    ends = np.clip(self.given.ctrl + ctrl, self.low, self.high) - self.given.ctrl
+                    ctrl[beyond] = ends[beyond]
                 self.check()
         finally:
             self.model.opt.disableflags = flags
@@ -139,10 +144,50 @@ class _Search:
                 return
         self.z[i] = start  # nothing to stand on within a metre
 
-    def solve(self) -> None:
+    def moving(self) -> np.ndarray:
+        """The entries of z that are sought."""
         nv, nu = self.model.nv, self.model.nu
-        moving = np.concatenate([self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z))])
-        moving = moving.astype(int)
+        parts = (self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z)))
+        return np.concatenate(parts).astype(int)
+
+    def approach(self) -> None:
+        """Where Newton's method fails, trust regions on contacts and limits that are softer at first.
+
+        Effort is not exactly least then. The last rounds are for the balance alone and hold on to where they begin,
+        so that what does not matter, such as a place on the floor, stays.
+        """
+        for softer in (8.0, 4.0, 2.0, 1.0):
+            with _softened(self.model, softer):
+                self.set_down()
+                self.relax(_EFFORT)
+        for _ in range(5):
+            self.relax(0.0)
+            if np.linalg.norm(self.residual(self.forces(self.z))) <= _REST:
+                return
+
+    def relax(self, effort: float) -> None:
+        """Least squares of what must vanish, of effort, and of motion."""
+        moving, begin = self.moving(), self.z.copy()
+        position = moving < self.model.nv
+        stay = np.where(position, _STAY * (effort or _HOLD), _HOLD)
+        about = begin[moving] if effort == 0 else np.where(position, 0.0, begin[moving])
+
+        def misfit(part: Array) -> Array:
+            z = begin.copy()
+            z[moving] = part
+            found = self.forces(z)
+            strain = effort * (found.actuator - self.wanted) / self.weight
+            return np.concatenate([self.residual(found), strain, stay * (part - about)])
+
+        tight = 1e-15
+        found = least_squares(
+            misfit, begin[moving], jac="3-point", x_scale="jac", max_nfev=_STEPS, xtol=tight, ftol=tight, gtol=tight
+        )
+        self.z[moving] = found.x
+
+    def solve(self) -> None:
+        """Newton's method; it gives up where no step makes things better."""
+        moving = self.moving()
         found = self.forces(self.z)
         for _ in range(_STEPS):
             r = self.residual(found)
@@ -198,11 +243,14 @@ class _Search:
         slack = 1e-9 * (1 + np.abs(ctrl))
         return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
 
+    def held(self) -> bool:
+        """Whether what is left over is nothing."""
+        return bool(np.abs(self.residual(self.forces(self.z))).max(initial=0.0) <= _HELD)
+
     def check(self) -> None:
-        found = self.forces(self.z)
-        left = np.abs(found.left)
-        if left.max(initial=0.0) <= _HELD * self.weight and np.abs(found.act_dot).max(initial=0.0) <= 1e-6:
+        if self.held():
             return
+        left = np.abs(self.forces(self.z).left)
         name, i = model_name(self.model), int(np.argmax(left))
         stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
         limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
@@ -214,16 +262,48 @@ class _Search:
         )
 
 
+@contextmanager
+def _softened(model: mujoco.MjModel, factor: float) -> Iterator[None]:
+    """Contacts and joint limits that give way by the square of ``factor`` times as much, and as gradually."""
+    times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
+    widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
+    before = [array.copy() for array in (*times, *widths)]
+    for array in times:
+        # a negative entry is a stiffness, else a time constant [s]
+        array[:, 0] *= np.where(array[:, 0] > 0, factor, factor**-2)
+    for array in widths:
+        array[:, 2] *= factor**2
+    try:
+        yield
+    finally:
+        for array, old in zip((*times, *widths), before, strict=True):
+            array[:] = old
+
+
+def _posed(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
+    """What is given, with the joints of the rule's pose there."""
+    qpos = given.qpos.copy()
+    for name, value in rule.pose.items():
+        joint = _joint(model, name, "pose")
+        if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
+        qpos[model.jnt_qposadr[joint]] = value
+    return replace(given, qpos=qpos)
+
+
+def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
+    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    if name not in names:
+        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
+    return names.index(name)
+
+
 def _free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
     """Degrees of freedom that may move."""
     if rule.kind == "static control":
         return np.zeros(0, dtype=int)
-    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
-    for name in rule.free:
-        if name not in names:
-            raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to free; it has {', '.join(names)}")
-    chosen = rule.free or names
-    return np.array([i for i in range(model.nv) if names[model.dof_jntid[i]] in chosen], dtype=int)
+    chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
+    return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
 
 
 def _vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:

@@ -30,7 +30,7 @@ class Differences:
         rate: d/dt of (velocities, activations) at the point, shape (nv + na,).
         sensordata: there, shape (n_s,).
         bend: how much the two one-sided differences of each column of A and B disagree, relative to the
-            larger of them; shape (n + nu,). Zero for a smooth model.
+            larger of them; shape (n + nu,). It falls with the step for a smooth model, and stays where there is a kink.
     """
 
     A: Array
@@ -136,7 +136,8 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
         mujoco.mj_forward(model, data)
         return np.concatenate([data.qvel, data.qacc, data.act_dot, data.sensordata])
 
-    slopes, bend = np.zeros((n + model.nsensordata, n + nu)), np.zeros(n + nu)
+    slopes = np.zeros((n + model.nsensordata, n + nu))
+    gap, size = np.zeros(n + nu), np.zeros(n + nu)
     with installed(act_dyn=second_order_lag), _solved_to_the_end(model):
         rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
@@ -144,23 +145,21 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
             step[j] = eps
             up, down = evaluate(step), evaluate(-step)
             slopes[:, j] = (up - down) / (2 * eps)
-            bend[j] = _bend((up - rest)[nv:n], (rest - down)[nv:n])
+            right, left = (up - rest)[nv:n], (rest - down)[nv:n]
+            gap[j], size[j] = np.abs(right - left).max(), max(np.abs(right).max(), np.abs(left).max())
     A, B, C, D = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     A[:nv] = np.hstack([np.zeros((nv, nv)), np.eye(nv), np.zeros((nv, na))])
     B[:nv] = 0
     if not np.isfinite(slopes).all():
         raise ModelError(f"model {name!r} has no finite linearisation at this operating point")
+    # a column that is zero but for rounding bends by nothing but rounding
+    least = np.repeat([size[:n].max(), size[n:].max(initial=0.0)], [n, nu]) * 1e-6
+    bend = gap / np.maximum(np.maximum(size, least), 1e-300)
     return Differences(A, B, C, D, rest[nv:n], rest[n:], bend)
 
 
 def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
     return tuple(names[i] for i in at)
-
-
-def _bend(right: Array, left: Array) -> float:
-    """How much two one-sided differences disagree, relative to the larger."""
-    size = max(float(np.abs(right).max()), float(np.abs(left).max()))
-    return float(np.abs(right - left).max()) / size if size > 0 else 0.0
 
 
 @contextmanager

@@ -49,6 +49,14 @@ def uncontrollable(plant: LinearPlant) -> tuple[Mode, ...]:
     return _hidden(plant, plant.A.T, plant.B.T)
 
 
+def idle(plant: LinearPlant) -> tuple[str, ...]:
+    """States on which no rate depends, such as a place on a level floor."""
+    size = np.abs(plant.A).max(initial=0.0)
+    return tuple(
+        name for name, column in zip(plant.states, plant.A.T, strict=True) if np.abs(column).max() < 1e-8 * size
+    )
+
+
 def _hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[Mode, ...]:
     # rows and outputs brought to one size, so that neither units nor a weak input look like a missing rank
     size = max(1.0, float(np.abs(A).max(initial=0.0)))

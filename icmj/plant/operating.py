@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 OperatingKind = Literal["as given", "static control", "balance"]
@@ -16,6 +17,7 @@ class OperatingRule:
         kind: ``as given``: pose, velocity, activation and control are the keyframe's. ``static control``: the pose is,
             and controls and activations are those that hold it. ``balance``: the joints in ``free`` move, too.
         free: joints that may move, by name; all where there is none.
+        pose: positions of hinge and slide joints, instead of the keyframe's [rad, m].
 
     Where there is a choice, actuator forces depart least from those of the keyframe's controls; where it has none, that
     is the least effort.
@@ -23,3 +25,4 @@ class OperatingRule:
 
     kind: OperatingKind = "as given"
     free: tuple[str, ...] = ()
+    pose: Mapping[str, float] = field(default_factory=dict)

@@ -77,6 +77,7 @@ class Quality:
         margins: of the inputs that saturate.
         feedthrough: outputs that jump with the inputs (D ≠ 0).
         neutral, uncontrollable, unobservable: modes by their states.
+        idle: states that move nothing.
     """
 
     residual: Residual
@@ -89,6 +90,7 @@ class Quality:
     neutral: tuple[Mode, ...] = ()
     uncontrollable: tuple[Mode, ...] = ()
     unobservable: tuple[Mode, ...] = ()
+    idle: tuple[str, ...] = ()
 
     @property
     def at_rest(self) -> bool:
@@ -130,11 +132,18 @@ class Quality:
             yield Notice("coarse derivatives", "warning", words)
         for mode in self.uncontrollable:
             if not mode.stable:
-                words = f"no input moves {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
-                yield Notice("uncontrollable", "warning", words)
+                yield Notice("uncontrollable", "warning", self._unmoved(mode))
         for mode in self.unobservable:
             if not mode.stable:
                 yield Notice("unobservable", "warning", _unseen(mode))
+
+    def _unmoved(self, mode: Mode) -> str:
+        words = f"no input moves {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
+        idle = tuple(name for name in self.idle if name in mode.states)
+        if mode.eigenvalue == 0 and idle:
+            named = ", ".join(f'"{name}"' for name in idle)
+            words += f"; nothing depends on {_list(idle)}: drop = [{named}], and leave it out of outputs"
+        return words
 
 
 def _unseen(mode: Mode) -> str:

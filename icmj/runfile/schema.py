@@ -53,6 +53,7 @@ class PlantTable(TomlTable):
     keyframe: str | None = None
     operating_point: OperatingKind | None = None
     free: list[str] = []
+    pose: dict[str, Finite] = {}
     inputs: list[str] | None = None
     outputs: list[str] | Literal["joints"] | None = None
     states: list[str] | None = None
@@ -61,7 +62,7 @@ class PlantTable(TomlTable):
     @property
     def operating(self) -> OperatingRule:
         """The rule for the operating point that it stands for."""
-        return OperatingRule(self.operating_point or "as given", tuple(self.free))
+        return OperatingRule(self.operating_point or "as given", tuple(self.free), self.pose)
 
     @model_validator(mode="after")
     def _only_balance_frees(self) -> PlantTable:
