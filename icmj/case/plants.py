@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.engine.deviation import Deviation
+from icmj.engine.model import load_spec
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
@@ -41,7 +42,7 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     """
     table = run.actual
     deviation = deviation_of(run)
-    keyframe = table.keyframe or (run.assumed.keyframe if table.model is None else None)
+    keyframe = _keyframe(run)
     selection = replace(table.selection, inputs=table.selection.inputs or assumed.linearisation.plant.inputs)
     if selection.outputs is None:
         selection = replace(selection, outputs=_outputs(run, assumed))
@@ -80,6 +81,15 @@ def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[
         for notice in plant.quality.notices:
             if notice not in common:
                 yield replace(notice, words=f"{notice.words} ({which} plant)")
+    if _keyframe(run) is None and run.assumed.keyframe is not None:
+        words = (
+            f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
+            "name one in [actual] keyframe"
+        )
+        yield Notice("keyframe", "warning", words)
+    if run.disowned:
+        words = "[case.paper] speaks of another plant, design or rule than this run file has; it is left out"
+        yield Notice("paper", "warning", words)
     biased = [
         name
         for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
@@ -88,6 +98,14 @@ def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[
     if biased:
         words = f"the bias of {', '.join(biased)} acts in MuJoCo only; the linear theory and plant have no offset"
         yield Notice("sensor bias", "warning", words)
+
+
+def _keyframe(run: RunFile) -> str | None:
+    """The actual plant's: its own, or that of the assumed plant if its model has one of this name."""
+    if run.actual.keyframe is not None or run.actual.model is None:
+        return run.actual.keyframe or run.assumed.keyframe
+    names = [key.name for key in load_spec(run.actual_path).keys]
+    return run.assumed.keyframe if run.assumed.keyframe in names else None
 
 
 def _outputs(run: RunFile, assumed: MujocoPlant) -> tuple[str, ...]:

@@ -15,15 +15,26 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.layout import Layout
 from icmj.controller.trigger import Trigger
+from icmj.errors import AnalysisError
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Everything that the closed loop needs besides the plant."""
+    """Everything that the closed loop needs besides the plant.
+
+    Raises:
+        AnalysisError: on construction, if the trigger is none.
+    """
 
     design: Design
     hold: Hold
     trigger: Trigger
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.trigger, Trigger):
+            raise AnalysisError(
+                f"the controller's trigger is a {type(self.trigger).__name__}; expected a Trigger, such as EventTrigger"
+            )
 
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger."""

@@ -208,3 +208,40 @@ simulation = {{ duration = 12.0, initial = {{ lean = 4e-4 }} }}
 def test_free_needs_balance(tmp_path):
     with pytest.raises(RunFileError, match=r'assumed: .*free needs operating_point = "balance"'):
         brought(tmp_path, more=', free = ["x"]')
+
+
+def test_a_log_says_what_ran(root, tmp_path):
+    """A sweep in code: the archive of the run with 0.85 says 0.85."""
+    from icmj.log import read_log, write_log
+    from icmj.study.study import run_case
+
+    run = load_run(root / "runs" / "simple-0.8.toml")
+    short = {"simulation.duration": 3.0, "study.growth_points": 0, "study.attractor_starts": 0}
+    result = run_case(run.with_(**{"actual.gain": 0.85} | short), "linear")
+    write_log(result, tmp_path / "log.rrd")
+    again = read_log(tmp_path / "log.rrd")
+    assert again.run.actual.gain == 0.85
+    assert again.notices == result.notices
+    assert any("[case.paper] speaks of another" in notice for notice in again.notices)
+
+
+def test_a_model_without_geoms_is_logged(root, tmp_path):
+    from icmj.log import write_log
+    from icmj.study.study import run_case
+
+    written(tmp_path, pendulum(MOTOR))
+    case = brought(tmp_path, "model.xml", extra="simulation = { duration = 1.0 }\nstudy = { growth_points = 0 }")
+    write_log(run_case(case, "mujoco"), tmp_path / "log.rrd")
+
+
+def test_the_assumed_plants_keyframe_is_the_actual_ones_if_it_has_it(tmp_path):
+    written(tmp_path, pendulum(MOTOR, key='qpos="0.01" ctrl="-6.18"'))
+    written(tmp_path, pendulum(MOTOR, key='qpos="0.01" ctrl="-6.18"'), "same.xml")
+    written(tmp_path, pendulum(MOTOR).replace('key name="stand"', 'key name="lie"'), "none.xml")
+    allow = 'analysis = { allow = ["not at rest"] }'
+    more = ', keyframe = "stand"'
+    case = prepare(brought(tmp_path, "model.xml", 'model = "same.xml", gain = 0.9', more, allow))
+    assert case.actual.linearisation.point.qpos[0] == 0.01
+    case = prepare(brought(tmp_path, "model.xml", 'model = "none.xml", gain = 0.9', more, allow))
+    assert case.actual.linearisation.point.qpos[0] == 0
+    assert any("no keyframe 'stand'" in notice.words for notice in case.notices)
