@@ -9,7 +9,8 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.case.plants import actual_plant, assumed_plant, doubts
+from icmj.case.doubts import doubts, reach
+from icmj.case.plants import actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
@@ -75,6 +76,7 @@ def prepare(run: RunFile) -> Case:
     except IcmjError as error:
         why = "".join(f"; {notice.words}" for notice in notices) if isinstance(error, DesignError) else ""
         raise type(error)(f"{run.path}: {error}{why}") from error
+    notices += tuple(reach(actual, prediction))
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
 
 

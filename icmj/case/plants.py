@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from icmj.engine.model import load_spec
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.notice import Notice
 from icmj.plant.selection import Selection
 from icmj.runfile.schema import RunFile
 
@@ -42,7 +40,7 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     """
     table = run.actual
     deviation = deviation_of(run)
-    keyframe = _keyframe(run)
+    keyframe = keyframe_of(run)
     selection = replace(table.selection, inputs=table.selection.inputs or assumed.linearisation.plant.inputs)
     if selection.outputs is None:
         selection = replace(selection, outputs=_outputs(run, assumed))
@@ -73,34 +71,7 @@ def deviation_of(run: RunFile) -> Deviation:
     return Deviation(table.gain, table.dynprm, table.rho, tuple(entry.change() for entry in table.change))
 
 
-def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[Notice]:
-    """What there is to tell of both plants; what holds for both is told once."""
-    common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
-    yield from common
-    for which, plant in (("assumed", assumed), ("actual", actual)):
-        for notice in plant.quality.notices:
-            if notice not in common:
-                yield replace(notice, words=f"{notice.words} ({which} plant)")
-    if _keyframe(run) is None and run.assumed.keyframe is not None:
-        words = (
-            f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
-            "name one in [actual] keyframe"
-        )
-        yield Notice("keyframe", "warning", words)
-    if run.disowned:
-        words = "[case.paper] speaks of another plant, design or rule than this run file has; it is left out"
-        yield Notice("paper", "warning", words)
-    biased = [
-        name
-        for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
-        if beta
-    ]
-    if biased:
-        words = f"the bias of {', '.join(biased)} acts in MuJoCo only; the linear theory and plant have no offset"
-        yield Notice("sensor bias", "warning", words)
-
-
-def _keyframe(run: RunFile) -> str | None:
+def keyframe_of(run: RunFile) -> str | None:
     """The actual plant's: its own, or that of the assumed plant if its model has one of this name."""
     if run.actual.keyframe is not None or run.actual.model is None:
         return run.actual.keyframe or run.assumed.keyframe

@@ -105,6 +105,7 @@ def run(command: arguments.Run) -> None:
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
     from icmj.runfile.reading import load_run
+    from icmj.simulation.remarks import relative_error
     from icmj.study.study import run_case
 
     run_file = load_run(command.run)
@@ -119,6 +120,9 @@ def run(command: arguments.Run) -> None:
     outcome = result.simulation.outcome
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
+    error = relative_error(result.simulation)
+    if np.isfinite(error):
+        OUT.print(f"The step errs by {error:.1g} of an interval.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
 
 

@@ -57,6 +57,8 @@ class Simulation:
         outcome: how it ended.
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
+        applied: what acts of command and disturbance within the limits of the actuators, in the units of u, shape
+            (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant, which has no limits.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -72,3 +74,4 @@ class Simulation:
     outcome: Outcome
     precision: Mapping[str, float | int | str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    applied: Array = field(default_factory=lambda: np.zeros((0, 0)))

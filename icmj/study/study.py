@@ -80,6 +80,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     from icmj.experiment.growth import measure_growth
     from icmj.measurement.measurement import measure
     from icmj.result.result import Result
+    from icmj.simulation.remarks import remarks
     from icmj.study.provenance import provenance
 
     def report(done: float) -> None:
@@ -119,7 +120,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         attractors=found,
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
-        notices=tuple(str(notice) for notice in case.notices),
+        notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
     )
 
 

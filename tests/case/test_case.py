@@ -245,3 +245,24 @@ def test_the_assumed_plants_keyframe_is_the_actual_ones_if_it_has_it(tmp_path):
     case = prepare(brought(tmp_path, "model.xml", 'model = "none.xml", gain = 0.9', more, allow))
     assert case.actual.linearisation.point.qpos[0] == 0
     assert any("no keyframe 'stand'" in notice.words for notice in case.notices)
+
+
+def test_an_orbit_beyond_the_range_of_an_input_is_told_before_any_run(tmp_path):
+    weak = '<motor name="ankle" joint="lean" ctrllimited="true" ctrlrange="-2 2"/>'
+    written(tmp_path, pendulum(weak))
+    text = FIVE.replace("R_c = 0.01, R_o = 0.01", "R_c = 1e-7, R_o = 1e-6").replace("q_t = 0.001", "q_t = 0.01")
+    run = parse_run(text.format(assumed="model.xml", actual="gain = 0.9", more=""), tmp_path / "run.toml")
+    (notice,) = prepare(run).notices
+    assert notice.kind == "saturation"
+    assert "and its ctrlrange leaves 2" in notice.words
+
+
+@pytest.mark.parametrize("where", ["assumed", "actual"])
+def test_an_output_that_jumps_with_the_input_is_refused_before_anything_is_predicted(tmp_path, where):
+    jumps = pendulum(MOTOR, sensor='<accelerometer name="acceleration" site="top"/>')
+    written(tmp_path, jumps, "jumps.xml")
+    extra = "" if where == "assumed" else ', outputs = ["angle"]'
+    actual = "gain = 0.9" if where == "assumed" else 'gain = 0.9, outputs = ["acceleration.0"]'
+    with pytest.raises(ModelError, match="feedthrough: output 'acceleration.0' jumps with the inputs"):
+        prepare(brought(tmp_path, "jumps.xml", actual, extra))
+    assert prepare(brought(tmp_path, "jumps.xml", more=', outputs = ["angle"]')).notices == ()
