@@ -150,8 +150,16 @@ def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
+    from icmj.plant.operating import OperatingRule
+    from icmj.plant.selection import Selection
 
-    loaded = load_plant(command.model, keyframe=command.keyframe)
+    outputs = "joints" if command.outputs == ("joints",) else command.outputs or None
+    loaded = load_plant(
+        command.model,
+        keyframe=command.keyframe,
+        selection=Selection(outputs=outputs),
+        operating=OperatingRule(command.operating_point, command.free),
+    )
     linearisation = loaded.linearisation
     plant = linearisation.plant
     if command.json:

@@ -2,8 +2,9 @@
 
 At rest the force that each degree of freedom needs, by inverse dynamics with contacts and passive forces, is the force
 that the actuators give, and activations stand still. Newton's method solves these equations for control, activation and
-free joints; where they leave a choice, the sum of squares of the actuators' forces, less those of the controls given,
-is least. Contacts carry a weight by giving way, so a body on a floor is first set down until they bear it.
+free joints; where they leave a choice, effort is least: the sum of squares of what the actuators give, less what the
+controls given do, as a share of the range of each or, where it has none, as torque beside the weight. Contacts carry a
+weight by giving way, so a body on a floor is first set down until they bear it.
 """
 
 from __future__ import annotations
@@ -63,6 +64,7 @@ class _Search:
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
         self.z = np.zeros(model.nv + model.nu + model.na)
         self.lag = np.ones(model.na)  # time constants of the activations [s]
+        self.size = np.ones(model.nu)
         low, high = model.actuator_ctrlrange.T
         limited = model.actuator_ctrllimited.astype(bool)
         self.low, self.high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
@@ -76,7 +78,7 @@ class _Search:
         try:
             with installed(act_dyn=second_order_lag):
                 self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
-                self.lag = self.lags()
+                self.lag, self.size = self.lags(), self.sizes()
                 self.set_down()
                 for _ in range(self.model.nu + 1):
                     self.solve()
@@ -122,6 +124,17 @@ class _Search:
         slopes, _ = self.slopes(np.arange(self.model.nv, len(self.z)))
         return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
 
+    def sizes(self) -> Array:
+        """What a unit of each actuator's force counts as effort, shape (nu,)."""
+        model, data = self.model, self.place(self.z)
+        mujoco.mj_fwdPosition(model, data)
+        rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
+        lever = np.array([np.linalg.norm(data.actuator_moment[first : first + count]) for first, count in rows])
+        gain = np.abs(model.actuator_gainprm[:, 0]) * (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED)
+        strongest = gain * (self.high - self.low) / 2
+        ranged = np.isfinite(strongest) & (strongest > 0)
+        return np.where(ranged, 1 / np.where(ranged, strongest, 1.0), lever / self.weight)
+
     def set_down(self) -> None:
         """Move a body that may, along the vertical, to where its contacts bear the weight of the whole."""
         i = _vertical(self.model, self.free)
@@ -160,7 +173,7 @@ class _Search:
             with _softened(self.model, softer):
                 self.set_down()
                 self.relax(_EFFORT)
-        for _ in range(5):
+        for _ in range(8):
             self.relax(0.0)
             if np.linalg.norm(self.residual(self.forces(self.z))) <= _REST:
                 return
@@ -176,13 +189,18 @@ class _Search:
             z = begin.copy()
             z[moving] = part
             found = self.forces(z)
-            strain = effort * (found.actuator - self.wanted) / self.weight
+            strain = effort * self.size * (found.actuator - self.wanted)
             return np.concatenate([self.residual(found), strain, stay * (part - about)])
 
-        tight = 1e-15
+        nv, nu, tight = self.model.nv, self.model.nu, 1e-15
+        low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
+        if effort > 0:  # close to a balance ranges would only hamper
+            low[nv : nv + nu], high[nv : nv + nu] = self.low - self.given.ctrl, self.high - self.given.ctrl
+        bounds = low[moving], high[moving]
         found = least_squares(
-            misfit, begin[moving], jac="3-point", x_scale="jac", max_nfev=_STEPS, xtol=tight, ftol=tight, gtol=tight
-        )
+            misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=_STEPS,
+            xtol=tight, ftol=tight, gtol=tight,
+        )  # fmt: skip
         self.z[moving] = found.x
 
     def solve(self) -> None:
@@ -224,9 +242,9 @@ class _Search:
     def step(self, r: Array, found: _Forces, J: Array, F: Array, moving: np.ndarray) -> Array:
         """The Newton step of least effort and least motion."""
         position = moving < self.model.nv
-        effort = np.vstack([F / self.weight, _STAY * np.diag(position.astype(float))])
+        effort = np.vstack([self.size[:, None] * F, _STAY * np.diag(position.astype(float))])
         present = np.concatenate(
-            [(found.actuator - self.wanted) / self.weight, _STAY * np.where(position, self.z[moving], 0)]
+            [self.size * (found.actuator - self.wanted), _STAY * np.where(position, self.z[moving], 0)]
         )
         # controls of very different strength are brought to one size
         scale = 1 / np.maximum(np.linalg.norm(np.vstack([J, effort]), axis=0), 1e-12)

@@ -19,8 +19,8 @@ class OperatingRule:
         free: joints that may move, by name; all where there is none.
         pose: positions of hinge and slide joints, instead of the keyframe's [rad, m].
 
-    Where there is a choice, actuator forces depart least from those of the keyframe's controls; where it has none, that
-    is the least effort.
+    Where there is a choice, what the actuators give departs least from what the keyframe's controls do; where it has
+    none, that is the least effort.
     """
 
     kind: OperatingKind = "as given"

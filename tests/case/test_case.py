@@ -263,6 +263,6 @@ def test_an_output_that_jumps_with_the_input_is_refused_before_anything_is_predi
     written(tmp_path, jumps, "jumps.xml")
     extra = "" if where == "assumed" else ', outputs = ["angle"]'
     actual = "gain = 0.9" if where == "assumed" else 'gain = 0.9, outputs = ["acceleration.0"]'
-    with pytest.raises(ModelError, match="feedthrough: output 'acceleration.0' jumps with the inputs"):
+    with pytest.raises(ModelError, match=r"feedthrough: output 'acceleration.0' jumps with the inputs"):
         prepare(brought(tmp_path, "jumps.xml", actual, extra))
     assert prepare(brought(tmp_path, "jumps.xml", more=', outputs = ["angle"]')).notices == ()

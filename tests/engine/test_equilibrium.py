@@ -44,14 +44,14 @@ def test_a_muscle_holds_a_lean_by_its_activation(tmp_path):
 
 
 def test_effort_is_shared_so_that_its_square_is_least(tmp_path):
-    """Two motors on one joint, the second with twice the lever: it takes twice the force."""
+    """Two motors on one joint, the second with twice the lever: each gives half the torque."""
     pair = MOTOR + '<motor name="other" joint="lean" gear="2"/>'
     point = found(tmp_path, pendulum(pair, key=f'qpos="{LEAN}"'))
-    np.testing.assert_allclose(point.ctrl, [TORQUE / 5, 2 * TORQUE / 5], rtol=1e-7)
+    np.testing.assert_allclose(point.ctrl, [TORQUE / 2, TORQUE / 4], rtol=1e-7)
     # where controls are given, they change as little as they can
     point = found(tmp_path, pendulum(pair, key=f'qpos="{LEAN}" ctrl="7 3"'))
     missing = TORQUE - 7 - 2 * 3
-    np.testing.assert_allclose(point.ctrl, [7 + missing / 5, 3 + 2 * missing / 5], rtol=1e-7)
+    np.testing.assert_allclose(point.ctrl, [7 + missing / 2, 3 + missing / 4], rtol=1e-7)
 
 
 def test_a_pose_that_may_move_balances_the_weight(tmp_path):
