@@ -17,6 +17,7 @@ def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = task.x[:3], task.x[3:]
     gains, trigger, A_h = task.controller.design, task.trigger, task.controller.hold.A_h
+    b = task.plant.linearisation.ports.b
     x_o, x_h = task.x_o.copy(), task.x_o.copy()
     times: list[float] = []
     peak = last_peak = 0.0
@@ -31,7 +32,7 @@ def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float
             x_h = x_o.copy()
             last_peak, peak = peak, abs(y[0])
         u = -gains.k @ x_h
-        data.ctrl[:] = u
+        data.ctrl[:] = b * u
         x_o = x_o + timestep * (gains.plant.A @ x_o + gains.plant.B @ u - gains.L @ (gains.plant.C @ x_o - y))
         x_h = x_h + timestep * (A_h @ x_h)
 

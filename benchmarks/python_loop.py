@@ -29,23 +29,25 @@ class PythonLoop:
         loop = task.loop()
         self.model, self._start = loop.model, lambda: loop.data(task.x, np.tile(task.x_o, 2))
         self.block = block_of(self.model)
-        self.controller = task.controller
+        self.controller, self.b = task.controller, task.plant.linearisation.ports.b
         self.Q_t, self.q2 = task.trigger.Q_t, task.trigger.q_t**2
         # all three outputs are sums of joint angles, so that they are known after a step, too
         self.C = task.controller.design.plant.C[:, :3].copy()
 
     def _callbacks(self) -> tuple[Callable[..., None], Callable[..., float]]:
         gains, A_h = self.controller.design, self.controller.hold.A_h
+        b = self.b
         A, B, C, k, L = gains.plant.A, gains.plant.B, gains.plant.C, gains.k, gains.L
+        b_k = b[:, None] * k
         assert self.block is not None
         K, M, N = (np.array(matrix) for matrix in (self.block.K, self.block.M, self.block.N))
 
         def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             mujoco.mj_sensorPos(model, data)
-            data.ctrl[:3] = -k @ data.act[6:]
+            data.ctrl[:3] = -b_k @ data.act[6:]
 
         def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-            x_o, x_h, u = data.act[:6], data.act[6:], data.ctrl[:3]
+            x_o, x_h, u = data.act[:6], data.act[6:], data.ctrl[:3] / b
             data.act_dot[:6] = A @ x_o + B @ u - L @ (C @ x_o - data.sensordata)
             data.act_dot[6:] = A_h @ x_h
             return 0.0

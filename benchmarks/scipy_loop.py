@@ -18,7 +18,8 @@ class ScipyLoop:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         gains, self.trigger = task.controller.design, task.trigger
-        self.k, self.L, self.A_h = gains.k, gains.L, task.controller.hold.A_h
+        self.b_k = task.plant.linearisation.ports.b[:, None] * gains.k
+        self.L, self.A_h = gains.L, task.controller.hold.A_h
         self.A_o, self.Bk = gains.A_o, gains.plant.B @ gains.k
         self.start = np.concatenate([task.x, task.x_o, task.x_o])
 
@@ -33,7 +34,7 @@ class ScipyLoop:
         """d/dt of (q, q̇, x_o, x_h)."""
         data, x_o, x_h = self.data, s[6:12], s[12:]
         data.qpos[:], data.qvel[:] = s[:3], s[3:6]
-        data.ctrl[:] = -self.k @ x_h
+        data.ctrl[:] = -self.b_k @ x_h
         mujoco.mj_forward(self.model, data)
         rate = np.empty(18)
         rate[:3], rate[3:6] = s[3:6], data.qacc

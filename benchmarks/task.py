@@ -13,7 +13,7 @@ from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.closed_loop import ComposedLoop, close_loop
-from icmj.engine.model import Deviation
+from icmj.engine.deviation import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system

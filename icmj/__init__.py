@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from icmj.controller.hold import Hold, system_matched, zero_order
     from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, EventTrigger, output_weight
     from icmj.engine.accuracy import choose_timestep
+    from icmj.engine.deviation import Deviation
     from icmj.engine.plant import MujocoPlant, load_plant
     from icmj.errors import IcmjError
     from icmj.experiment.amplitude_law import measure_law
@@ -40,7 +41,12 @@ if TYPE_CHECKING:
     from icmj.experiment.growth import measure_growth
     from icmj.log import read_log, write_log
     from icmj.measurement.measurement import Measurement, measure
+    from icmj.plant.change import Change
     from icmj.plant.linear_plant import LinearPlant
+    from icmj.plant.notice import Notice
+    from icmj.plant.operating import OperatingRule
+    from icmj.plant.quality import Quality
+    from icmj.plant.selection import Selection
     from icmj.report import build_report
     from icmj.result.result import Result
     from icmj.runfile.reading import load_run, parse_run
@@ -83,6 +89,7 @@ _HOMES = {
         "output_weight",
     ),
     "icmj.engine.accuracy": ("choose_timestep",),
+    "icmj.engine.deviation": ("Deviation",),
     "icmj.engine.plant": (
         "MujocoPlant",
         "load_plant",
@@ -99,7 +106,12 @@ _HOMES = {
         "Measurement",
         "measure",
     ),
+    "icmj.plant.change": ("Change",),
     "icmj.plant.linear_plant": ("LinearPlant",),
+    "icmj.plant.notice": ("Notice",),
+    "icmj.plant.operating": ("OperatingRule",),
+    "icmj.plant.quality": ("Quality",),
+    "icmj.plant.selection": ("Selection",),
     "icmj.report": ("build_report",),
     "icmj.result.result": ("Result",),
     "icmj.runfile.reading": (
@@ -152,12 +164,14 @@ def __dir__() -> list[str]:
 
 __all__ = [
     "Case",
+    "Change",
     "ClockTrigger",
     "Comparison",
     "Continuous",
     "Controller",
     "Delay",
     "Design",
+    "Deviation",
     "ErrorSystem",
     "EventRule",
     "EventTrigger",
@@ -168,11 +182,15 @@ __all__ = [
     "Measurement",
     "MujocoPlant",
     "Noise",
+    "Notice",
     "OpenLoop",
     "OpenLoopInterval",
+    "OperatingRule",
     "Prediction",
+    "Quality",
     "Result",
     "RunFile",
+    "Selection",
     "Settings",
     "Simulation",
     "Step",

@@ -11,7 +11,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
-from icmj.engine.model import Deviation
+from icmj.engine.deviation import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict

@@ -9,15 +9,17 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.case.doubts import doubts, reach
+from icmj.case.plants import actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
-from icmj.engine.model import Deviation
-from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.errors import IcmjError, RunFileError
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import DesignError, IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile, Weights
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
@@ -40,6 +42,7 @@ class Case:
         settings: of its runs.
         system: error system of the actual plant under that controller.
         prediction: the linear theory of it.
+        notices: what to tell of it.
     """
 
     run: RunFile
@@ -50,6 +53,7 @@ class Case:
     settings: Settings
     system: ErrorSystem
     prediction: Prediction
+    notices: tuple[Notice, ...] = ()
 
 
 def prepare(run: RunFile) -> Case:
@@ -57,13 +61,13 @@ def prepare(run: RunFile) -> Case:
 
     Raises:
         RunFileError: if the run file asks for what its models do not have; the message names the run file.
+        ModelError: if a plant makes a prediction meaningless, and the run file does not allow it.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
-    deviation = Deviation(run.actual.gain, run.actual.dynprm, run.actual.rho)
-    assumed = load_plant(run.assumed_path, keyframe=run.assumed.keyframe)
-    actual_keyframe = run.actual.keyframe or (run.assumed.keyframe if run.actual.model is None else None)
-    actual = load_plant(run.actual_path, deviation, actual_keyframe)
+    assumed = assumed_plant(run)
+    actual = actual_plant(run, assumed)
     _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
+    notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
         design = _design(assumed.linearisation.plant, run.design)
         rule = run.controller.trigger(design)
@@ -71,8 +75,10 @@ def prepare(run: RunFile) -> Case:
         system = error_system(actual.linearisation.plant, design, controller.hold, delay=controller.delay)
         prediction = predict(system, rule, delta_max=run.analysis.delta_max)
     except IcmjError as error:
-        raise type(error)(f"{run.path}: {error}") from error
-    return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction)
+        why = "".join(f"; {notice.words}" for notice in notices) if isinstance(error, DesignError) else ""
+        raise type(error)(f"{run.path}: {error}{why}") from error
+    notices += tuple(reach(actual, prediction))
+    return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
 
 
 def simulate(

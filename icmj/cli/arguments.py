@@ -93,6 +93,12 @@ class Linearise:
     """MJCF file."""
     keyframe: str | None = None
     """Operating point; the reference configuration by default."""
+    operating_point: Literal["as given", "static control", "balance"] = "as given"
+    """What of the keyframe stands; a balance moves the joints, too."""
+    free: tuple[str, ...] = ()
+    """Joints that a balance may move; all by default."""
+    outputs: tuple[str, ...] = ()
+    """Sensors or joints; the one word joints means all joints, and all sensors are taken by default."""
     json: bool = False
     """Print JSON instead of tables."""
 

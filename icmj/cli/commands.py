@@ -17,7 +17,7 @@ from icmj.cli import arguments
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from icmj.comparison.comparison import Comparison
 
@@ -64,7 +64,7 @@ def analyse(command: arguments.Analyse) -> None:
     case = prepare(run)
     prediction, outputs = case.prediction, case.assumed.linearisation.plant.outputs
     if command.json:
-        print(json.dumps(plain_prediction(prediction, outputs), indent=2, allow_nan=False))
+        print(json.dumps(plain_prediction(prediction, outputs, case.notices), indent=2, allow_nan=False))
         return
     table = Table("", "", title=escape(run.case.title), title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
@@ -100,6 +100,7 @@ def analyse(command: arguments.Analyse) -> None:
         OUT.print(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
     for words in (*(m.words for m in prediction.neutral), *((prediction.family.words,) if prediction.family else ())):
         OUT.print(escape(words[0].upper() + words[1:] + "."))
+    _tell(case.notices)
 
 
 @execute.register
@@ -108,6 +109,7 @@ def run(command: arguments.Run) -> None:
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
     from icmj.runfile.reading import load_run
+    from icmj.simulation.remarks import relative_error
     from icmj.study.study import run_case
 
     run_file = load_run(command.run)
@@ -122,6 +124,9 @@ def run(command: arguments.Run) -> None:
     outcome = result.simulation.outcome
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
+    error = relative_error(result.simulation)
+    if np.isfinite(error):
+        OUT.print(f"The step errs by {error:.1g} of an interval.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
 
 
@@ -149,11 +154,20 @@ def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
+    from icmj.plant.operating import OperatingRule
+    from icmj.plant.selection import Selection
 
-    linearisation = load_plant(command.model, keyframe=command.keyframe).linearisation
+    outputs = "joints" if command.outputs == ("joints",) else command.outputs or None
+    loaded = load_plant(
+        command.model,
+        keyframe=command.keyframe,
+        selection=Selection(outputs=outputs),
+        operating=OperatingRule(command.operating_point, command.free),
+    )
+    linearisation = loaded.linearisation
     plant = linearisation.plant
     if command.json:
-        print(json.dumps(plain_linearisation(linearisation), allow_nan=False))
+        print(json.dumps(plain_linearisation(linearisation, loaded.quality), allow_nan=False))
         return
     for name, matrix, rows, columns in (
         ("A", plant.A, plant.states, plant.states),
@@ -165,12 +179,7 @@ def linearise(command: arguments.Linearise) -> None:
             table.add_row(escape(label), *(f"{value:.5g}" for value in values))
         OUT.print(table)
     OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
-    if linearisation.residual > 1e-9:
-        OUT.print(
-            f"note: not an equilibrium, the largest acceleration there is {linearisation.residual:.3g}; "
-            "choose a keyframe at rest",
-            highlight=False,
-        )
+    _tell(loaded.quality.notices)
 
 
 def _progress() -> Progress:
@@ -198,8 +207,14 @@ def _show(comparisons: Sequence[Comparison]) -> None:
         )
     OUT.print(table)
     for c in comparisons:
+        _tell(f"{c.case} ({c.plant}): {notice}" for notice in c.notices)
         if not c.measured.converged:
             OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
+
+
+def _tell(notices: Iterable[object]) -> None:
+    for notice in notices:
+        OUT.print(escape(f"note: {notice}"), highlight=False, style="yellow")
 
 
 def _number(value: float | None) -> str:

@@ -7,14 +7,21 @@ from typing import TYPE_CHECKING, Any
 from icmj.base.plain import plain
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from icmj.engine.linearisation import Linearisation
+    from icmj.plant.notice import Notice
+    from icmj.plant.quality import Quality
     from icmj.theory.prediction import Prediction
 
+MODES = ("neutral", "uncontrollable", "unobservable")
 
-def plain_prediction(prediction: Prediction, outputs: tuple[str, ...]) -> dict[str, Any]:
-    """What ``icmj analyse --json`` prints of a prediction."""
+
+def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
+    """What ``icmj analyse --json`` prints of a prediction, and what there is to tell of its plants."""
     return plain(
         {
+            "notices": [vars(notice) for notice in notices],
             "delta_crit": prediction.delta_crit,
             "eigenvalue": prediction.eigenvalue,
             "cycle": prediction.cycle,
@@ -47,7 +54,7 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...]) -> dict[s
     )
 
 
-def plain_linearisation(linearisation: Linearisation) -> dict[str, Any]:
+def plain_linearisation(linearisation: Linearisation, quality: Quality) -> dict[str, Any]:
     """What ``icmj linearise --json`` prints."""
     plant = linearisation.plant
     return plain(
@@ -59,6 +66,16 @@ def plain_linearisation(linearisation: Linearisation) -> dict[str, Any]:
             "states": plant.states,
             "inputs": plant.inputs,
             "outputs": plant.outputs,
+            "units": {"states": plant.state_units, "inputs": plant.input_units, "outputs": plant.output_units},
             "residual": linearisation.residual,
+            "quality": {
+                "residual": vars(quality.residual),
+                "errors": dict(zip("ABC", quality.errors, strict=True)),
+                "kinks": [vars(kink) for kink in quality.kinks],
+                "margins": [vars(margin) for margin in quality.margins],
+                "feedthrough": quality.feedthrough,
+                **{kind: [vars(mode) for mode in getattr(quality, kind)] for kind in MODES},
+            },
+            "notices": [vars(notice) for notice in quality.notices],
         }
     )

@@ -79,6 +79,7 @@ class Comparison:
         case, plant: the case's name, and ``linear`` or ``mujoco``.
         predicted, measured, relative_error: the numbers.
         words: the verdict in one or two sentences for people.
+        notices: what to tell of plants and run.
     """
 
     case: str
@@ -87,6 +88,7 @@ class Comparison:
     measured: Measured
     relative_error: RelativeError
     words: str
+    notices: tuple[str, ...] = ()
 
 
 def compare(result: Result) -> Comparison:
@@ -123,7 +125,13 @@ def compare(result: Result) -> Comparison:
         gamma=_relative(measured.gamma, predicted.gamma),
     )
     return Comparison(
-        result.run.case.name, result.simulation.plant, predicted, measured, error, verdict_in_words(result, converged)
+        result.run.case.name,
+        result.simulation.plant,
+        predicted,
+        measured,
+        error,
+        verdict_in_words(result, converged),
+        result.notices,
     )
 
 
@@ -149,6 +157,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "measured": plain(vars(comparison.measured)),
         "relative_error": plain(vars(comparison.relative_error)),
         "words": comparison.words,
+        "notices": list(comparison.notices),
     }
 
 

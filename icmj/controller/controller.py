@@ -26,7 +26,7 @@ class Controller:
     """Everything that the closed loop needs besides the plant.
 
     Raises:
-        AnalysisError: on construction, if control is continuous and yet delayed.
+        AnalysisError: on construction, if the trigger is none, or control is continuous and yet delayed.
     """
 
     design: Design
@@ -35,6 +35,10 @@ class Controller:
     delay: Delay = NO_DELAY
 
     def __post_init__(self) -> None:
+        if not isinstance(self.trigger, Trigger):
+            raise AnalysisError(
+                f"the controller's trigger is a {type(self.trigger).__name__}; expected a Trigger, such as EventTrigger"
+            )
         if self.delay and not self.trigger.holds:
             raise AnalysisError(
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "

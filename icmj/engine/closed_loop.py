@@ -17,6 +17,7 @@ from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose
 from icmj.engine.extremes import ExtremesTracker, Find, extremes
+from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
@@ -104,6 +105,7 @@ class ComposedLoop:
         """Put the plant at a departure from the operating point, and the controller at a state in its layout."""
         point, nv, block = self.plant.linearisation.point, self.model.nv, block_of(self.model)
         assert block is not None
+        x = self.plant.linearisation.ports.whole(x)
         data.time = t
         data.qpos[:] = point.qpos
         mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(x[:nv]), 1.0)
@@ -140,7 +142,6 @@ class ComposedLoop:
     def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Record:
         """Run from ``data`` until the schedule's end or until the plant falls or diverges, or the user interrupts."""
         model, width = self.model, self.width
-        y_0 = self.plant.linearisation.y
         record = recording(CHUNK, model.nsensordata, width)
         use = self.implementation()
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
@@ -148,7 +149,7 @@ class ComposedLoop:
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.jumps, use.find)
+            tracker = ExtremesTracker(t, self.y(data.sensordata), schedule.jumps, use.find)
             while status == Status.RUNNING and not stopped:
                 record.clear()
                 try:
@@ -162,7 +163,7 @@ class ComposedLoop:
                 rows.append(record.rows[:n_rows].copy())
                 events.append(record.events[:n_events].copy())
                 dense = record.dense[:n_dense]
-                tracker.add(dense[:, 0], dense[:, 1:] - y_0, record.event_at[:n_events])
+                tracker.add(dense[:, 0], self.y(dense[:, 1:]), record.event_at[:n_events])
                 t = float(dense[-1, 0]) if n_dense else t
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
@@ -182,7 +183,7 @@ class ComposedLoop:
         if status == Status.FELL:
             departure = np.zeros(self.model.nv)
             mujoco.mj_differentiatePos(self.model, departure, 1.0, self.plant.linearisation.point.qpos, data.qpos)
-            name = self.plant.linearisation.plant.states[int(np.argmax(np.abs(departure)))]
+            name = state_names(self.model)[int(np.argmax(np.abs(departure)))]
             return ending.fell(t, name, schedule.limit)
         if status == Status.DIVERGED:
             return ending.diverged(t, "the state stopped being finite")
@@ -216,7 +217,13 @@ class ComposedLoop:
             for departure, q in zip(position, qpos, strict=True):
                 mujoco.mj_differentiatePos(self.model, departure, 1.0, point.qpos, np.ascontiguousarray(q))
         x, parts = np.hstack([position, qvel - point.qvel, act - point.act]), layout.split(a)
-        return States(x, parts["x_o"], parts["x_h"], y - self.plant.linearisation.y)
+        kept = self.plant.linearisation.ports.states
+        return States(x[:, kept], parts["x_o"], parts["x_h"], self.y(y))
+
+    def y(self, sensordata: Array) -> Array:
+        """What the controller reads, as departure from the operating point, shape (..., n_y)."""
+        ports = self.plant.linearisation.ports
+        return ports.read(sensordata) + ports.beta - self.plant.linearisation.y
 
 
 def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop:

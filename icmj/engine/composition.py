@@ -16,10 +16,13 @@ Disturbances act on the plant's inputs; the observer is driven by the command u,
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 
-from icmj.controller.controller import Controller, realise
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, Realisation, realise
 from icmj.engine.block import pack
 from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
@@ -32,8 +35,8 @@ NAME = "icmj_controller"
 def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance) -> mujoco.MjModel:
     """The closed-loop model of ``plant`` under ``controller``; the plant's file and spec are not touched.
 
-    Outputs are the plant's sensors and inputs its actuators, in their order; the operating point of the actual plant is
-    where controls and outputs are counted from.
+    Outputs and inputs are those of the plant's ports; the operating point of the actual plant is where controls and
+    outputs are counted from.
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
@@ -41,10 +44,9 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
     """
     bare = plant.spec.copy().compile()
     name = model_name(bare)
-    _check(bare, name, controller)
-    point, controls = plant.linearisation.point, realise(controller)
-    stage = int(bare.sensor_needstage.max())
-    data = pack(controls, plant.linearisation.y, point.ctrl, disturbance, bare.na, stage)
+    _check(bare, name, plant, controller)
+    controls = realise(controller)
+    data = _packed(bare, plant, controls, disturbance)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -66,14 +68,38 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
-def _check(bare: mujoco.MjModel, name: str, controller: Controller) -> None:
-    design = controller.design
-    if (bare.nu, bare.nsensordata) != (design.plant.n_u, design.plant.n_y):
+def _packed(bare: mujoco.MjModel, plant: MujocoPlant, controls: Realisation, disturbance: Disturbance) -> Array:
+    """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
+    ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
+    K, N, y_0 = np.zeros((bare.nu, size)), np.zeros((size, bare.nsensordata)), np.zeros(bare.nsensordata)
+    K[ports.actuators] = ports.b[:, None] * controls.K
+    N[:, ports.entries] = controls.N * ports.g
+    # what the controller takes for the operating point: a bias makes it read more than there is
+    y_0[ports.entries] = (plant.linearisation.y - ports.beta) / ports.g
+    acting = replace(
+        disturbance,
+        n_u=bare.nu,
+        input=ports.actuators[disturbance.input],
+        amplitude=ports.b[disturbance.input] * disturbance.amplitude,
+    )
+    stage = max(int(bare.sensor_needstage[i]) for i in _sensors(bare, plant))
+    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, bare.na, stage)
+
+
+def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:
+    """The sensors that outputs are read from."""
+    entries = plant.linearisation.ports.entries
+    return sorted({int(np.searchsorted(bare.sensor_adr, entry, side="right")) - 1 for entry in entries})
+
+
+def _check(bare: mujoco.MjModel, name: str, plant: MujocoPlant, controller: Controller) -> None:
+    mine, assumed = plant.linearisation.plant, controller.design.plant
+    if (mine.n_u, mine.n_y) != (assumed.n_u, assumed.n_y):
         raise ModelError(
-            f"model {name!r} has {bare.nu} inputs and {bare.nsensordata} outputs, the controller's design "
-            f"{design.plant.n_u} and {design.plant.n_y}; they must agree"
+            f"model {name!r} has {mine.n_u} inputs and {mine.n_y} outputs, the controller's design "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
         )
-    for i in range(bare.nsensor):
+    for i in _sensors(bare, plant):
         if bare.sensor_needstage[i] == mujoco.mjtStage.mjSTAGE_ACC:
             raise ModelError(
                 f"model {name!r}: sensor {bare.sensor(i).name!r} needs accelerations, which depend on the control it "

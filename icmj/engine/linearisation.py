@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -11,10 +13,33 @@ from icmj.base.array import Array
 from icmj.engine.actuator import is_second_order_lag, second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import OperatingPoint, input_names, model_name, operating_point, output_names, state_names
+from icmj.engine.ports import Ports, ports_of
+from icmj.engine.units import input_units, output_units, state_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
 EPS = 1e-5  # balances truncation (eps²) against rounding (1/eps): 2e-9 on the three-link model
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Derivatives of a whole model at a point: all its states, actuators and sensor entries.
+
+    Attributes:
+        A, B, C, D: centred differences; shapes (n, n), (n, nu), (n_s, n), (n_s, nu).
+        rate: d/dt of (velocities, activations) at the point, shape (nv + na,).
+        sensordata: there, shape (n_s,).
+        bend: how much the two one-sided differences of each column of A and B disagree, relative to the
+            larger of them; shape (n + nu,). It falls with the step for a smooth model, and stays where there is a kink.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    rate: Array
+    sensordata: Array
+    bend: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,66 +48,126 @@ class Linearisation:
 
     Attributes:
         plant: ẋ = A x + B u, y = C x in departures from the operating point;
-            x = (nv positions in the tangent space, nv velocities, na activations).
+            x = (nv positions in the tangent space, nv velocities, na activations), as far as ``ports`` keeps them.
         point: the operating point.
         y: the outputs there, shape (n_y,).
         residual: largest |acceleration| or |activation rate| there; zero at an equilibrium.
+        ports: where u, y and x are in the model.
+        D: how the outputs jump with the inputs, shape (n_y, n_u); a plant for intermittent control has none.
     """
 
     plant: LinearPlant
     point: OperatingPoint
     y: Array
     residual: float
+    ports: Ports
+    D: Array
 
 
-def linearise(model: mujoco.MjModel, keyframe: str | None = None, eps: float = EPS) -> Linearisation:
-    """Linearise ``model`` at a keyframe (or its reference configuration).
+def linearise(
+    model: mujoco.MjModel,
+    keyframe: str | None = None,
+    eps: float = EPS,
+    *,
+    ports: Ports | None = None,
+    point: OperatingPoint | None = None,
+) -> Linearisation:
+    """Linearise ``model`` at a keyframe (or its reference configuration), or at ``point``.
 
     Positions are perturbed in the tangent space, so quaternion joints are right too. Actuators that are
     second-order lags (see :mod:`icmj.engine.actuator`) are included; any callback installed is taken off meanwhile.
+
+    Args:
+        model: the model.
+        keyframe: operating point, where no ``point`` is given.
+        eps: half the distance of a difference.
+        ports: which inputs, outputs and states; all of the model's if ``None``.
+        point: operating point instead of a keyframe's.
 
     Raises:
         ModelError: if there is no such keyframe, the model has no input or no output, an actuator has user
             dynamics other than a second-order lag, or a derivative is not finite.
     """
+    ports = ports or ports_of(model)
+    point = point or operating_point(model, keyframe)
+    found = differences(model, point, eps)
+    rows, columns, kept = ports.entries, ports.actuators, ports.states
+    plant = LinearPlant(
+        found.A[np.ix_(kept, kept)],
+        found.B[np.ix_(kept, columns)] * ports.b,
+        found.C[np.ix_(rows, kept)] * ports.g[:, None],
+        *(
+            _picked(of(model), at)
+            for of, at in (
+                *((state_names, kept), (input_names, columns), (output_names, rows)),
+                *((state_units, kept), (input_units, columns), (output_units, rows)),
+            )
+        ),
+    )
+    D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
+    y = ports.read(found.sensordata)
+    return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)
+
+
+def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) -> Differences:
+    """Derivatives of the model at ``point`` by differences over ± ``eps``.
+
+    Raises:
+        ModelError: if an actuator has user dynamics that icmj does not know, or a derivative is not finite.
+    """
     name = model_name(model)
-    if model.nu == 0 or model.nsensordata == 0:
-        missing = "actuator" if model.nu == 0 else "sensor"
-        raise ModelError(f"model {name!r} has no {missing}; inputs are its actuators and outputs its sensors")
     for i in range(model.nu):
         if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_USER and not is_second_order_lag(model, i):
             raise ModelError(
                 f"model {name!r}: actuator {input_names(model)[i]!r} has user activation dynamics that icmj does not "
                 'know; it knows second-order lags, actdim="2" dynprm="ω_n ζ" with ω_n > 0'
             )
-    point = operating_point(model, keyframe)
     data = mujoco.MjData(model)
     nv, na, nu = model.nv, model.na, model.nu
-
-    def evaluate(x: Array, u: Array) -> tuple[Array, Array]:
-        data.qpos[:] = point.qpos
-        mujoco.mj_integratePos(model, data.qpos, x[:nv], 1.0)
-        data.qvel[:] = point.qvel + x[nv : 2 * nv]
-        data.act[:] = point.act + x[2 * nv :]
-        data.ctrl[:] = point.ctrl + u
-        mujoco.mj_forward(model, data)
-        return np.concatenate([data.qvel, data.qacc, data.act_dot]), data.sensordata.copy()
-
     n = 2 * nv + na
-    A, B, C = np.zeros((n, n)), np.zeros((n, nu)), np.zeros((model.nsensordata, n))
-    with installed(act_dyn=second_order_lag):
-        rest, y = evaluate(np.zeros(n), np.zeros(nu))
+
+    def evaluate(z: Array) -> Array:
+        """d/dt of the state, and the sensors, at a departure of state and control."""
+        data.qpos[:] = point.qpos
+        mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
+        data.qvel[:] = point.qvel + z[nv : 2 * nv]
+        data.act[:] = point.act + z[2 * nv : n]
+        data.ctrl[:] = point.ctrl + z[n:]
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qvel, data.qacc, data.act_dot, data.sensordata])
+
+    slopes = np.zeros((n + model.nsensordata, n + nu))
+    gap, size = np.zeros(n + nu), np.zeros(n + nu)
+    with installed(act_dyn=second_order_lag), _solved_to_the_end(model):
+        rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
             step = np.zeros(n + nu)
             step[j] = eps
-            (f_up, y_up), (f_down, y_down) = (evaluate(s[:n], s[n:]) for s in (step, -step))
-            if j < n:
-                A[:, j], C[:, j] = (f_up - f_down) / (2 * eps), (y_up - y_down) / (2 * eps)
-            else:
-                B[:, j - n] = (f_up - f_down) / (2 * eps)
+            up, down = evaluate(step), evaluate(-step)
+            slopes[:, j] = (up - down) / (2 * eps)
+            right, left = (up - rest)[nv:n], (rest - down)[nv:n]
+            gap[j], size[j] = np.abs(right - left).max(), max(np.abs(right).max(), np.abs(left).max())
+    A, B, C, D = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     A[:nv] = np.hstack([np.zeros((nv, nv)), np.eye(nv), np.zeros((nv, na))])
     B[:nv] = 0
-    if not all(np.isfinite(M).all() for M in (A, B, C)):
-        raise ModelError(f"model {name!r} has no finite linearisation at keyframe {keyframe!r}")
-    plant = LinearPlant(A, B, C, state_names(model), input_names(model), output_names(model))
-    return Linearisation(plant, point, y, float(np.abs(rest[nv:]).max()))
+    if not np.isfinite(slopes).all():
+        raise ModelError(f"model {name!r} has no finite linearisation at this operating point")
+    # a column that is zero but for rounding bends by nothing but rounding
+    least = np.repeat([size[:n].max(), size[n:].max(initial=0.0)], [n, nu]) * 1e-6
+    bend = gap / np.maximum(np.maximum(size, least), 1e-300)
+    return Differences(A, B, C, D, rest[nv:n], rest[n:], bend)
+
+
+def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
+    return tuple(names[i] for i in at)
+
+
+@contextmanager
+def _solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
+    """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
+    before = model.opt.tolerance, model.opt.iterations
+    model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
+    try:
+        yield
+    finally:
+        model.opt.tolerance, model.opt.iterations = before

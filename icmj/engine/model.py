@@ -1,32 +1,15 @@
-"""The MJCF plant: loading, deviating, and its operating point."""
+"""The MJCF model: loading, deviating, its operating point, and the names of what it has."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.deviation import Deviation
 from icmj.errors import ModelError
-
-
-@dataclass(frozen=True)
-class Deviation:
-    """How the actual plant departs from an MJCF model; the default is no departure.
-
-    Attributes:
-        gain: b, factor on every input of the plant (one number) or on each (one for each actuator).
-        dynprm: replaces ``dynprm`` of the named actuators.
-        rho: ρ of the paper's family A = Â − ρÃ₁: 0 no deviation, 1 all of it.
-            Acts on ``gain`` only: the gain applied is 1 + ρ (gain − 1).
-    """
-
-    gain: float | Sequence[float] = 1.0
-    dynprm: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    rho: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +23,12 @@ class OperatingPoint:
 
 
 def load_spec(path: Path, deviation: Deviation | None = None) -> mujoco.MjSpec:
-    """The model of an MJCF file, with ``deviation`` applied; the file itself is not touched.
+    """The model of an MJCF file, with what ``deviation`` changes in it; the file itself is not touched.
+
+    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
 
     Raises:
-        ModelError: if the file is missing, is not MJCF, does not compile, or the deviation names
-            an actuator that it does not have.
+        ModelError: if the file is missing, is not MJCF, does not compile, or the deviation names what it does not have.
     """
     path = Path(path)
     if not path.is_file():
@@ -56,26 +40,8 @@ def load_spec(path: Path, deviation: Deviation | None = None) -> mujoco.MjSpec:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path}: not a usable MJCF model: {reason}") from error
     if deviation is not None:
-        _apply(spec, deviation, path)
+        deviation.apply(spec, path.name)
     return spec
-
-
-def _apply(spec: mujoco.MjSpec, deviation: Deviation, path: Path) -> None:
-    actuators = list(spec.actuators)
-    gain = np.asarray(deviation.gain, dtype=float)
-    if gain.ndim > 1 or (gain.ndim == 1 and gain.size != len(actuators)):
-        raise ModelError(f"{path}: gain has {gain.size} entries for {len(actuators)} actuators")
-    applied = 1 + deviation.rho * (np.broadcast_to(gain, (len(actuators),)) - 1)
-    for actuator, b in zip(actuators, applied, strict=True):
-        actuator.gear = np.asarray(actuator.gear) * b
-    for name, values in deviation.dynprm.items():
-        match = [a for a in actuators if a.name == name]
-        if not match:
-            known = ", ".join(a.name for a in actuators)
-            raise ModelError(f"{path}: no actuator {name!r} to deviate; it has {known}")
-        dynprm = np.array(match[0].dynprm, dtype=float)
-        dynprm[: len(values)] = values
-        match[0].dynprm = dynprm
 
 
 def operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> OperatingPoint:
@@ -111,6 +77,15 @@ def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
         name, dim = model.sensor(i).name or f"y{i}", int(model.sensor_dim[i])
         names += [name] if dim == 1 else [f"{name}.{j}" for j in range(dim)]
     return tuple(names)
+
+
+def sensor_entries(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
+    """The places of each sensor in ``sensordata``, by its name."""
+    places = {}
+    for i in range(model.nsensor):
+        first = int(model.sensor_adr[i])
+        places[model.sensor(i).name or f"y{i}"] = tuple(range(first, first + int(model.sensor_dim[i])))
+    return places
 
 
 def state_names(model: mujoco.MjModel) -> tuple[str, ...]:

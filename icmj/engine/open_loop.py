@@ -40,24 +40,24 @@ class EngineOpenLoop:
         loop, data, record = self.loop, self._data, self._record
         hold = x_o if x_h is None else x_h
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
-        y_0, status, last = loop.plant.linearisation.y, Status.RUNNING, t
+        status, last = Status.RUNNING, t
         mujoco.mj_resetData(loop.model, data)
         with installed(*self._use.callbacks), loop.lent():
             loop.place(data, np.asarray(x, float), a, t)
             self._steps.begin()
-            tracker = ExtremesTracker(t, data.sensordata - y_0, self.schedule.jumps, self._use.find)
+            tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find)
             while status == Status.RUNNING:
                 record.clear()
                 status = self._steps.advance(record, CHUNK)
                 n_dense, n_rows, n_events = (int(n) for n in record.count)
-                tracker.add(record.dense[:n_dense, 0], record.dense[:n_dense, 1:] - y_0, record.event_at[:n_events])
+                tracker.add(record.dense[:n_dense, 0], loop.y(record.dense[:n_dense, 1:]), record.event_at[:n_events])
                 last = float(record.dense[n_dense - 1, 0]) if n_dense else last
             row = record.events[0] if n_events else record.rows[n_rows - 1]
             if not n_events and not n_rows:  # there was no time to fly
                 row = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))
         end = loop.departures(row[None, :].copy())
-        y_max, y_min = tracker.result() if n_events else (np.full((1, len(y_0)), np.nan),) * 2
+        y_max, y_min = tracker.result() if n_events else (np.full((1, end.y.shape[1]), np.nan),) * 2
         return OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
 
 

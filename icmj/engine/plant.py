@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
 
+from icmj.engine.assessment import assess
+from icmj.engine.deviation import Deviation
+from icmj.engine.equilibrium import equilibrium
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import Deviation, load_spec
+from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
+from icmj.engine.ports import ports_of
+from icmj.engine.sensing import sensed
+from icmj.errors import ModelError
+from icmj.plant.operating import OperatingRule
+from icmj.plant.quality import Quality
+from icmj.plant.selection import Selection
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,12 +28,22 @@ class MujocoPlant:
     Attributes:
         path: the MJCF file.
         spec: its model, deviated; copy before editing (``spec.copy()``).
-        linearisation: at the operating point, with the point itself.
+        linearisation: at the operating point, with the point itself and the ports.
     """
 
     path: Path
     spec: mujoco.MjSpec
     linearisation: Linearisation
+
+    @cached_property
+    def quality(self) -> Quality:
+        """How good its operating point is."""
+        return assess(self.spec.compile(), self.linearisation)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All states that the model has, also those that the plant leaves out."""
+        return state_names(self.spec.compile())
 
     @property
     def xml(self) -> str:
@@ -31,12 +51,37 @@ class MujocoPlant:
         return self.spec.to_xml()
 
 
-def load_plant(path: Path | str, deviation: Deviation | None = None, keyframe: str | None = None) -> MujocoPlant:
+def load_plant(
+    path: Path | str,
+    deviation: Deviation | None = None,
+    keyframe: str | None = None,
+    *,
+    selection: Selection | None = None,
+    operating: OperatingRule | None = None,
+    start: OperatingPoint | None = None,
+) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
+    Args:
+        path: the MJCF file.
+        deviation: what is changed in it.
+        keyframe: its operating point; the reference configuration if ``None``.
+        selection: its inputs, outputs and states; all of the model's if ``None``.
+        operating: how its operating point follows from the keyframe; it is the keyframe's if ``None``.
+        start: instead of a keyframe.
+
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec` and :func:`icmj.engine.linearisation.linearise`.
+        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
+            :func:`icmj.engine.equilibrium.equilibrium` and :func:`icmj.engine.linearisation.linearise`.
     """
     path = Path(path)
     spec = load_spec(path, deviation)
-    return MujocoPlant(path, spec, linearise(spec.compile(), keyframe))
+    selection = sensed(spec, selection or Selection())
+    model = spec.compile()
+    ports = ports_of(model, selection, deviation)
+    given = start or operating_point(model, keyframe)
+    try:
+        point = equilibrium(model, given, operating or OperatingRule())
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+    return MujocoPlant(path, spec, linearise(model, ports=ports, point=point))

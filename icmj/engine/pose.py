@@ -36,11 +36,12 @@ def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.
         for dq, qpos in zip(departure, simulation.qpos, strict=True):
             mujoco.mj_differentiatePos(model, dq, 1.0, qpos_0, qpos)
     else:
-        if simulation.x.shape[1] < nv:
+        ports = plant.linearisation.ports
+        if simulation.x.shape[1] != len(ports.states):
             raise ModelError(
-                f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the model {nv} positions"
+                f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the plant {len(ports.states)}"
             )
-        departure = simulation.x[:, :nv]
+        departure = ports.whole(simulation.x)[:, :nv]
     xpos, xquat, com = _poses(model, qpos_0, departure)
     return Scene(
         tuple(model.body(i).name or f"body{i}" for i in range(model.nbody)),

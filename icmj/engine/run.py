@@ -12,6 +12,7 @@ from icmj.controller.controller import Controller
 from icmj.engine.accuracy import estimate, order_of
 from icmj.engine.closed_loop import close_loop, timestep_of
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.saturation import applied, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -42,9 +43,10 @@ def simulate(
         error_estimate: measure the error by repeating the last interval at half the timestep.
 
     Returns:
-        The run. ``u`` is the command −k̂x_h; a disturbance acts on the plant beside it. ``precision`` has
+        The run. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance. ``precision`` has
         ``integrator``, ``order``, ``timestep`` [s], ``event_tolerance`` [s], ``interval_error`` [s] and
-        ``output_error`` (relative; both estimated over one interval), ``steps``, ``seconds``, ``implementation``.
+        ``output_error`` (relative; both estimated over one interval), ``steps``, ``seconds``, ``implementation``; where
+        there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often).
 
     Raises:
         ModelError: if plant and design do not fit.
@@ -74,13 +76,17 @@ def simulate(
         precision |= {"error_stretch": accuracy.stretch, "fastest_rate": schedule.rate}
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
+    u = -rows.x_h @ controller.design.k.T
+    acting, cut = applied(plant, loop.disturbance, record.rows, u)
+    if limited(model):
+        precision |= shares(plant.linearisation.plant.inputs, cut)
     return Simulation(
         plant="mujoco",
         control=controller.trigger.kind,
         t=record.rows[:, 0],
         x=rows.x,
         y=rows.y,
-        u=-rows.x_h @ controller.design.k.T,
+        u=u,
         x_o=rows.x_o,
         x_h=rows.x_h,
         E=controller.trigger.faces(controller.design).E(rows.x_h - rows.x_o),
@@ -89,4 +95,5 @@ def simulate(
         precision=precision,
         qpos=record.rows[:, 1 : 1 + model.nq],
         delay=controller.delay.t_d,
+        applied=acting,
     )

@@ -148,8 +148,9 @@ def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> N
 
 
 def height(scene: Scene) -> float:
-    """From the floor to a little above the highest geom [m]."""
-    return _top(scene) - _floor(scene)
+    """From the floor to a little above the highest geom [m]; 1 where there is nothing to see."""
+    tall = _top(scene) - _floor(scene)
+    return tall if tall > 1e-6 else 1.0
 
 
 def eye(scene: Scene) -> tuple[Array, Array]:

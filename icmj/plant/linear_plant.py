@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ class LinearPlant:
         B: input matrix, shape (n, n_u).
         C: output matrix, shape (n_y, n).
         states, inputs, outputs: names, lengths n, n_u and n_y.
+        state_units, input_units, output_units: their units, such as rad or N m; "" where it is not known.
 
     Raises:
         AnalysisError: on construction, if shapes disagree or an entry is not finite.
@@ -35,6 +36,9 @@ class LinearPlant:
     states: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         A, B, C = (np.atleast_2d(np.array(M, dtype=float)) for M in (self.A, self.B, self.C))
@@ -58,6 +62,11 @@ class LinearPlant:
             if len(names) != size:
                 raise AnalysisError(f"plant has {size} {kind} but {len(names)} names: {', '.join(names)}")
             object.__setattr__(self, kind, names)
+            of = f"{kind.removesuffix('s')}_units"
+            units = tuple(getattr(self, of)) or ("",) * size
+            if len(units) != size:
+                raise AnalysisError(f"plant has {size} {kind} but {len(units)} units of them: {', '.join(units)}")
+            object.__setattr__(self, of, units)
 
     @property
     def n(self) -> int:
@@ -82,7 +91,7 @@ class LinearPlant:
 
     def scaled(self, gain: ArrayLike) -> LinearPlant:
         """The same plant with its inputs multiplied by ``gain`` (scalar or one for each input)."""
-        return LinearPlant(self.A, self.B * np.asarray(gain, float), self.C, self.states, self.inputs, self.outputs)
+        return replace(self, B=self.B * np.asarray(gain, float))
 
     def statespace(self) -> StateSpace:
         """As a python-control ``StateSpace`` with the same names."""
@@ -131,7 +140,7 @@ def deviated(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPla
     if assumed.states != actual.states:
         raise AnalysisError("the family in ρ needs assumed and actual plant with the same states, in the same order")
     A, B, C = ((1 - rho) * M + rho * N for M, N in zip(_matrices(assumed), _matrices(actual), strict=True))
-    return LinearPlant(A, B, C, assumed.states, assumed.inputs, assumed.outputs)
+    return replace(assumed, A=A, B=B, C=C)
 
 
 def _matrices(plant: LinearPlant) -> tuple[Array, Array, Array]:

@@ -66,6 +66,7 @@ class Result:
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
         attractors: motions found from random starts of the linear plant; empty if not searched.
+        notices: what to tell of plants and run, each once.
     """
 
     run: RunFile
@@ -81,3 +82,4 @@ class Result:
     scene: Scene | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     attractors: tuple[Attractor, ...] = ()
+    notices: tuple[str, ...] = ()

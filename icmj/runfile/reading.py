@@ -6,8 +6,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
 
@@ -39,13 +37,6 @@ def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:
         data: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise RunFileError(f"{path}: not TOML: {error}") from error
-    try:
-        run = RunFile.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "file"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        shown = "" if first["type"] == "missing" else f", got {first['input']!r:.60}"
-        raise RunFileError(f"{path}: {key}: {first['msg']}{shown}{more}") from error
-    run._text, run._path = text, path
+    run = RunFile.validated(data, path)
+    run._text = text
     return run

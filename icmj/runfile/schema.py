@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.controller.design import Design
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
-from icmj.errors import SimulationError
+from icmj.errors import ModelError, RunFileError, SimulationError
+from icmj.plant.change import Change, What
+from icmj.plant.notice import Kind
+from icmj.plant.operating import OperatingKind, OperatingRule
+from icmj.plant.selection import Selection
+from icmj.runfile.writing import to_toml
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -26,7 +35,11 @@ class TomlTable(BaseModel):
 
 
 class Paper(TomlTable):
-    """What the paper says of this case; shown beside our numbers, never used in a computation."""
+    """What the paper says of this case; shown beside our numbers, never used in a computation.
+
+    ``fingerprint`` is that of the run file it speaks of (:attr:`RunFile.fingerprint`). In a copy with another plant,
+    design or rule the block stands for nothing and is left out, with a word. Without a fingerprint it is as stated.
+    """
 
     figure: str = ""
     delta_crit: Positive | None = None
@@ -34,6 +47,7 @@ class Paper(TomlTable):
     cycle: bool | None = None
     statements: list[str] = []
     note: str = ""
+    fingerprint: str = ""
 
 
 class Identity(TomlTable):
@@ -44,23 +58,86 @@ class Identity(TomlTable):
     paper: Paper = Paper()
 
 
-class Assumed(TomlTable):
+class PlantTable(TomlTable):
+    """What both plants have: operating point, inputs, outputs and states, by name."""
+
+    keyframe: str | None = None
+    operating_point: OperatingKind | None = None
+    free: list[str] = []
+    pose: dict[str, Finite] = {}
+    inputs: list[str] | None = None
+    outputs: list[str] | Literal["joints"] | None = None
+    states: list[str] | None = None
+    drop: list[str] = []
+
+    @property
+    def operating(self) -> OperatingRule:
+        """The rule for the operating point that it stands for."""
+        return OperatingRule(self.operating_point or "as given", tuple(self.free), self.pose)
+
+    @model_validator(mode="after")
+    def _only_balance_frees(self) -> PlantTable:
+        if self.free and self.operating_point != "balance":
+            raise ValueError('free needs operating_point = "balance"')
+        return self
+
+    @property
+    def selection(self) -> Selection:
+        """The selection that it stands for."""
+        outputs = self.outputs if isinstance(self.outputs, str) else _names(self.outputs)
+        return Selection(_names(self.inputs), outputs, _names(self.states), tuple(self.drop))
+
+
+class Assumed(PlantTable):
     """The plant that the controller believes in."""
 
     model: str
-    keyframe: str | None = None
     delay: NonNegative = 0.0
 
 
-class Actual(TomlTable):
-    """The plant that is really there: another model, or the same one with a deviation."""
+class ChangeTable(TomlTable):
+    """One named change; see :mod:`icmj.plant.change` for what there is."""
+
+    what: What
+    of: str | None = None
+    factor: Finite | None = None
+    value: Finite | list[Finite] | None = None
+
+    def change(self) -> Change:
+        """The change that it stands for.
+
+        Raises:
+            ModelError: if it is not one.
+        """
+        value = tuple(self.value) if isinstance(self.value, list) else self.value
+        return Change(self.what, self.of, self.factor, value)
+
+    @model_validator(mode="after")
+    def _is_one(self) -> ChangeTable:
+        try:
+            self.change()
+        except ModelError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+
+class Actual(PlantTable):
+    """The plant that is really there: another model, or the same one, with or without changes.
+
+    Where it names no inputs or outputs they are those of the assumed plant, by name; where it has no operating point it
+    finds its own by the assumed plant's rule, from where the assumed plant rests.
+    """
 
     model: str | None = None
-    keyframe: str | None = None
     gain: Finite | list[Finite] = 1.0
     dynprm: dict[str, list[Finite]] = {}
+    change: list[ChangeTable] = []
     rho: Finite = 1.0
     delay: NonNegative | None = None
+
+
+def _names(given: list[str] | None) -> tuple[str, ...] | None:
+    return None if given is None else tuple(given)
 
 
 class Weights(TomlTable):
@@ -107,9 +184,10 @@ class Control(TomlTable):
 
 
 class Analysis(TomlTable):
-    """Range of Δ searched for crossings [s]."""
+    """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
 
     delta_max: Positive = 3.0
+    allow: list[Kind] = []
 
 
 class ImpulseTable(TomlTable):
@@ -215,6 +293,73 @@ class RunFile(TomlTable):
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("run.toml"))
+    _disowned: bool = PrivateAttr(default=False)
+
+    @classmethod
+    def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
+        """A run file of plain data, its models beside ``path``.
+
+        Raises:
+            RunFileError: one line that names the file, the key, and what was expected.
+        """
+        try:
+            run = cls.model_validate(data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(str(part) for part in first["loc"]) or "file"
+            more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+            shown = "" if first["type"] == "missing" else f", got {first['input']!r:.60}"
+            raise RunFileError(f"{path}: {key}: {first['msg']}{shown}{more}") from error
+        run._path = path
+        return run
+
+    def with_(self, **changes: Any) -> RunFile:
+        """The same run file with some values changed, by dotted keys: ``run.with_(**{"actual.gain": 0.85})``.
+
+        Raises:
+            RunFileError: if a key is unknown or a value not allowed.
+        """
+        data = self._data()
+        for key, value in changes.items():
+            *tables, last = key.split(".")
+            table = data
+            for name in tables:
+                table = table.setdefault(name, {})
+                if not isinstance(table, dict):
+                    raise RunFileError(f"{self._path}: {key}: {name} is no table")
+            table[last] = value
+        return type(self).validated(data, self._path)
+
+    def _data(self) -> dict[str, Any]:
+        """What it says, as plain data without defaults."""
+        return self.model_dump(exclude_defaults=True, exclude_none=True)
+
+    @property
+    def fingerprint(self) -> str:
+        """Twelve hexadecimal digits that change with the plants, the design, the hold and the weight of the rule.
+
+        Folders of model files, thresholds and everything about the run do not count.
+        """
+        data = {name: self._data().get(name, {}) for name in ("assumed", "actual", "design")}
+        for table in (data["assumed"], data["actual"]):
+            if "model" in table:
+                table["model"] = Path(table["model"]).name
+        rule = self.controller.model_dump(include={"hold", "Q_t"})
+        content = json.dumps(data | {"rule": rule}, sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+    @property
+    def disowned(self) -> bool:
+        """Whether it had a paper's block that speaks of another case."""
+        return self._disowned
+
+    @model_validator(mode="after")
+    def _paper_speaks_of_this(self) -> RunFile:
+        stated = self.case.paper.fingerprint
+        if stated and stated != self.fingerprint:
+            object.__setattr__(self, "case", self.case.model_copy(update={"paper": Paper()}))
+            self._disowned = True
+        return self
 
     @model_validator(mode="after")
     def _law_needs_two_points(self) -> RunFile:
@@ -224,8 +369,12 @@ class RunFile(TomlTable):
 
     @property
     def text(self) -> str:
-        """The TOML text as read."""
-        return self._text
+        """The TOML text as read; where the values have been changed since, text that says what they are."""
+        if self._text:
+            said = type(self).model_validate(tomllib.loads(self._text))
+            if said.model_dump() == self.model_dump():
+                return self._text
+        return f"# written from values that were changed in code after {self._path.name}\n" + to_toml(self._data())
 
     @property
     def path(self) -> Path:

@@ -59,6 +59,8 @@ class Simulation:
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
         delay: t_d from an event to its action [s].
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
+        applied: what acts of command and disturbance within the limits of the actuators, in the units of u, shape
+            (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant, which has no limits.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -75,3 +77,4 @@ class Simulation:
     precision: Mapping[str, float | int | str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
     delay: float = 0.0
+    applied: Array = field(default_factory=lambda: np.zeros((0, 0)))

@@ -80,6 +80,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     from icmj.experiment.growth import measure_growth
     from icmj.measurement.measurement import measure
     from icmj.result.result import Result
+    from icmj.simulation.remarks import remarks
     from icmj.study.provenance import provenance
 
     def report(done: float) -> None:
@@ -119,6 +120,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         attractors=found,
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
+        notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
     )
 
 
@@ -132,18 +134,17 @@ def _attractors(case: Case) -> tuple[Attractor, ...]:
     return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
 
 
-def check(path: Path) -> None:
+def check(run: RunFile) -> None:
     """Prepare a case and throw it away: bad input shows before anything is written."""
     from icmj.case.case import prepare
 
-    prepare(load_run(path))
+    prepare(run)
 
 
-def log_case(path: Path, plant: PlantKind, folder: Path) -> Path:
+def log_case(run: RunFile, plant: PlantKind, folder: Path) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
     from icmj.log import write_log
 
-    run = load_run(path)
     result = run_case(run, plant)
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / f"{run.case.name}.{plant}.rrd"
@@ -172,10 +173,10 @@ def run_study(
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(tasks)))
     done = 0
     with _pool(jobs) as pool:
-        list(pool.map(check, [run.path for run in runs]))
+        list(pool.map(check, runs))
         tell("inputs checked", 0.1)
         futures: dict[Future[Path], str] = {
-            pool.submit(log_case, run.path, plant, out): f"{run.case.name} ({plant})" for run, plant in tasks
+            pool.submit(log_case, run, plant, out): f"{run.case.name} ({plant})" for run, plant in tasks
         }
         try:
             for future in as_completed(futures):

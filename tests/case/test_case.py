@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from model_cases import MOTOR, pendulum, two, written
 
 from icmj.case.case import prepare, simulate
 from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.errors import DesignError, RunFileError
+from icmj.errors import DesignError, ModelError, RunFileError
 from icmj.runfile.reading import load_run, parse_run
 
 NOTES = {  # Δ_crit [s], eigenvalue, cycle predicted (notes, sections 2, 4 and 5)
@@ -94,3 +95,174 @@ def test_exact_model_in_mujoco_has_an_interval_that_grows_with_the_logarithm_of_
         run = simulate(prepare(parse_run(changed, path)), "mujoco")
         intervals.append(run.events.interval[-1])
     assert intervals[1] - intervals[0] == pytest.approx(2 * np.log(10), rel=2e-3)
+
+
+FIVE = """
+case = {{ name = "brought", title = "Brought along" }}
+assumed = {{ model = "{assumed}"{more} }}
+actual = {{ {actual} }}
+design = {{ R_c = 0.01, R_o = 0.01 }}
+controller = {{ q_t = 0.001 }}
+"""
+
+
+def brought(folder, assumed="two.xml", actual="gain = 0.9", more="", extra=""):
+    """A run file of five lines for a model that lies in ``folder``."""
+    return parse_run(FIVE.format(assumed=assumed, actual=actual, more=more) + extra, folder / "run.toml")
+
+
+def test_inputs_and_outputs_are_matched_by_name_between_the_models(tmp_path):
+    """The same plant with its actuators and sensors in another order is the same plant."""
+    two(tmp_path), two(tmp_path, -1, "turned.xml")
+    same, turned = (prepare(brought(tmp_path, actual=a)) for a in ("gain = 0.9", 'model = "turned.xml", gain = 0.9'))
+    assert turned.prediction.delta_crit == same.prediction.delta_crit
+    assert turned.actual.linearisation.plant.outputs == ("place", "angle")
+
+
+def test_an_output_that_the_actual_model_lacks_is_named(tmp_path):
+    two(tmp_path)
+    written(tmp_path, pendulum(MOTOR), "other.xml")
+    with pytest.raises(ModelError, match="no input 'push'; it has ankle"):
+        prepare(brought(tmp_path, actual='model = "other.xml"'))
+
+
+def test_a_model_without_sensors_runs_from_five_lines(tmp_path):
+    two(tmp_path, sensors=False)
+    with pytest.raises(ModelError, match='outputs = "joints"'):
+        prepare(brought(tmp_path))
+    case = prepare(brought(tmp_path, more=', outputs = "joints", inputs = ["push"]'))
+    plant = case.actual.linearisation.plant
+    assert (plant.inputs, plant.outputs, plant.output_units) == (("push",), ("x", "tilt"), ("m", "rad"))
+
+
+def test_a_dropped_state_leaves_both_plants_if_nothing_depends_on_it(tmp_path):
+    two(tmp_path)
+    case = prepare(brought(tmp_path, more=', outputs = ["angle"], drop = ["x"]'))
+    assert case.assumed.linearisation.plant.states == ("tilt", "x_rate", "tilt_rate")
+    assert case.actual.linearisation.plant.states == ("tilt", "x_rate", "tilt_rate")
+    run = simulate(case, "mujoco", duration=2.0)
+    assert run.x.shape[1] == 3
+
+
+def test_changes_by_name_reach_the_actual_plant(tmp_path):
+    two(tmp_path)
+    extra = '[[actual.change]]\nwhat = "mass"\nof = "pole"\nfactor = 1.2\n'
+    text = extra + '[[actual.change]]\nwhat = "damping"\nof = "x"\nvalue = 0.9\n'
+    run = brought(tmp_path, actual="", extra="").model_copy()
+    run = parse_run(run.text.replace("actual = {  }\n", "") + text, run.path)
+    model = prepare(run).actual.spec.compile()
+    assert model.body("pole").mass[0] == pytest.approx(1.2)
+    assert model.body("pole").inertia == pytest.approx([0.024] * 3)
+    assert model.dof_damping.ravel()[0] == pytest.approx(0.9)
+    with pytest.raises(ModelError, match="no body 'poll' to change; it has cart, pole"):
+        prepare(parse_run(run.text.replace('of = "pole"', 'of = "poll"'), run.path))
+    with pytest.raises(RunFileError, match=r"actual.change.0: .*either a factor or a value"):
+        parse_run(run.text.replace("factor = 1.2\n", ""), run.path)
+
+
+def test_a_plant_that_moves_by_itself_is_refused_unless_allowed(tmp_path):
+    """A lean of 3° without control: what linear theory says of it is about nothing."""
+    written(tmp_path, pendulum(MOTOR, key=f'qpos="{np.radians(3)}"'))
+    run = brought(tmp_path, "model.xml", more=', keyframe = "stand"')
+    with pytest.raises(ModelError, match=r"run.toml: not at rest: lean accelerates by 0.516 rad/s²"):
+        prepare(run)
+    allowed = brought(
+        tmp_path, "model.xml", more=', keyframe = "stand"', extra='analysis = { allow = ["not at rest"] }'
+    )
+    assert [notice.kind for notice in prepare(allowed).notices] == ["not at rest"]
+
+
+def test_a_design_that_fails_says_what_it_cannot_move_or_see(tmp_path):
+    two(tmp_path)
+    with pytest.raises(DesignError, match="x does not matter to any output; drop"):
+        prepare(brought(tmp_path, more=', outputs = ["angle"]'))
+
+
+def test_shipped_cases_need_no_word(root):
+    for path in sorted((root / "runs").glob("*.toml")):
+        assert prepare(load_run(path)).notices == (), path
+
+
+@pytest.mark.parametrize("change", ["", '[[actual.change]]\nwhat = "mass"\nof = "rod"\nfactor = 1.05\n'])
+def test_a_lean_held_by_static_control_does_what_is_predicted(tmp_path, change):
+    """Whether the gain is wrong or the mass: the actual plant rests by its own control, and departs as predicted."""
+    written(tmp_path, pendulum(MOTOR, key=f'qpos="{np.radians(3)}"'))
+    text = f"""
+case = {{ name = "lean", title = "Lean" }}
+assumed = {{ model = "model.xml", keyframe = "stand", operating_point = "static control" }}
+design = {{ R_c = 1e-7, R_o = 1e-6 }}
+controller = {{ q_t = 2e-4 }}
+simulation = {{ duration = 12.0, initial = {{ lean = 4e-4 }} }}
+{change or "actual = { gain = 0.9 }"}
+"""
+    case = prepare(parse_run(text, tmp_path / "run.toml"))
+    assert case.notices == ()
+    assert case.prediction.verdict == "attracting"
+    run = simulate(case, "mujoco")
+    assert run.events.interval[-1] == pytest.approx(case.prediction.delta_crit, rel=2e-4)
+    torque = -70 * 9.81 * 0.9 * np.sin(np.radians(3))
+    assert case.assumed.linearisation.point.ctrl[0] == pytest.approx(torque)
+    assert case.actual.linearisation.point.ctrl[0] == pytest.approx(torque * (1.05 if change else 1))
+
+
+def test_free_needs_balance(tmp_path):
+    with pytest.raises(RunFileError, match=r'assumed: .*free needs operating_point = "balance"'):
+        brought(tmp_path, more=', free = ["x"]')
+
+
+def test_a_log_says_what_ran(root, tmp_path):
+    """A sweep in code: the archive of the run with 0.85 says 0.85."""
+    from icmj.log import read_log, write_log
+    from icmj.study.study import run_case
+
+    run = load_run(root / "runs" / "simple-0.8.toml")
+    short = {"simulation.duration": 3.0, "study.growth_points": 0, "study.attractor_starts": 0}
+    result = run_case(run.with_(**{"actual.gain": 0.85} | short), "linear")
+    write_log(result, tmp_path / "log.rrd")
+    again = read_log(tmp_path / "log.rrd")
+    assert again.run.actual.gain == 0.85
+    assert again.notices == result.notices
+    assert any("[case.paper] speaks of another" in notice for notice in again.notices)
+
+
+def test_a_model_without_geoms_is_logged(root, tmp_path):
+    from icmj.log import write_log
+    from icmj.study.study import run_case
+
+    written(tmp_path, pendulum(MOTOR))
+    case = brought(tmp_path, "model.xml", extra="simulation = { duration = 1.0 }\nstudy = { growth_points = 0 }")
+    write_log(run_case(case, "mujoco"), tmp_path / "log.rrd")
+
+
+def test_the_assumed_plants_keyframe_is_the_actual_ones_if_it_has_it(tmp_path):
+    written(tmp_path, pendulum(MOTOR, key='qpos="0.01" ctrl="-6.18"'))
+    written(tmp_path, pendulum(MOTOR, key='qpos="0.01" ctrl="-6.18"'), "same.xml")
+    written(tmp_path, pendulum(MOTOR).replace('key name="stand"', 'key name="lie"'), "none.xml")
+    allow = 'analysis = { allow = ["not at rest"] }'
+    more = ', keyframe = "stand"'
+    case = prepare(brought(tmp_path, "model.xml", 'model = "same.xml", gain = 0.9', more, allow))
+    assert case.actual.linearisation.point.qpos[0] == 0.01
+    case = prepare(brought(tmp_path, "model.xml", 'model = "none.xml", gain = 0.9', more, allow))
+    assert case.actual.linearisation.point.qpos[0] == 0
+    assert any("no keyframe 'stand'" in notice.words for notice in case.notices)
+
+
+def test_an_orbit_beyond_the_range_of_an_input_is_told_before_any_run(tmp_path):
+    weak = '<motor name="ankle" joint="lean" ctrllimited="true" ctrlrange="-2 2"/>'
+    written(tmp_path, pendulum(weak))
+    text = FIVE.replace("R_c = 0.01, R_o = 0.01", "R_c = 1e-7, R_o = 1e-6").replace("q_t = 0.001", "q_t = 0.01")
+    run = parse_run(text.format(assumed="model.xml", actual="gain = 0.9", more=""), tmp_path / "run.toml")
+    (notice,) = prepare(run).notices
+    assert notice.kind == "saturation"
+    assert "and its ctrlrange leaves 2" in notice.words
+
+
+@pytest.mark.parametrize("where", ["assumed", "actual"])
+def test_an_output_that_jumps_with_the_input_is_refused_before_anything_is_predicted(tmp_path, where):
+    jumps = pendulum(MOTOR, sensor='<accelerometer name="acceleration" site="top"/>')
+    written(tmp_path, jumps, "jumps.xml")
+    extra = "" if where == "assumed" else ', outputs = ["angle"]'
+    actual = "gain = 0.9" if where == "assumed" else 'gain = 0.9, outputs = ["acceleration.0"]'
+    with pytest.raises(ModelError, match=r"feedthrough: output 'acceleration.0' jumps with the inputs"):
+        prepare(brought(tmp_path, "jumps.xml", actual, extra))
+    assert prepare(brought(tmp_path, "jumps.xml", more=', outputs = ["angle"]')).notices == ()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
@@ -61,3 +62,9 @@ def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
 def test_clock_needs_a_positive_interval():
     with pytest.raises(AnalysisError, match="positive"):
         ClockTrigger(0.0)
+
+
+def test_only_a_trigger_triggers():
+    gains = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]))
+    with pytest.raises(AnalysisError, match="trigger is a float; expected a Trigger"):
+        Controller(gains, system_matched(gains), 0.3)

@@ -13,6 +13,7 @@ from log_cases import MODELS, made_up
 from icmj.engine.linearisation import Linearisation
 from icmj.engine.model import operating_point
 from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.engine.ports import ports_of
 from icmj.engine.pose import scene
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
@@ -83,7 +84,8 @@ def test_a_rotation_is_magnified_about_its_axis() -> None:
     """A quaternion joint: ten times the sway is ten times the angle, and no geom is nothing to draw."""
     spec = mujoco.MjSpec.from_string(FREE)
     nothing = LinearPlant(np.zeros((12, 12)), np.zeros((12, 1)), np.zeros((3, 12)))
-    linearisation = Linearisation(nothing, operating_point(spec.compile()), np.zeros(3), 0.0)
+    model = spec.compile()
+    linearisation = Linearisation(nothing, operating_point(model), np.zeros(3), 0.0, ports_of(model), np.zeros((3, 1)))
     plant = MujocoPlant(Path("free.xml"), spec, linearisation)
     angle = 0.03
     qpos = np.array([[0.01, 0.0, 0.0, np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0]])
@@ -99,5 +101,5 @@ def test_positions_of_another_model_are_refused() -> None:
     three = load_plant(MODELS / "three_link.xml", keyframe="upright")
     with pytest.raises(ModelError, match=r"three_link\.xml.*positions"):
         scene(three, replace(result.simulation, qpos=np.zeros((3, 1))))
-    with pytest.raises(ModelError, match=r"2 states.*3 positions"):
+    with pytest.raises(ModelError, match=r"2 states, the plant 6"):
         scene(three, result.simulation)

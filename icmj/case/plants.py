@@ -1,0 +1,113 @@
+"""The two plants of a run file: the one that the controller believes in, and the one that is there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from icmj.engine.deviation import Deviation
+from icmj.engine.model import load_spec
+from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.errors import RunFileError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.selection import Selection
+from icmj.runfile.schema import RunFile
+
+
+def assumed_plant(run: RunFile) -> MujocoPlant:
+    """The plant that the controller believes in.
+
+    Raises:
+        ModelError: if it cannot be loaded.
+    """
+    table = run.assumed
+    return load_plant(run.assumed_path, keyframe=table.keyframe, selection=table.selection, operating=table.operating)
+
+
+def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
+    """The plant that is there, with the inputs and outputs of the assumed one, matched by name.
+
+    States that the assumed plant drops are dropped here, too, if nothing that is kept depends on them.
+
+    Its operating point is its own. The controller counts controls from there, as if a slow tonic part had long found
+    what holds this plant; what it does not know is how the plant departs from rest. By default it is found by the
+    assumed plant's rule, from the point where the assumed plant rests.
+
+    Raises:
+        ModelError: if it cannot be loaded, or lacks an input or output.
+        RunFileError: if the run file gives it another number of inputs or outputs.
+    """
+    table = run.actual
+    deviation = deviation_of(run)
+    keyframe = keyframe_of(run)
+    selection = replace(table.selection, inputs=table.selection.inputs or assumed.linearisation.plant.inputs)
+    if selection.outputs is None:
+        selection = replace(selection, outputs=_outputs(run, assumed))
+
+    operating = table.operating
+    if table.operating_point is None:
+        operating = replace(run.assumed.operating, pose={**run.assumed.pose, **table.pose})
+    start = None
+    if table.model is None and table.keyframe is None:
+        start, operating = assumed.linearisation.point, replace(operating, pose=table.pose)
+
+    def load(selection: Selection) -> MujocoPlant:
+        path = run.actual_path
+        return load_plant(path, deviation, keyframe, selection=selection, operating=operating, start=start)
+
+    actual = load(selection)
+    _check_ports(run, assumed.linearisation.plant, actual.linearisation.plant)
+    if selection.states is None and not selection.drop:
+        dropped = set(_idle(actual.linearisation.plant, _left_out(run, assumed)))
+        if dropped:
+            actual = load(replace(selection, drop=tuple(dropped)))
+    return actual
+
+
+def deviation_of(run: RunFile) -> Deviation:
+    """What the run file says is wrong with the controller's model."""
+    table = run.actual
+    return Deviation(table.gain, table.dynprm, table.rho, tuple(entry.change() for entry in table.change))
+
+
+def keyframe_of(run: RunFile) -> str | None:
+    """The actual plant's: its own, or that of the assumed plant if its model has one of this name."""
+    if run.actual.keyframe is not None or run.actual.model is None:
+        return run.actual.keyframe or run.assumed.keyframe
+    names = [key.name for key in load_spec(run.actual_path).keys]
+    return run.assumed.keyframe if run.assumed.keyframe in names else None
+
+
+def _outputs(run: RunFile, assumed: MujocoPlant) -> tuple[str, ...]:
+    chosen = run.assumed.selection.outputs
+    if chosen == "joints":
+        return tuple(joint.name for joint in assumed.spec.joints)
+    return assumed.linearisation.plant.outputs if chosen is None or isinstance(chosen, str) else chosen
+
+
+def _left_out(run: RunFile, assumed: MujocoPlant) -> list[str]:
+    """States that the assumed model has and the assumed plant has not."""
+    if run.assumed.states is None and not run.assumed.drop:
+        return []
+    kept = assumed.linearisation.plant.states
+    return [name for name in assumed.states if name not in kept]
+
+
+def _idle(plant: LinearPlant, names: list[str]) -> list[str]:
+    """Those of ``names`` that no other state, and no output, of the plant depends on."""
+    there = [plant.states.index(name) for name in names if name in plant.states]
+    others = [i for i in range(plant.n) if i not in there]
+    effect = np.abs(plant.A[np.ix_(others, there)]).sum() + np.abs(plant.C[:, there]).sum()
+    size = np.abs(plant.A).max() + np.abs(plant.C).max()
+    return [plant.states[i] for i in there] if effect <= 1e-8 * size else []
+
+
+def _check_ports(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> None:
+    for what in ("inputs", "outputs"):
+        here, there = getattr(assumed, what), getattr(actual, what)
+        if len(here) != len(there):
+            raise RunFileError(
+                f"{run.path}: the assumed plant has the {what} {', '.join(here)}, the actual one {', '.join(there)}; "
+                f"name as many in [actual] {what}"
+            )

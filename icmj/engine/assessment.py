@@ -1,0 +1,91 @@
+"""The quality of a plant's operating point, measured on its model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.linearisation import EPS, Differences, Linearisation, differences
+from icmj.engine.model import input_names, state_names
+from icmj.engine.units import state_units
+from icmj.plant import modes
+from icmj.plant.quality import BENT, Kink, Margin, Quality, Residual
+
+_D = 1e-9  # smallest feed-through that is one: a position or velocity has exactly none
+
+
+def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
+    """How good the operating point of ``linearisation`` is; ``model`` is the one that it is of.
+
+    Raises:
+        ModelError: if a derivative is not finite.
+    """
+    point, plant, ports = linearisation.point, linearisation.plant, linearisation.ports
+    whole, half = (differences(model, point, eps) for eps in (EPS, EPS / 2))
+    kept, rows, columns = ports.states, ports.entries, ports.actuators
+    pairs = [
+        (getattr(whole, letter)[np.ix_(*at)], getattr(half, letter)[np.ix_(*at)])
+        for letter, at in (("A", (kept, kept)), ("B", (kept, columns)), ("C", (rows, kept)))
+    ]
+    A, B, C = (_error(*pair) for pair in pairs)
+    feedthrough = [name for name, row in zip(plant.outputs, linearisation.D, strict=True) if np.abs(row).max() > _D]
+    names = state_names(model)
+    return Quality(
+        residual=_residual(model, whole),
+        moving=tuple(names[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
+        errors=(A, B, C),
+        kinks=tuple(_kinks(model, linearisation, whole.bend, half.bend)),
+        friction=tuple(names[i] for i in np.flatnonzero(model.dof_frictionloss > 0)),
+        margins=tuple(_margins(model, linearisation)),
+        feedthrough=tuple(feedthrough),
+        neutral=modes.neutral(plant),
+        uncontrollable=modes.uncontrollable(plant),
+        unobservable=modes.unobservable(plant),
+        idle=modes.idle(plant),
+    )
+
+
+def _error(whole: Array, half: Array) -> float:
+    """Error of a centred difference from that over half the distance, relative to the largest entry."""
+    size = float(np.abs(half).max(initial=0.0))
+    return 4 / 3 * float(np.abs(whole - half).max()) / size if size > 0 else 0.0
+
+
+def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
+    nv, names, units = model.nv, state_names(model), state_units(model)
+    gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
+    share = np.abs(found.rate) / np.where(np.arange(len(found.rate)) < nv, gravity, 1.0)
+    i = int(np.argmax(share))
+    of, unit = (names[i], f"{units[i]}/s²") if i < nv else (names[nv + i], "1/s")
+    return Residual(float(np.abs(found.rate[i])), of, unit, float(share[i]))
+
+
+def _kinks(model: mujoco.MjModel, linearisation: Linearisation, whole: Array, half: Array) -> Iterator[Kink]:
+    """Where the disagreement of one-sided differences stays as the step is halved; that of a curve halves with it."""
+    ports, n = linearisation.ports, len(state_names(model))
+    kinked = (half > BENT) & (half > 0.75 * whole)
+    for i in ports.actuators[kinked[n + ports.actuators]]:
+        why = _why_input(model, int(i), linearisation)
+        yield Kink(input_names(model)[i], "input", float(half[n + i]), why)
+    for i in ports.states[kinked[ports.states]]:
+        why = "a joint limit, a contact or dry friction begins there; move the operating point away from it"
+        yield Kink(state_names(model)[i], "state", float(half[i]), why)
+
+
+def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> str:
+    ctrl, (low, high) = linearisation.point.ctrl[i], model.actuator_ctrlrange[i]
+    if model.actuator_ctrllimited[i] and (ctrl <= low + EPS or ctrl >= high - EPS):
+        return f"its control {ctrl:g} is at an end of its ctrlrange {low:g} to {high:g}; operate it inside"
+    if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
+        return f"a muscle at excitation {ctrl:g} can only go one way; give it a tonic excitation within 0 to 1"
+    return "its force is at a limit, or its law has a corner there; operate it elsewhere"
+
+
+def _margins(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Margin]:
+    for i in linearisation.ports.actuators:
+        if model.actuator_ctrllimited[i]:
+            ctrl, (low, high) = linearisation.point.ctrl[i], model.actuator_ctrlrange[i]
+            yield Margin(input_names(model)[i], float(ctrl - low), float(high - ctrl))

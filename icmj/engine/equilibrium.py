@@ -1,0 +1,339 @@
+"""The equilibrium near a pose: controls, and joints that may move, at which nothing accelerates.
+
+At rest the force that each degree of freedom needs, by inverse dynamics with contacts and passive forces, is the force
+that the actuators give, and activations stand still. Newton's method solves these equations for control, activation and
+free joints; where they leave a choice, effort is least: the sum of squares of what the actuators give, less what the
+controls given do, as a share of the range of each or, where it has none, as torque beside the weight. Contacts carry a
+weight by giving way, so a body on a floor is first set down until they bear it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+
+from icmj.base.array import Array
+from icmj.engine.actuator import second_order_lag
+from icmj.engine.callbacks import installed
+from icmj.engine.model import OperatingPoint, input_names, model_name, state_names
+from icmj.engine.units import state_units
+from icmj.errors import ModelError
+from icmj.plant.operating import OperatingRule
+
+_EPS = 1e-6  # half the distance of a difference
+_STEPS = 100
+_REST = 1e-11  # of the weight: forces that are none
+_HELD = 1e-7  # of the weight: forces that the solver may leave, before balance is given up
+_EFFORT = 1e-2  # how much effort counts beside balance, where both are sought at once
+_HOLD = 1e-4  # how much leaving where a last round begins counts beside it
+_STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
+
+
+def equilibrium(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
+    """The operating point that ``rule`` makes of ``given``.
+
+    Raises:
+        ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
+    """
+    given = _posed(model, given, rule)
+    return given if rule.kind == "as given" else _Search(model, given, rule).run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Forces at rest: left over on each degree of freedom, shape (nv,); of the actuators, (nu,); act_dot, (na,)."""
+
+    left: Array
+    actuator: Array
+    act_dot: Array
+
+
+class _Search:
+    """Newton's method on z = (free positions, controls, activations), all as departures from what is given."""
+
+    def __init__(self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> None:
+        self.model, self.given, self.rule = model, given, rule
+        self.data = mujoco.MjData(model)
+        self.free = _free(model, rule)
+        self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
+        self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
+        self.z = np.zeros(model.nv + model.nu + model.na)
+        self.lag = np.ones(model.na)  # time constants of the activations [s]
+        self.size = np.ones(model.nu)
+        low, high = model.actuator_ctrlrange.T
+        limited = model.actuator_ctrllimited.astype(bool)
+        self.low, self.high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+        muscle = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
+        self.low[muscle], self.high[muscle] = np.maximum(self.low[muscle], 0), np.minimum(self.high[muscle], 1)
+
+    def run(self) -> OperatingPoint:
+        flags = int(self.model.opt.disableflags)
+        # the search may pass beyond a range on its way
+        self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        try:
+            with installed(act_dyn=second_order_lag):
+                self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
+                self.lag, self.size = self.lags(), self.sizes()
+                self.set_down()
+                for _ in range(self.model.nu + 1):
+                    self.solve()
+                    if not self.held():
+                        self.approach()
+                    beyond = self.beyond()
+                    if not beyond.any():
+                        break
+                    self.fixed |= beyond
+                    ctrl = self.z[self.model.nv :][: self.model.nu]
+                    ends = np.clip(self.given.ctrl + ctrl, self.low, self.high) - self.given.ctrl
+                    ctrl[beyond] = ends[beyond]
+                self.check()
+        finally:
+            self.model.opt.disableflags = flags
+        point = self.place(self.z)
+        return OperatingPoint(point.qpos.copy(), 0 * self.given.qvel, point.act.copy(), point.ctrl.copy())
+
+    def place(self, z: Array) -> mujoco.MjData:
+        nv, nu, data = self.model.nv, self.model.nu, self.data
+        data.qpos[:] = self.given.qpos
+        mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
+        data.qvel[:], data.qacc[:] = 0, 0
+        data.ctrl[:], data.act[:] = self.given.ctrl + z[nv : nv + nu], self.given.act + z[nv + nu :]
+        return data
+
+    def forces(self, z: Array) -> _Forces:
+        model, data = self.model, self.place(z)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        given, force, act_dot = data.qfrc_actuator.copy(), data.actuator_force.copy(), data.act_dot.copy()
+        data.qacc[:] = 0
+        mujoco.mj_inverse(model, data)
+        return _Forces(data.qfrc_inverse - given, force, act_dot)
+
+    def residual(self, found: _Forces) -> Array:
+        """Everything that must vanish: forces in units of the weight, rates by how far activations are from rest."""
+        return np.concatenate([found.left / self.weight, self.lag * found.act_dot])
+
+    def lags(self) -> Array:
+        """The time in which each activation would come to rest, from how its rate answers controls and activations."""
+        slopes, _ = self.slopes(np.arange(self.model.nv, len(self.z)))
+        return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
+
+    def sizes(self) -> Array:
+        """What a unit of each actuator's force counts as effort, shape (nu,)."""
+        model, data = self.model, self.place(self.z)
+        mujoco.mj_fwdPosition(model, data)
+        rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
+        lever = np.array([np.linalg.norm(data.actuator_moment[first : first + count]) for first, count in rows])
+        gain = np.abs(model.actuator_gainprm[:, 0]) * (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED)
+        strongest = gain * (self.high - self.low) / 2
+        ranged = np.isfinite(strongest) & (strongest > 0)
+        return np.where(ranged, 1 / np.where(ranged, strongest, 1.0), lever / self.weight)
+
+    def set_down(self) -> None:
+        """Move a body that may, along the vertical, to where its contacts bear the weight of the whole."""
+        i = _vertical(self.model, self.free)
+        if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+            return
+        start = self.z[i]
+
+        def unborne(z: float) -> float:
+            self.z[i] = start + z
+            return float(self.forces(self.z).left[i])
+
+        here = unborne(0.0)
+        for reach in np.geomspace(1e-5, 1.0, 61):
+            z = -reach if here > 0 else reach
+            if unborne(z) * here < 0:
+                low, high = sorted((0.0, z))
+                for _ in range(60):
+                    middle = (low + high) / 2
+                    low, high = (middle, high) if unborne(middle) < 0 else (low, middle)
+                return
+        self.z[i] = start  # nothing to stand on within a metre
+
+    def moving(self) -> np.ndarray:
+        """The entries of z that are sought."""
+        nv, nu = self.model.nv, self.model.nu
+        parts = (self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z)))
+        return np.concatenate(parts).astype(int)
+
+    def approach(self) -> None:
+        """Where Newton's method fails, trust regions on contacts and limits that are softer at first.
+
+        Effort is not exactly least then. The last rounds are for the balance alone and hold on to where they begin,
+        so that what does not matter, such as a place on the floor, stays.
+        """
+        for softer in (8.0, 4.0, 2.0, 1.0):
+            with _softened(self.model, softer):
+                self.set_down()
+                self.relax(_EFFORT)
+        for _ in range(8):
+            self.relax(0.0)
+            if np.linalg.norm(self.residual(self.forces(self.z))) <= _REST:
+                return
+
+    def relax(self, effort: float) -> None:
+        """Least squares of what must vanish, of effort, and of motion."""
+        moving, begin = self.moving(), self.z.copy()
+        position = moving < self.model.nv
+        stay = np.where(position, _STAY * (effort or _HOLD), _HOLD)
+        about = begin[moving] if effort == 0 else np.where(position, 0.0, begin[moving])
+
+        def misfit(part: Array) -> Array:
+            z = begin.copy()
+            z[moving] = part
+            found = self.forces(z)
+            strain = effort * self.size * (found.actuator - self.wanted)
+            return np.concatenate([self.residual(found), strain, stay * (part - about)])
+
+        nv, nu, tight = self.model.nv, self.model.nu, 1e-15
+        low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
+        if effort > 0:  # close to a balance ranges would only hamper
+            low[nv : nv + nu], high[nv : nv + nu] = self.low - self.given.ctrl, self.high - self.given.ctrl
+        bounds = low[moving], high[moving]
+        found = least_squares(
+            misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=_STEPS,
+            xtol=tight, ftol=tight, gtol=tight,
+        )  # fmt: skip
+        self.z[moving] = found.x
+
+    def solve(self) -> None:
+        """Newton's method; it gives up where no step makes things better."""
+        moving = self.moving()
+        found = self.forces(self.z)
+        for _ in range(_STEPS):
+            r = self.residual(found)
+            J, F = self.slopes(moving)
+            step = self.step(r, found, J, F, moving)
+            size = float(np.linalg.norm(r))
+            for halving in range(30):
+                trial = self.z.copy()
+                trial[moving] += step / 2**halving
+                found = self.forces(trial)
+                if size <= _REST or float(np.linalg.norm(self.residual(found))) < max(0.99 * size, 10 * _REST):
+                    self.z = trial
+                    break
+            else:
+                return
+            if size <= _REST and np.abs(step).max(initial=0.0) < 1e-9 * (1 + np.abs(self.z).max(initial=0.0)):
+                return
+
+    def slopes(self, moving: np.ndarray) -> tuple[Array, Array]:
+        """d residual/dz and d forces/dz, of the moving entries."""
+        J, F = [], []
+        for j in moving:
+            ends = []
+            for sign in (1, -1):
+                z = self.z.copy()
+                z[j] += sign * _EPS
+                ends.append(self.forces(z))
+            up, down = ends
+            J.append((self.residual(up) - self.residual(down)) / (2 * _EPS))
+            F.append((up.actuator - down.actuator) / (2 * _EPS))
+        size = self.model.nv + self.model.na
+        return np.array(J).reshape(-1, size).T, np.array(F).reshape(-1, self.model.nu).T
+
+    def step(self, r: Array, found: _Forces, J: Array, F: Array, moving: np.ndarray) -> Array:
+        """The Newton step of least effort and least motion."""
+        position = moving < self.model.nv
+        effort = np.vstack([self.size[:, None] * F, _STAY * np.diag(position.astype(float))])
+        present = np.concatenate(
+            [self.size * (found.actuator - self.wanted), _STAY * np.where(position, self.z[moving], 0)]
+        )
+        # controls of very different strength are brought to one size
+        scale = 1 / np.maximum(np.linalg.norm(np.vstack([J, effort]), axis=0), 1e-12)
+        U, values, Vt = np.linalg.svd(J * scale)
+        rank = int(np.sum(values > 1e-9 * max(values.max(initial=0.0), 1e-300)))
+        particular = Vt[:rank].T @ ((U[:, :rank].T @ -r) / values[:rank])
+        free = Vt[rank:].T
+        choice = np.linalg.lstsq(effort * scale @ free, -(present + effort * scale @ particular), rcond=1e-12)[0]
+        return scale * (particular + free @ choice)
+
+    def beyond(self) -> np.ndarray:
+        """Controls beyond their range."""
+        ctrl = self.given.ctrl + self.z[self.model.nv :][: self.model.nu]
+        slack = 1e-9 * (1 + np.abs(ctrl))
+        return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
+
+    def held(self) -> bool:
+        """Whether what is left over is nothing."""
+        return bool(np.abs(self.residual(self.forces(self.z))).max(initial=0.0) <= _HELD)
+
+    def check(self) -> None:
+        if self.held():
+            return
+        left = np.abs(self.forces(self.z).left)
+        name, i = model_name(self.model), int(np.argmax(left))
+        stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
+        limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
+        unit = "N m" if state_units(self.model)[i] == "rad" else "N"
+        raise ModelError(
+            f"model {name!r} cannot be held at rest by operating_point = {self.rule.kind!r}: "
+            f"on {state_names(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
+            "choose another pose, or free joints"
+        )
+
+
+@contextmanager
+def _softened(model: mujoco.MjModel, factor: float) -> Iterator[None]:
+    """Contacts and joint limits that give way by the square of ``factor`` times as much, and as gradually."""
+    times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
+    widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
+    before = [array.copy() for array in (*times, *widths)]
+    for array in times:
+        # a negative entry is a stiffness, else a time constant [s]
+        array[:, 0] *= np.where(array[:, 0] > 0, factor, factor**-2)
+    for array in widths:
+        array[:, 2] *= factor**2
+    try:
+        yield
+    finally:
+        for array, old in zip((*times, *widths), before, strict=True):
+            array[:] = old
+
+
+def _posed(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
+    """What is given, with the joints of the rule's pose there."""
+    qpos = given.qpos.copy()
+    for name, value in rule.pose.items():
+        joint = _joint(model, name, "pose")
+        if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
+        qpos[model.jnt_qposadr[joint]] = value
+    return replace(given, qpos=qpos)
+
+
+def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
+    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    if name not in names:
+        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
+    return names.index(name)
+
+
+def _free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
+    """Degrees of freedom that may move."""
+    if rule.kind == "static control":
+        return np.zeros(0, dtype=int)
+    chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
+    return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
+
+
+def _vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
+    """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
+    for i in free:
+        joint = int(model.dof_jntid[i])
+        body, first = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
+        if model.body_parentid[body] != 0:
+            continue
+        kind = model.jnt_type[joint]
+        if kind == mujoco.mjtJoint.mjJNT_FREE and i == first + 2:
+            return int(i)
+        if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
+            return int(i)
+    return None

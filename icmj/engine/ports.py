@@ -1,0 +1,105 @@
+"""The plant's ports: which actuators, sensor entries and states of a model its u, y and x are, and how they enter.
+
+    ctrl = ctrl_0 + b (u + d)  on the chosen actuators, ctrl_0 on all others
+    y    = g sensordata + β    at the chosen entries
+
+b is the true input gain of the paper: it multiplies the departure of the control and not the control that holds the
+operating point, so a wrong gain leaves the plant in balance, and whatever an actuator is (motor, servo, muscle), its
+share in A stays as it is. g and β are gain and bias of the sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.deviation import Deviation
+from icmj.engine.model import input_names, model_name, output_names, sensor_entries, state_names
+from icmj.errors import ModelError
+from icmj.plant.selection import Selection
+
+
+@dataclass(frozen=True, eq=False)
+class Ports:
+    """Where u, y and x of a plant are in its model.
+
+    Attributes:
+        actuators: of each input, shape (n_u,).
+        b: input gains, shape (n_u,).
+        entries: of ``sensordata``, of each output, shape (n_y,).
+        g, beta: gains and biases of the outputs, shape (n_y,).
+        states: of the model's (nv positions, nv velocities, na activations), of each state, shape (n,).
+        size: how many states the model has.
+    """
+
+    actuators: np.ndarray
+    b: Array
+    entries: np.ndarray
+    g: Array
+    beta: Array
+    states: np.ndarray
+    size: int
+
+    def read(self, sensordata: Array) -> Array:
+        """Outputs without bias, shape (..., n_y)."""
+        return self.g * sensordata[..., self.entries]
+
+    def whole(self, x: Array) -> Array:
+        """The model's states from the plant's, shape (..., size); what the plant leaves out is zero."""
+        state = np.zeros((*np.shape(x)[:-1], self.size))
+        state[..., self.states] = x
+        return state
+
+
+def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviation: Deviation | None = None) -> Ports:
+    """The ports of ``model``, with the gains and biases of ``deviation``.
+
+    Raises:
+        ModelError: if a name is not one of the model's, or nothing is left.
+    """
+    chosen, name = selection or Selection(), model_name(model)
+    inputs, outputs, states = input_names(model), output_names(model), state_names(model)
+    if not inputs or not outputs:
+        missing = "actuator" if not inputs else "sensor"
+        hint = "" if not inputs else '; outputs = "joints" takes the positions of its joints'
+        raise ModelError(f"model {name!r} has no {missing}; inputs are its actuators and outputs its sensors{hint}")
+    entries = sensor_entries(model)
+    if isinstance(chosen.outputs, str):
+        raise ModelError(f'outputs = "{chosen.outputs}": expected names, or "joints" when a plant is loaded')
+    actuators = [
+        index for label in chosen.inputs or inputs
+        for index in _find(label, {n: (i,) for i, n in enumerate(inputs)}, "input", name)
+    ]  # fmt: skip
+    wanted = [
+        index for output in chosen.outputs or outputs
+        for index in _find(output, {**{n: (i,) for i, n in enumerate(outputs)}, **entries}, "output", name)
+    ]  # fmt: skip
+    kept = _states(states, chosen, name)
+    for what, indices in (("input", actuators), ("output", wanted)):
+        if len(set(indices)) < len(indices):
+            raise ModelError(f"model {name!r}: an {what} is chosen twice; name each once")
+    b, g, beta = np.ones(len(inputs)), np.ones(len(outputs)), np.zeros(len(outputs))
+    if deviation is not None:
+        b = deviation.input_gains(inputs, name)
+        g, beta = deviation.sensor_errors(outputs, entries, name)
+    rows, columns = np.array(wanted, dtype=int), np.array(actuators, dtype=int)
+    return Ports(columns, b[columns], rows, g[rows], beta[rows], kept, len(states))
+
+
+def _find(label: str, known: dict[str, tuple[int, ...]], what: str, model: str) -> tuple[int, ...]:
+    if label not in known:
+        raise ModelError(f"model {model!r} has no {what} {label!r}; it has {', '.join(known)}")
+    return known[label]
+
+
+def _states(states: Sequence[str], chosen: Selection, model: str) -> np.ndarray:
+    for label in (*(chosen.states or ()), *chosen.drop):
+        _find(label, {n: (i,) for i, n in enumerate(states)}, "state", model)
+    kept = [i for i, n in enumerate(states) if n in (chosen.states or states) and n not in chosen.drop]
+    if not kept:
+        raise ModelError(f"model {model!r}: no state is left; keep at least one")
+    return np.array(kept, dtype=int)

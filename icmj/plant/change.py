@@ -1,0 +1,84 @@
+"""One change of one property of a plant, by name: what is wrong with the controller's model.
+
+A change is a factor, or a value in place of the model's, of one property of one named thing, or of all that have it:
+
+=================  ==========  ====================================================================================
+``what``           ``of``      is changed
+=================  ==========  ====================================================================================
+input_gain         actuator    b in ctrl = ctrl_0 + b (u + d): the operating point keeps its control
+mass               body        its mass, and its inertia in proportion: the same shape of another density
+inertia            body        its moments of inertia alone
+centre_of_mass     body        where its centre of mass is, in the body's frame [m]: a factor, or three numbers
+length             body        everything that is placed in its frame (children, joints, geoms, sites, centre of mass)
+                               moves away from its origin by a factor; the mass stays, inertia goes with the square
+stiffness          joint       linear and higher coefficients by a factor; a value replaces the linear one
+damping            joint       the same
+armature           joint       [kg m² or kg]
+gainprm, biasprm,  actuator    parameters of its force and of its dynamics: all by a factor, or the first few by value
+dynprm
+sensor_gain        sensor      g in y = g sensordata + β
+sensor_bias        sensor      β, in the sensor's unit
+gravity            –           by a factor, or three numbers [m/s²]
+=================  ==========  ====================================================================================
+
+ρ scales all of them, from no change at 0 to the whole at 1: a factor f becomes 1 + ρ (f − 1), a value is approached in
+a straight line (the paper's family A = Â − ρÃ₁, in the model's own parameters).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import ModelError
+
+What = Literal[
+    "input_gain", "mass", "inertia", "centre_of_mass", "length", "stiffness", "damping", "armature", "gainprm",
+    "biasprm", "dynprm", "sensor_gain", "sensor_bias", "gravity",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Change:
+    """One property changed; see the module for what there is.
+
+    Attributes:
+        what: the property.
+        of: whose; all that have it if ``None``.
+        factor: on it, or
+        value: in its place.
+
+    Raises:
+        ModelError: on construction, if ``what`` is not known, or there is not exactly one of factor and value.
+    """
+
+    what: What
+    of: str | None = None
+    factor: float | None = None
+    value: float | Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.what not in get_args(What):
+            raise ModelError(f"no change of {self.what!r}; expected one of {', '.join(get_args(What))}")
+        if (self.factor is None) == (self.value is None):
+            raise ModelError(f"change of {self.what}: give either a factor or a value")
+        if self.what == "length" and self.factor is None:
+            raise ModelError("change of length: give a factor; a body has no length of its own")
+        given = self.factor if self.value is None else self.value
+        if not np.isfinite(np.asarray(given, dtype=float)).all():
+            raise ModelError(f"change of {self.what}: expected finite numbers, got {given}")
+
+    def __call__(self, before: Array | float, rho: float = 1.0) -> Array:
+        """The property after the change, from what it was; a value shorter than it replaces its first entries."""
+        old = np.array(before, dtype=float)
+        if self.factor is not None:
+            return old * (1 + rho * (self.factor - 1))
+        new, value = np.atleast_1d(old.copy()), np.atleast_1d(np.asarray(self.value, dtype=float))
+        if len(value) > len(new):
+            raise ModelError(f"change of {self.what}: {len(value)} numbers for a property of {len(new)}")
+        new[: len(value)] += rho * (value - new[: len(value)])
+        return new.reshape(old.shape)

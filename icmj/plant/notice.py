@@ -1,0 +1,47 @@
+"""What a user must be told once: its kind, how grave it is, and words that say what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from icmj.errors import ModelError
+
+Kind = Literal[
+    "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
+    "sensor bias", "dropped state", "keyframe", "saturation", "large step", "paper",
+]  # fmt: skip
+KINDS: tuple[str, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """One thing to be told.
+
+    Attributes:
+        kind: what a run file allows it by.
+        severity: ``error`` if it would make a prediction meaningless, else ``warning``.
+        words: one sentence: what is the matter, where, what to do.
+    """
+
+    kind: Kind
+    severity: Literal["warning", "error"]
+    words: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.words}"
+
+
+def permitted(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple[Notice, ...]:
+    """The notices, if none of them is an error that is not allowed; those allowed are warnings.
+
+    Raises:
+        ModelError: the first error not allowed, with how to allow it; it begins with ``where``.
+    """
+    allowed, result = set(allow), []
+    for notice in notices:
+        if notice.severity == "error" and notice.kind not in allowed:
+            raise ModelError(f'{where}: {notice} (or go on with [analysis] allow = ["{notice.kind}"])')
+        result.append(replace(notice, severity="warning"))
+    return tuple(dict.fromkeys(result))

@@ -1,0 +1,163 @@
+"""How good an operating point and its linearisation are: numbers, and what of them a user must be told.
+
+A prediction is about small departures from rest of a smooth plant. Whatever breaks that is found here before anything
+is predicted: a plant that moves by itself, an input that can only push one way, dry friction, an output that jumps with
+the input, a mode that nothing moves or nothing shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from icmj.plant.modes import Mode
+from icmj.plant.notice import Notice
+
+AT_REST = 1e-6
+"""Largest acceleration, as a fraction of gravity, of a plant that is at rest."""
+BENT = 1e-2
+"""Largest relative disagreement of two one-sided differences of a smooth plant."""
+COARSE = 1e-4
+"""Largest relative error of A, B or C that goes without a word."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """The largest acceleration at the operating point.
+
+    Attributes:
+        size: in ``unit``.
+        of: of which state.
+        unit: rad/s² or m/s²; 1/s for an activation.
+        share: of gravity (an angle on a lever of 1 m); an activation's rate as it is.
+    """
+
+    size: float
+    of: str
+    unit: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Kink:
+    """An input or a state in which the plant answers differently up and down.
+
+    Attributes:
+        of: its name.
+        kind: ``input`` or ``state``.
+        bend: disagreement of the two one-sided differences, relative to the larger.
+        why: what may be the reason.
+    """
+
+    of: str
+    kind: str
+    bend: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far an input may go from the operating point before it saturates, down and up, in its unit."""
+
+    of: str
+    down: float
+    up: float
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What is known of an operating point.
+
+    Attributes:
+        residual: what is left of acceleration.
+        moving: states with a velocity there.
+        errors: of A, B and C by halving the step, relative to the largest entry of each.
+        kinks: where the plant is not smooth.
+        friction: joints with dry friction, which has no linear model at rest.
+        margins: of the inputs that saturate.
+        feedthrough: outputs that jump with the inputs (D ≠ 0).
+        neutral, uncontrollable, unobservable: modes by their states.
+        idle: states that move nothing.
+    """
+
+    residual: Residual
+    moving: tuple[str, ...] = ()
+    errors: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    kinks: tuple[Kink, ...] = ()
+    friction: tuple[str, ...] = ()
+    margins: tuple[Margin, ...] = ()
+    feedthrough: tuple[str, ...] = ()
+    neutral: tuple[Mode, ...] = ()
+    uncontrollable: tuple[Mode, ...] = ()
+    unobservable: tuple[Mode, ...] = ()
+    idle: tuple[str, ...] = ()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the plant stays where it is."""
+        return self.residual.share <= AT_REST and not self.moving
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What of it must be told."""
+        return tuple(self._notices())
+
+    def _notices(self) -> Iterator[Notice]:
+        r = self.residual
+        if r.share > AT_REST:
+            of_gravity = "" if r.unit == "1/s" else f", {r.share:.2g} of gravity"
+            yield Notice(
+                "not at rest", "error",
+                f"{r.of} accelerates by {r.size:.3g} {r.unit}{of_gravity}, at the operating point; choose a keyframe "
+                'at rest, or operating_point = "static control" or "balance"',
+            )  # fmt: skip
+        if self.moving:
+            words = f"{_list(self.moving)} has a velocity at the operating point; choose a keyframe at rest"
+            yield Notice("not at rest", "error", words)
+        for kink in self.kinks:
+            words = f"the plant answers differently up and down in {kink.kind} {kink.of!r}: {kink.why}"
+            yield Notice("kink", "error", words)
+        if self.friction:
+            words = f"{_list(self.friction)} has dry friction, which no linear model has at rest; set frictionloss to 0"
+            yield Notice("dry friction", "error", words)
+        for output in self.feedthrough:
+            words = (
+                f"output {output!r} jumps with the inputs (D ≠ 0), which closes an algebraic loop through the "
+                "controller; leave it out of outputs"
+            )
+            yield Notice("feedthrough", "error", words)
+        if not self.kinks and max(self.errors) > COARSE:
+            letter, error = max(zip("ABC", self.errors, strict=True), key=lambda pair: pair[1])
+            words = f"{letter} is right to {error:.1g} of its largest entry only; the plant is hardly smooth there"
+            yield Notice("coarse derivatives", "warning", words)
+        for mode in self.uncontrollable:
+            if not mode.stable:
+                yield Notice("uncontrollable", "warning", self._unmoved(mode))
+        for mode in self.unobservable:
+            if not mode.stable:
+                yield Notice("unobservable", "warning", _unseen(mode))
+
+    def _unmoved(self, mode: Mode) -> str:
+        words = f"no input moves {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
+        idle = tuple(name for name in self.idle if name in mode.states)
+        if mode.eigenvalue == 0 and idle:
+            named = ", ".join(f'"{name}"' for name in idle)
+            words += f"; nothing depends on {_list(idle)}: drop = [{named}], and leave it out of outputs"
+        return words
+
+
+def _unseen(mode: Mode) -> str:
+    does = "do" if len(mode.states) > 1 else "does"
+    if abs(mode.eigenvalue) == 0:
+        named = ", ".join(f'"{name}"' for name in mode.states)
+        return f"{_list(mode.states)} {does} not matter to any output; drop = [{named}], or add an output that shows it"
+    return f"no output shows {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
+
+
+def _pole(mode: Mode) -> str:
+    λ = mode.eigenvalue
+    return f"eigenvalue {λ.real:.3g} rad/s" if λ.imag == 0 else f"eigenvalue {λ.real:.3g} ± {abs(λ.imag):.3g}j rad/s"
+
+
+def _list(names: tuple[str, ...]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

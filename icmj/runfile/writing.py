@@ -1,0 +1,41 @@
+"""Plain data as TOML text, for run files that were changed in code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def to_toml(data: Mapping[str, Any]) -> str:
+    """``data`` as TOML: tables of numbers, texts, lists and tables; what is ``None`` is left out."""
+    return "\n".join(_table(data, ())).strip() + "\n"
+
+
+def _table(data: Mapping[str, Any], at: tuple[str, ...]) -> Iterator[str]:
+    below = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping) or (isinstance(value, list) and value and isinstance(value[0], Mapping)):
+            below[key] = value
+        elif value is not None:
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in below.items():
+        name = ".".join(map(_key, (*at, key)))
+        for entry in value if isinstance(value, list) else [value]:
+            yield f"\n[[{name}]]" if isinstance(value, list) else f"\n[{name}]"
+            yield from _table(entry, (*at, key))
+
+
+def _key(key: str) -> str:
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _value(key)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, but for one that TOML wants and JSON does not
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)

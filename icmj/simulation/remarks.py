@@ -1,0 +1,44 @@
+"""What of a run must be told: limits reached, and a step too large."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from icmj.plant.notice import Notice
+from icmj.simulation.simulation import Simulation
+
+LARGE = 1e-3
+"""Largest relative error of an interval, or of the outputs, that goes without a word."""
+
+
+def remarks(simulation: Simulation) -> tuple[Notice, ...]:
+    """Notices on a run, from its facts."""
+    return tuple(_remarks(simulation))
+
+
+def relative_error(simulation: Simulation) -> float:
+    """Estimated error of the last interval relative to it, or of the outputs where there is none; NaN if not known."""
+    facts = simulation.precision
+    error, stretch = (float(facts.get(name, np.nan)) for name in ("interval_error", "error_stretch"))
+    if np.isfinite(error) and stretch > 0:
+        return error / stretch
+    return float(facts.get("output_error", np.nan))
+
+
+def _remarks(simulation: Simulation) -> Iterator[Notice]:
+    facts = simulation.precision
+    if float(facts.get("saturated_share", 0.0)) > 0:
+        words = (
+            f"the actuators reach their limits ({facts.get('saturated', '')} of the time), where the plant is not "
+            "linear: u is the command, applied what acts; widen ctrlrange or forcerange, or lower the threshold"
+        )
+        yield Notice("saturation", "warning", words)
+    error = relative_error(simulation)
+    if error > LARGE:
+        words = (
+            f"the step of {float(facts['timestep']):g} s with {facts['integrator']} errs by {error:.1g} of an interval;"
+            ' shorten [simulation] timestep, or take integrator = "RK4"'
+        )
+        yield Notice("large step", "warning", words)

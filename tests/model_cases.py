@@ -1,0 +1,61 @@
+"""Small MJCF models that a user could bring, as text, each with one property that is easily got wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def pendulum(actuator: str, *, joint: str = "", key: str = 'qpos="0"', sensor: str = "", body: str = "") -> str:
+    """An inverted pendulum of 70 kg and 0.9 m with the actuator, and more, given as MJCF."""
+    return f"""
+<mujoco model="brought">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="rod"><joint name="lean" axis="0 1 0" {joint}/>
+      <inertial pos="0 0 0.9" mass="70" diaginertia="6 6 1"/>
+      <site name="top" pos="0 0 1.8"/>{body}</body>
+  </worldbody>
+  <actuator>{actuator}</actuator>
+  <sensor><jointpos name="angle" joint="lean"/>{sensor}</sensor>
+  <keyframe><key name="stand" {key}/></keyframe>
+</mujoco>"""
+
+
+MOTOR = '<motor name="ankle" joint="lean"/>'
+SERVO = '<position name="ankle" joint="lean" kp="400"/>'
+MUSCLE = (
+    '<muscle name="ankle" joint="lean" ctrllimited="false" force="600" range="0.75 1.05" lengthrange="-1 1" '
+    'gear="-1" timeconst="0.01 0.04"/>'
+)
+BIASED = '<general name="ankle" joint="lean" gainprm="2" biastype="affine" biasprm="5 -30 -4"/>'
+
+
+def written(folder: Path, text: str, name: str = "model.xml") -> Path:
+    """The model as a file."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+TWO = """
+<mujoco model="two">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="cart"><joint name="x" type="slide" axis="1 0 0" damping="0.5"/>
+      <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+      <body name="pole"><joint name="tilt" axis="0 1 0"/>
+        <inertial pos="0 0 0.5" mass="1" diaginertia="0.02 0.02 0.02"/></body></body>
+  </worldbody>
+  <actuator>{actuators}</actuator>
+  {sensors}
+</mujoco>"""
+PUSH, TURN = '<motor name="push" joint="x"/>', '<motor name="turn" joint="tilt" gear="20"/>'
+SENSORS = ('<jointpos name="place" joint="x"/>', '<jointpos name="angle" joint="tilt"/>')
+
+
+def two(folder: Path, order: int = 1, name: str = "two.xml", sensors: bool = True) -> Path:
+    """A pole on a cart, both driven; actuators and sensors in this order or, for −1, in the other."""
+    inside = f"<sensor>{''.join(SENSORS[::order])}</sensor>" if sensors else ""
+    return written(folder, TWO.format(actuators="".join((PUSH, TURN)[::order]), sensors=inside), name)
