@@ -9,9 +9,7 @@ weight by giving way, so a body on a floor is first set down until they bear it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -21,6 +19,7 @@ from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import OperatingPoint, input_names, model_name, state_names
+from icmj.engine.stance import free, posed, softened, vertical
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.operating import OperatingRule
@@ -40,7 +39,7 @@ def equilibrium(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRul
     Raises:
         ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
     """
-    given = _posed(model, given, rule)
+    given = posed(model, given, rule)
     return given if rule.kind == "as given" else _Search(model, given, rule).run()
 
 
@@ -59,7 +58,7 @@ class _Search:
     def __init__(self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> None:
         self.model, self.given, self.rule = model, given, rule
         self.data = mujoco.MjData(model)
-        self.free = _free(model, rule)
+        self.free = free(model, rule)
         self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
         self.z = np.zeros(model.nv + model.nu + model.na)
@@ -137,7 +136,7 @@ class _Search:
 
     def set_down(self) -> None:
         """Move a body that may, along the vertical, to where its contacts bear the weight of the whole."""
-        i = _vertical(self.model, self.free)
+        i = vertical(self.model, self.free)
         if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
             return
         start = self.z[i]
@@ -170,7 +169,7 @@ class _Search:
         so that what does not matter, such as a place on the floor, stays.
         """
         for softer in (8.0, 4.0, 2.0, 1.0):
-            with _softened(self.model, softer):
+            with softened(self.model, softer):
                 self.set_down()
                 self.relax(_EFFORT)
         for _ in range(8):
@@ -278,62 +277,3 @@ class _Search:
             f"on {state_names(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
             "choose another pose, or free joints"
         )
-
-
-@contextmanager
-def _softened(model: mujoco.MjModel, factor: float) -> Iterator[None]:
-    """Contacts and joint limits that give way by the square of ``factor`` times as much, and as gradually."""
-    times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
-    widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
-    before = [array.copy() for array in (*times, *widths)]
-    for array in times:
-        # a negative entry is a stiffness, else a time constant [s]
-        array[:, 0] *= np.where(array[:, 0] > 0, factor, factor**-2)
-    for array in widths:
-        array[:, 2] *= factor**2
-    try:
-        yield
-    finally:
-        for array, old in zip((*times, *widths), before, strict=True):
-            array[:] = old
-
-
-def _posed(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
-    """What is given, with the joints of the rule's pose there."""
-    qpos = given.qpos.copy()
-    for name, value in rule.pose.items():
-        joint = _joint(model, name, "pose")
-        if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
-        qpos[model.jnt_qposadr[joint]] = value
-    return replace(given, qpos=qpos)
-
-
-def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
-    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
-    if name not in names:
-        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
-    return names.index(name)
-
-
-def _free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
-    """Degrees of freedom that may move."""
-    if rule.kind == "static control":
-        return np.zeros(0, dtype=int)
-    chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
-    return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
-
-
-def _vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
-    """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
-    for i in free:
-        joint = int(model.dof_jntid[i])
-        body, first = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
-        if model.body_parentid[body] != 0:
-            continue
-        kind = model.jnt_type[joint]
-        if kind == mujoco.mjtJoint.mjJNT_FREE and i == first + 2:
-            return int(i)
-        if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
-            return int(i)
-    return None
