@@ -35,3 +35,7 @@ class LogError(IcmjError):
 
 class ReportError(IcmjError):
     """A report cannot be built from these logs."""
+
+
+class StudyError(IcmjError):
+    """A study cannot be carried out, or one of its processes died."""

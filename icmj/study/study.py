@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from icmj.base.files import write_text
-from icmj.errors import ReportError, RunFileError
+from icmj.base.files import clear_leftovers, ready, write_text
+from icmj.errors import LogError, ReportError, RunFileError
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
+from icmj.study.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
@@ -65,7 +64,7 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFile, ...]:
     return runs
 
 
-def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
+def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
     """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
 
     A run that is interrupted keeps what was simulated until then, and leaves out what would take long.
@@ -73,7 +72,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
-    from icmj.case.case import prepare, simulate
+    from icmj.case.case import Case, prepare, simulate
     from icmj.controller.trigger import Continuous
     from icmj.engine.pose import scene
     from icmj.experiment.amplitude_law import measure_law
@@ -86,7 +85,8 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         if progress is not None:
             progress(done)
 
-    case = prepare(run)
+    case = run if isinstance(run, Case) else prepare(run)
+    run = case.run
     report(0.1)
     simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
     interrupted = simulation.outcome.kind == "interrupted"
@@ -132,23 +132,34 @@ def _attractors(case: Case) -> tuple[Attractor, ...]:
     return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
 
 
-def check(path: Path) -> None:
+def check(path: Path, progress: Tell | None = None) -> None:
     """Prepare a case and throw it away: bad input shows before anything is written."""
     from icmj.case.case import prepare
 
     prepare(load_run(path))
 
 
-def log_case(path: Path, plant: PlantKind, folder: Path) -> Path:
+def log_case(path: Path, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
     from icmj.log import write_log
 
     run = load_run(path)
-    result = run_case(run, plant)
-    folder.mkdir(parents=True, exist_ok=True)
+    result = run_case(run, plant, progress)
     log = folder / f"{run.case.name}.{plant}.rrd"
     write_log(result, log)
     return log
+
+
+def open_folder(folder: Path) -> None:
+    """Have a folder to write logs into, cleared of what earlier runs left that were ended in the middle.
+
+    Raises:
+        LogError: if nothing can be written there.
+    """
+    try:
+        ready(folder)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be written to: {error.strerror}; choose another folder with --out") from error
 
 
 def run_study(
@@ -168,24 +179,24 @@ def run_study(
     if not runs:
         raise RunFileError("no run file given")
     tell = progress or (lambda label, done: None)
-    tasks = [(run, plant) for run in runs for plant in PLANTS]
-    jobs = max(1, min(jobs or os.cpu_count() or 1, len(tasks)))
-    done = 0
-    with _pool(jobs) as pool:
-        list(pool.map(check, [run.path for run in runs]))
-        tell("inputs checked", 0.1)
-        futures: dict[Future[Path], str] = {
-            pool.submit(log_case, run.path, plant, out): f"{run.case.name} ({plant})" for run, plant in tasks
-        }
-        try:
-            for future in as_completed(futures):
-                future.result()
-                done += 1
-                tell(futures[future], 0.1 + 0.75 * done / len(tasks))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in tasks)
+    cases = [(run, plant) for run in runs for plant in PLANTS]
+    jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
+    checks = [Task(f"{run.path}", check, (run.path,)) for run in runs]
+    work = [Task(f"{run.case.name} ({plant})", log_case, (run.path, plant, out)) for run, plant in cases]
+    done = [0.0] * len(work)
+    try:
+        with Workers(jobs) as workers:
+            for news in workers.run(checks):
+                tell(f"checking {runs[news.index].case.name}", 0.1 * (news.index + news.done) / len(runs))
+            tell("inputs checked", 0.1)
+            open_folder(out)
+            for news in workers.run(work):
+                done[news.index] = news.done
+                tell(work[news.index].name, 0.1 + 0.75 * sum(done) / len(work))
+    finally:
+        # what the workers had under way when they were ended
+        clear_leftovers(out)
+    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)
     tell("report", 0.86)
     comparisons = report(logs, out / "report.html", summary=out / "summary.json")
     tell("done", 1.0)
@@ -204,7 +215,10 @@ def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> t
 
     results = [read_log(log) for log in logs]
     comparisons = tuple(compare(result) for result in results)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        ready(out.parent)
+    except OSError as error:
+        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
     build_report(results, out)
     if summary is not None:
         records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
@@ -213,12 +227,3 @@ def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> t
         except OSError as error:
             raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
     return comparisons
-
-
-@contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes started afresh: MuJoCo's callbacks and numba's threads do not survive a fork."""
-    from multiprocessing import get_context
-
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield pool
