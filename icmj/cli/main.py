@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from icmj.base.signals import Terminated, terminable
+from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line
 from icmj.errors import IcmjError
 
@@ -28,13 +28,21 @@ BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``icmj``; returns the exit status."""
+    asked = Asked()
     try:
-        with terminable():
+        with terminable() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
     except Terminated as stop:
         return _say("interrupted", stop.status)
+    except Exception as error:
+        if asked.signum:  # it fell into code that made another exception of it
+            return _say("interrupted", 128 + asked.signum)
+        if os.environ.get("ICMJ_TRACEBACK"):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        return _say(f"this is a mistake in icmj ({one_line(what, 300)}); ICMJ_TRACEBACK=1 shows where", OURS)
 
 
 def entry() -> None:
@@ -44,6 +52,12 @@ def entry() -> None:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if status > 128:
+        # everything is unwound; an interpreter that was interrupted in the middle of an import may not end well
+        with contextlib.suppress(ValueError, OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
     sys.exit(status)
 
 
@@ -69,11 +83,6 @@ def _obey(arguments: list[str]) -> int:
         return _say(f"{name}{error.strerror or error}", BAD_INPUT)
     except MemoryError:
         return _say("out of memory; use a smaller model, a longer record_interval or fewer --jobs", BAD_INPUT)
-    except Exception as error:
-        if os.environ.get("ICMJ_TRACEBACK"):
-            raise
-        what = f"{type(error).__name__}: {error}"
-        return _say(f"this is a mistake in icmj ({one_line(what, 300)}); ICMJ_TRACEBACK=1 shows where", OURS)
     return 0
 
 

@@ -19,6 +19,7 @@ from urllib.parse import quote
 
 from icmj.base.files import write_bytes
 from icmj.base.signals import terminable
+from icmj.base.text import one_line
 from icmj.errors import LogError
 from icmj.log.program import program, salvage
 from icmj.log.reader import DamagedLog, read_summary
@@ -124,7 +125,7 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
         except (RuntimeError, OSError, TimeoutError) as error:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(2)  # of a viewer that died, its own last words say more
-            why = " ".join(str(error).split())[:200] if process.poll() is None else _reason(messages)
+            why = one_line(error, 200) if process.poll() is None else _reason(messages)
             raise LogError(f"{log}: no picture: {why}") from error
     if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
         raise LogError(f"{log}: the viewer gave no complete picture")
@@ -205,7 +206,7 @@ def _reason(messages: IO[bytes]) -> str:
         return NO_RENDERER
     if "DISPLAY" in text:
         return "no display"
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    lines = [line for line in map(one_line, text.splitlines()) if line]
     return lines[-1][:200] if lines else "no message"
 
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import socket
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection, get_context
+from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from icmj.base.text import one_line
@@ -25,6 +27,7 @@ from icmj.errors import IcmjError, StudyError
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two words on progress
 _PR_SET_PDEATHSIG = 1
+_PROGRAM = "from icmj.study.workers import serve; serve()"
 
 
 @dataclass(frozen=True)
@@ -55,13 +58,15 @@ class _Worker:
     """One process, and the task that it has in hand."""
 
     def __init__(self) -> None:
-        context = get_context("spawn")
-        self.ours, theirs = context.Pipe()
-        # daemonic: ends with this process also where nobody closes the pool
-        self.process = context.Process(target=_serve, args=(theirs, os.getpid()), daemon=True)
-        with _uninterrupted():
-            self.process.start()
-        theirs.close()
+        ours, theirs = socket.socketpair()
+        command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), str(os.getpid())]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        nothing = subprocess.DEVNULL
+        with theirs, _uninterrupted():
+            self.process = subprocess.Popen(
+                command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=(theirs.fileno(),), env=environment
+            )
+        self.ours = Connection(ours.detach())
         self.index: int | None = None
 
     def give(self, index: int, task: Task) -> None:
@@ -71,7 +76,8 @@ class _Worker:
 
     def end(self) -> None:
         self.process.kill()
-        self.process.join(5)
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(5)
         self.ours.close()
 
 
@@ -102,9 +108,11 @@ class Workers:
             for worker in self._workers:
                 if worker.index is None and waiting:
                     worker.give(*waiting.pop())
-            busy = {worker.ours: worker for worker in self._workers if worker.index is not None}
-            for end in connection.wait(list(busy)):
-                yield self._news(busy[end], tasks)  # type: ignore[index]
+            busy = [worker for worker in self._workers if worker.index is not None]
+            spoken = wait([worker.ours for worker in busy])
+            for worker in busy:
+                if worker.ours in spoken:
+                    yield self._news(worker, tasks)
 
     def _news(self, worker: _Worker, tasks: Sequence[Task]) -> News:
         index = worker.index
@@ -112,8 +120,9 @@ class Workers:
         try:
             kind, value = worker.ours.recv()
         except (EOFError, OSError):
-            worker.process.join(5)
-            code = worker.process.exitcode
+            with suppress(subprocess.TimeoutExpired):
+                worker.process.wait(5)
+            code = worker.process.returncode
             self._workers.remove(worker)
             worker.end()
             why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
@@ -129,11 +138,12 @@ class Workers:
         return News(index, 1.0, value)
 
 
-def _serve(theirs: connection.Connection, parent: int) -> None:
-    """What a worker does until its parent is gone."""
+def serve() -> None:
+    """What a worker does until its parent is gone: the program of its process."""
+    theirs, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
     _mortal(parent)
-    _quiet()
-    with suppress(EOFError, OSError, KeyboardInterrupt):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError):
         while True:
             function, arguments = theirs.recv()
             theirs.send(_outcome(function, arguments, _teller(theirs)))
@@ -154,7 +164,7 @@ def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...], tell: Tel
         return "error", RuntimeError(one_line(f"{type(error).__name__}: {error}{where}", 500))
 
 
-def _teller(theirs: connection.Connection) -> Tell:
+def _teller(theirs: Connection) -> Tell:
     last = time.monotonic()
 
     def tell(done: float) -> None:
@@ -168,6 +178,8 @@ def _teller(theirs: connection.Connection) -> Tell:
 
 def _mortal(parent: int) -> None:
     """End when the parent does: at once where the kernel tells (Linux), else within a second."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM, signal.SIGHUP})
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
 
@@ -181,25 +193,14 @@ def _mortal(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _quiet() -> None:
-    """Neither Ctrl-C nor the terminal's streams are this process's business."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    nothing = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2):
-        os.dup2(nothing, stream)
-    os.close(nothing)
-
-
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits; a process started meanwhile never sees one."""
+    """Signals wait until a process is started and known; they stay blocked in it, and Ctrl-C never reaches it."""
+    polite = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, polite)
     try:
         yield
     finally:
