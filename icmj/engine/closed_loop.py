@@ -17,6 +17,7 @@ from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose
 from icmj.engine.extremes import ExtremesTracker, Find, extremes
+from icmj.engine.fault import EngineFault, words
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
@@ -143,6 +144,7 @@ class ComposedLoop:
         record = recording(CHUNK, model.nsensordata, width)
         use = self.implementation()
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
+        fault = ""
         with installed(*use.callbacks), self.lent():
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
@@ -156,6 +158,8 @@ class ComposedLoop:
                         progress(min(data.time / schedule.t_end, 1.0))
                 except KeyboardInterrupt:
                     stopped = True
+                except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
+                    status, fault = Status.DIVERGED, str(error) if isinstance(error, EngineFault) else words(error)
                 n_dense, n_rows, n_events = (int(n) for n in record.count)
                 steps += n_dense
                 rows.append(record.rows[:n_rows].copy())
@@ -166,6 +170,8 @@ class ComposedLoop:
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
         outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, at_events[:, 0])
+        if fault:
+            outcome = ending.diverged(t, fault)
         return Record(np.concatenate(rows), at_events, y_max, y_min, steps, outcome)
 
     @property

@@ -9,6 +9,7 @@ import mujoco
 
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import Deviation, load_spec
+from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,15 @@ def load_plant(path: Path | str, deviation: Deviation | None = None, keyframe: s
     """Load, deviate and linearise an MJCF plant.
 
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec` and :func:`icmj.engine.linearisation.linearise`.
+        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.linearisation.linearise` and
+            :mod:`icmj.engine.soundness`.
     """
     path = Path(path)
-    spec = load_spec(path, deviation)
-    return MujocoPlant(path, spec, linearise(spec.compile(), keyframe))
+    with sound(path):
+        spec = load_spec(path, deviation)
+        check_names(path, spec)
+        model = spec.compile()
+        check_sizes(path, model)
+        linearisation = linearise(model, keyframe)
+        check_plant(path, linearisation.plant)
+    return MujocoPlant(path, spec, linearisation)
