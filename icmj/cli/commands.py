@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 OUT = Console()
 ERR = Console(stderr=True)
+TOLD = 10.0  # s of estimated work that is announced
 
 
 @singledispatch
@@ -34,13 +35,15 @@ def execute(command: object) -> None:
 @execute.register
 def study(command: arguments.Study) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
+    from icmj.study.estimate import LONGEST
     from icmj.study.study import find_runs, run_study
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")
     runs = find_runs(command.runs)
     with Working("study", ERR) as working:
-        outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell)
+        longest = None if command.yes else LONGEST
+        outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     _show(outputs.comparisons)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     OUT.print(f"{len(outputs.logs)} logs, {size:.0f} MB together, in {escape(str(command.out))}")
@@ -100,11 +103,16 @@ def run(command: arguments.Run) -> None:
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
     from icmj.runfile.reading import load_run
+    from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
     from icmj.study.study import open_folder, run_case
 
     run_file = load_run(command.run)
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)
+        seconds = estimate(case, command.plant)
+        refuse_long(case, command.plant, seconds, None if command.yes else LONGEST)
+        if seconds > TOLD:
+            ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
         open_folder(command.out)
         result = run_case(case, command.plant, lambda done: working.tell(run_file.case.name, done))
         log = command.out / f"{run_file.case.name}.{command.plant}.rrd"

@@ -144,13 +144,13 @@ class ComposedLoop:
         record = recording(CHUNK, model.nsensordata, width)
         use = self.implementation()
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
-        fault = ""
+        fault, pace, crowded = "", ending.EventPace(schedule.t_end), None
         with installed(*use.callbacks), self.lent():
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
             tracker = ExtremesTracker(t, data.sensordata - y_0, schedule.edges, use.find)
-            while status == Status.RUNNING and not stopped:
+            while status == Status.RUNNING and not stopped and crowded is None:
                 record.clear()
                 try:
                     status = loop.advance(record, CHUNK)
@@ -167,11 +167,14 @@ class ComposedLoop:
                 dense = record.dense[:n_dense]
                 tracker.add(dense[:, 0], dense[:, 1:] - y_0, record.event_at[:n_events])
                 t = float(dense[-1, 0]) if n_dense else t
+                crowded = pace.stalled(*record.events[:n_events, 0].tolist())
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
         outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, at_events[:, 0])
         if fault:
             outcome = ending.diverged(t, fault)
+        elif crowded is not None and status == Status.RUNNING and not stopped:
+            outcome = ending.stalled(t, crowded)
         return Record(np.concatenate(rows), at_events, y_max, y_min, steps, outcome)
 
     @property

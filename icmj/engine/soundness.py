@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,7 +73,8 @@ def sound(path: Path) -> Iterator[None]:
     """
     examine(path)
     try:
-        with hushed():
+        with hushed(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the compiler's, on models that it takes all the same
             yield
     except mujoco.FatalError as error:
         raise ModelError(f"{path}: {words(error)}") from error

@@ -46,7 +46,7 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
             break
         x, x_o = flight.x, flight.x_o
         states.append(np.concatenate([x, x_o - system.T_hat @ x]))
-    return growth_per_interval(np.array(states)), float(np.abs(eigenvalues[dominant]))
+    return growth_per_interval(np.array(states).reshape(-1, len(x_bar))), float(np.abs(eigenvalues[dominant]))
 
 
 def _start(system: ErrorSystem, x_bar: Array) -> tuple[Array, Array]:

@@ -62,7 +62,7 @@ def simulate(
 
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:
-    duration = prepared.duration
+    duration, pace = prepared.duration, ending.EventPace(prepared.duration)
     while history.t < duration:
         for watch, piece, t in prepared.flight(history.z, history.t):
             history.append(watch, piece, t)
@@ -72,4 +72,6 @@ def _run(prepared: Stage, history: History, progress: Callable[[float], None] | 
             return prepared.outcome(piece, t)
         if piece.kind == "event":
             history.event()
+            if (took := pace.stalled(t)) is not None:
+                return ending.stalled(t, took)
     return ending.ran(duration, history.intervals(), prepared.loop.controller.trigger.delta_min)

@@ -56,7 +56,8 @@ def _is(value: Any, hint: Any, where: str) -> bool:
         )
     if hint in (float, complex, int):
         numbers = {float: (int, float), complex: (int, float, complex), int: (int,)}[hint]
-        return isinstance(value, numbers) and not isinstance(value, bool)
+        small = not isinstance(value, int) or abs(value) < 2**63
+        return isinstance(value, numbers) and not isinstance(value, bool) and small
     if not isinstance(hint, type):
         return True
     if not isinstance(value, hint):

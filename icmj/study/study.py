@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from icmj.comparison.comparison import Comparison
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
+    from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
@@ -89,12 +90,12 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     run = case.run
     report(0.1)
     simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
-    interrupted = simulation.outcome.kind == "interrupted"
+    interrupted = simulation.outcome.kind in ("interrupted", "stalled")
     continuous = simulate(
         case,
         plant,
         trigger=Continuous(),
-        duration=min(simulation.outcome.t, AFTER_INTERRUPT) if interrupted else None,
+        duration=_continuous_duration(case, simulation),
         progress=lambda done: report(0.5 + 0.1 * done),
     )
     growth = law = None
@@ -122,6 +123,13 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     )
 
 
+def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
+    """How long the continuous controller runs beside a simulation [s]; ``None`` for as long as the run file says."""
+    if simulation.outcome.kind == "interrupted":
+        return min(max(simulation.outcome.t, 1e-3 * case.settings.duration), AFTER_INTERRUPT)
+    return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
+
+
 def _attractors(case: Case) -> tuple[Attractor, ...]:
     from icmj.experiment.attractors import attractors
 
@@ -132,11 +140,14 @@ def _attractors(case: Case) -> tuple[Attractor, ...]:
     return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
 
 
-def check(path: Path, progress: Tell | None = None) -> None:
-    """Prepare a case and throw it away: bad input shows before anything is written."""
+def check(path: Path, longest: float | None = None, progress: Tell | None = None) -> None:
+    """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
     from icmj.case.case import prepare
+    from icmj.study.estimate import estimate, refuse_long
 
-    prepare(load_run(path))
+    case = prepare(load_run(path))
+    for plant in PLANTS if longest is not None else ():
+        refuse_long(case, plant, estimate(case, plant), longest)
 
 
 def log_case(path: Path, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
@@ -163,7 +174,12 @@ def open_folder(folder: Path) -> None:
 
 
 def run_study(
-    runs: Sequence[RunFile], out: Path, *, jobs: int | None = None, progress: Progress | None = None
+    runs: Sequence[RunFile],
+    out: Path,
+    *,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    longest: float | None = None,
 ) -> Outputs:
     """Run every case on both plants in ``jobs`` processes, then build the report and the summary from the logs.
 
@@ -172,6 +188,7 @@ def run_study(
         out: folder of the outputs; made if it is not there.
         jobs: processes; as many as cores if ``None``.
         progress: called with a label and the fraction of the whole that is done.
+        longest: a case estimated to take longer on one plant is refused [s]; any is done if ``None``.
 
     Raises:
         IcmjError: the first error of any case. All inputs are checked before the first log is written.
@@ -181,7 +198,7 @@ def run_study(
     tell = progress or (lambda label, done: None)
     cases = [(run, plant) for run in runs for plant in PLANTS]
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
-    checks = [Task(f"{run.path}", check, (run.path,)) for run in runs]
+    checks = [Task(f"{run.path}", check, (run.path, longest)) for run in runs]
     work = [Task(f"{run.case.name} ({plant})", log_case, (run.path, plant, out)) for run, plant in cases]
     done = [0.0] * len(work)
     try:

@@ -1,0 +1,97 @@
+"""How long a case will take, before it starts: from what it asks for, and where that is much from a small part of it.
+
+An estimate is there to tell seconds from hours. It knows nothing of events still to come.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from icmj.case.case import Case, PlantKind, simulate_plant
+from icmj.errors import SimulationError, StudyError
+
+LONGEST = 60.0  # s of estimated work that is started without being asked twice
+STEPS, BLOCKS, ROWS = 1e6, 5e3, 2e5  # up to these a run takes a few seconds at most
+_PER_ROW = 1.5e-5  # s to pose, write and read back one row
+_PROBE = 0.1  # s of simulation to estimate from
+_OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
+
+
+def estimate(case: Case, plant: PlantKind) -> float:
+    """Seconds that :func:`icmj.study.study.run_case` will take, about; 0 where it is plainly quick."""
+    settings, study = case.settings, case.run.study
+    rows = settings.duration / settings.record_interval
+    repeats = 1.5  # the run, and continuous control, which has no events
+    if plant == "linear":
+        repeats += _OTHER_STARTS * study.attractor_starts
+    else:
+        repeats += len(study.law_q_t)
+    growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
+    simulated = repeats * settings.duration + growth
+    if plant == "linear":
+        loop = case.controller.design
+        rate = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, loop.A_c, loop.A_o))
+        plenty = simulated * rate / 128 > BLOCKS
+    else:
+        plenty = simulated / _timestep(case) > STEPS
+    seconds = _PER_ROW * rows
+    if plenty or rows > ROWS:
+        seconds += simulated * _pace(case, plant)
+    return seconds
+
+
+def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None) -> None:
+    """See that a case is not longer than somebody is ready to wait.
+
+    Raises:
+        StudyError: if ``seconds`` is more than ``longest`` [s]; it says what would make it shorter.
+    """
+    if longest is None or seconds <= longest:
+        return
+    settings = case.settings
+    rows = settings.duration / settings.record_interval
+    what = [f"{rows:.2g} rows"] if rows > ROWS else []
+    if plant == "mujoco" and settings.duration / _timestep(case) > STEPS:
+        what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
+    asked = f" ({', '.join(what)})" if what else ""
+    raise StudyError(
+        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
+        "(simulation.duration, timestep, record_interval, study), or start it with --yes"
+    )
+
+
+def in_words(seconds: float) -> str:
+    """A length of time for people."""
+    for unit, size in (("years", 365.25 * 86400), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def _timestep(case: Case) -> float:
+    return float(case.settings.timestep or case.actual.spec.option.timestep)
+
+
+def _pace(case: Case, plant: PlantKind) -> float:
+    """Seconds of work for one second of simulation, from ever longer beginnings of the run."""
+    settings, which = case.settings, case.actual.linearisation.plant if plant == "linear" else case.actual
+    shortest = 20 * _timestep(case) if plant == "mujoco" else 0.0
+    length = max(shortest, settings.duration * 1e-7)
+    before = (0.0, 0.0)
+    while True:
+        length = min(length, settings.duration)
+        part = replace(settings, duration=length)
+        begin = time.perf_counter()
+        try:
+            simulate_plant(which, case.controller, part)
+        except SimulationError:
+            return 0.0  # which the run itself will say
+        now = (length, time.perf_counter() - begin)
+        if now[1] > _PROBE or length >= settings.duration / 4:
+            slope = (now[1] - before[1]) / (now[0] - before[0])
+            return max(slope, 0.0) if before[0] else now[1] / now[0]
+        before = now
+        length *= 6
