@@ -7,6 +7,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind, open_loop
 from icmj.controller.trigger import ClockTrigger
+from icmj.errors import SimulationError
 from icmj.measurement.measurement import growth_per_interval
 from icmj.result.result import Growth
 from icmj.theory.error_system import ErrorSystem
@@ -37,7 +38,10 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
     eigenvalues, vectors = np.linalg.eig(system.phi(delta))
     dominant = int(np.argmax(np.abs(eigenvalues)))
     x_bar = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
-    fly = open_loop(case, plant, trigger=ClockTrigger(delta), duration=(INTERVALS + 0.5) * delta)
+    try:
+        fly = open_loop(case, plant, trigger=ClockTrigger(delta), duration=(INTERVALS + 0.5) * delta)
+    except SimulationError:  # six intervals are shorter than a timestep
+        return float("nan"), float(np.abs(eigenvalues[dominant]))
     x, x_o = _start(system, x_bar)
     states = []
     for i in range(INTERVALS):

@@ -8,7 +8,10 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from icmj.base.files import scratch, write_bytes
+from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
@@ -55,6 +58,11 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
             write_bytes(out, (staged / out.name).read_bytes())
     except OSError as error:
         raise ReportError(f"{error.filename or out}: the report cannot be written: {error.strerror}") from error
+    except (np.linalg.LinAlgError, ArithmeticError) as error:
+        names = ", ".join(case.name for case in cases)
+        raise ReportError(
+            f"the report of {names} cannot be drawn: numbers too far apart ({one_line(error)})"
+        ) from error
 
 
 def render(cases: Sequence[CaseRuns], folder: Path) -> str:
