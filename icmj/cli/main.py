@@ -28,6 +28,7 @@ BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``icmj``; returns the exit status."""
+    os.environ.setdefault("RUST_LOG", "off")  # rerun's own words, in colour; what they mean comes as an error
     asked = Asked()
     try:
         with terminable() as asked:
@@ -69,7 +70,10 @@ def _obey(arguments: list[str]) -> int:
             return stop.code if isinstance(stop.code, int) else BAD_INPUT
         from icmj.cli import commands
 
-        commands.execute(command)
+        try:
+            commands.execute(command)
+        except SystemExit:  # what rich makes of a reader that went away
+            raise BrokenPipeError from None
         sys.stdout.flush()
     except IcmjError as error:
         return _say(str(error), BAD_INPUT)
