@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line
-from icmj.errors import IcmjError
+from icmj.errors import IcmjError, beyond_arithmetic
 
 if TYPE_CHECKING:
     from icmj.cli.arguments import Command
@@ -42,6 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _say("interrupted", 128 + asked.signum)
         if os.environ.get("ICMJ_TRACEBACK"):
             raise
+        if beyond_arithmetic(error):
+            return _say(f"not computable: numbers too far apart ({one_line(error, 200)})", BAD_INPUT)
         what = f"{type(error).__name__}: {error}"
         return _say(f"this is a mistake in icmj ({one_line(what, 300)}); ICMJ_TRACEBACK=1 shows where", OURS)
 

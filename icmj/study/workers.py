@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from icmj.base.text import one_line
-from icmj.errors import IcmjError, StudyError
+from icmj.errors import IcmjError, StudyError, beyond_arithmetic
 
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two words on progress
@@ -157,6 +157,8 @@ def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...], tell: Tel
     except MemoryError:
         return "error", StudyError(f"{function.__name__}: out of memory; run fewer jobs, or record more coarsely")
     except Exception as error:
+        if beyond_arithmetic(error):
+            return "error", StudyError(f"not computable: numbers too far apart ({one_line(error, 200)})")
         frame = error.__traceback__
         while frame is not None and frame.tb_next is not None:
             frame = frame.tb_next
