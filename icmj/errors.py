@@ -25,6 +25,11 @@ class AnalysisError(IcmjError):
     """A matrix or an interval given to the analysis has the wrong shape or is not finite."""
 
 
+def beyond_arithmetic(error: BaseException) -> bool:
+    """Whether an error is linear algebra's way to say that numbers are too far apart, wherever it was not foreseen."""
+    return type(error).__name__ in ("LinAlgError", "OverflowError")
+
+
 class SimulationError(IcmjError):
     """A simulation cannot be started with these arguments."""
 
@@ -35,3 +40,7 @@ class LogError(IcmjError):
 
 class ReportError(IcmjError):
     """A report cannot be built from these logs."""
+
+
+class StudyError(IcmjError):
+    """A study cannot be carried out, or one of its processes died."""

@@ -10,6 +10,13 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("icmj", "how long to look for faults")
+    group.addoption("--kills", type=int, default=12, help="signals sent to runs and studies at random moments")
+    group.addoption("--mutants", type=int, default=0, help="mutants of each kind; 0: for a fixed time")
+    group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The checkout: models/, runs/ and so on lie in it."""

@@ -78,7 +78,7 @@ def run_events(
     W = system.to_original(np.array(before).reshape(K, n + 2 * m))
     R = np.array(rows)
     y = Z[:, :n] @ system.actual.C.T
-    events = Events(np.array(times), W[:, :n], W[:, n : n + m], W[:, n + m :], np.zeros((K, 3)), np.zeros((K, 3)))
+    events = Events(np.array(times), W[:, :n], W[:, n : n + m], W[:, n + m :], *(np.zeros((K, system.actual.n_y)),) * 2)
     values = np.einsum("ij,jk,ik->i", R, M, R) - trigger.q_t**2
     u = -Z[:, n + m :] @ system.design.k.T
     return (

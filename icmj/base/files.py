@@ -1,15 +1,23 @@
-"""Files that appear under their name only when they are complete."""
+"""Files that appear under their name only when they are complete, and what is left of those that did not."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import shutil
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 SUFFIX = ".tmp"
-"""Ends the name of a file under way; whatever has it was left by a run that ended, and may be deleted."""
+"""Ends the name of what is under way; the name says who writes it, so that what the dead left can be told."""
+
+_OURS = re.compile(r"\..+\.(?P<place>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}" + re.escape(SUFFIX))
+_A_DAY = 86400.0  # [s]
 
 
 @contextmanager
@@ -21,13 +29,28 @@ def whole(target: Path) -> Iterator[Path]:
     Raises:
         OSError: if it cannot be renamed.
     """
-    part = target.with_name(f".{target.name}.{uuid.uuid4().hex[:8]}{SUFFIX}")
+    part = _beside(target)
     try:
         yield part
         os.replace(part, target)
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+@contextmanager
+def scratch(target: Path) -> Iterator[Path]:
+    """A folder beside ``target`` for the length of the block.
+
+    Raises:
+        OSError: if it cannot be made.
+    """
+    folder = _beside(target)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def write_text(target: Path, text: str) -> None:
@@ -48,3 +71,68 @@ def write_bytes(target: Path, content: bytes) -> None:
     """
     with whole(target) as part:
         part.write_bytes(content)
+
+
+def ready(folder: Path) -> None:
+    """Make ``folder`` if it is not there, clear what dead writers left in it, and see that it can be written to.
+
+    Raises:
+        OSError: if it cannot.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    clear_leftovers(folder)
+    with scratch(folder / "icmj") as inside:
+        (inside / "probe").write_bytes(b"icmj")
+
+
+def clear_leftovers(folder: Path) -> None:
+    """Remove what writers in ``folder`` left that ended before it was complete; those still alive keep theirs.
+
+    Of a writer on another machine, or in another container, nobody here can tell; its part goes after a day.
+    """
+    with suppress(OSError):
+        for path in folder.iterdir():
+            found = _OURS.fullmatch(path.name)
+            if found and _left(path, found["place"], int(found["pid"])):
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path, ignore_errors=True)
+                else:
+                    with suppress(OSError):
+                        path.unlink()
+
+
+def _beside(target: Path) -> Path:
+    return target.with_name(f".{target.name}.{_place()}-{os.getpid()}-{uuid.uuid4().hex[:8]}{SUFFIX}")
+
+
+def _left(path: Path, place: str, pid: int) -> bool:
+    if place != _place():
+        try:
+            return time.time() - path.lstat().st_mtime > _A_DAY
+        except OSError:
+            return False
+    return not alive(pid)
+
+
+def alive(pid: int) -> bool:
+    """Whether there is such a process on this machine, that has not ended yet."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    try:
+        # one that ended and that nobody has waited for writes nothing more
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except (OSError, IndexError):
+        return True
+
+
+@cache
+def _place() -> str:
+    """Where process numbers mean the same: this machine, this container; six hexadecimal digits."""
+    name = os.uname().nodename if hasattr(os, "uname") else ""
+    with suppress(OSError):
+        name += os.readlink("/proc/self/ns/pid")
+    return hashlib.sha256(name.encode()).hexdigest()[:6]

@@ -22,6 +22,8 @@ class Study:
     """Folder for the outputs."""
     jobs: int | None = None
     """Processes; as many as there are cores by default."""
+    yes: bool = False
+    """Start also what is estimated to take longer than a minute for one case."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Run:
     """Plant to simulate."""
     out: Path = Path("runs/out")
     """Folder for the log."""
+    yes: bool = False
+    """Start also what is estimated to take longer than a minute."""
 
 
 @dataclass(frozen=True)

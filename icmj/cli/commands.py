@@ -10,10 +10,10 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from icmj.cli import arguments
+from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 OUT = Console()
 ERR = Console(stderr=True)
+TOLD = 10.0  # s of estimated work that is announced
 
 
 @singledispatch
@@ -34,19 +35,15 @@ def execute(command: object) -> None:
 @execute.register
 def study(command: arguments.Study) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
+    from icmj.study.estimate import LONGEST
     from icmj.study.study import find_runs, run_study
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")
     runs = find_runs(command.runs)
-    with _progress() as bar:
-        task = bar.add_task("study", total=1.0)
-        outputs = run_study(
-            runs,
-            command.out,
-            jobs=command.jobs,
-            progress=lambda label, done: bar.update(task, completed=done, description=label),
-        )
+    with Working("study", ERR) as working:
+        longest = None if command.yes else LONGEST
+        outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     _show(outputs.comparisons)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     OUT.print(f"{len(outputs.logs)} logs, {size:.0f} MB together, in {escape(str(command.out))}")
@@ -61,7 +58,8 @@ def analyse(command: arguments.Analyse) -> None:
     from icmj.runfile.reading import load_run
 
     run = load_run(command.run)
-    case = prepare(run)
+    with Working(f"analysing {run.case.name}", ERR):
+        case = prepare(run)
     prediction, outputs = case.prediction, case.assumed.linearisation.plant.outputs
     if command.json:
         print(json.dumps(plain_prediction(prediction, outputs, case.notices), indent=2, allow_nan=False))
@@ -106,20 +104,26 @@ def analyse(command: arguments.Analyse) -> None:
 @execute.register
 def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, print what it did beside the prediction."""
+    from icmj.case.case import prepare
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
     from icmj.runfile.reading import load_run
     from icmj.simulation.remarks import relative_error
-    from icmj.study.study import run_case
+    from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
+    from icmj.study.study import open_folder, run_case
 
     run_file = load_run(command.run)
-    with _progress() as bar:
-        task = bar.add_task(run_file.case.name, total=1.0)
-        result = run_case(run_file, command.plant, lambda done: bar.update(task, completed=done))
-        command.out.mkdir(parents=True, exist_ok=True)
+    with Working(run_file.case.name, ERR) as working:
+        case = prepare(run_file)
+        seconds = estimate(case, command.plant)
+        refuse_long(case, command.plant, seconds, None if command.yes else LONGEST)
+        if seconds > TOLD:
+            ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
+        open_folder(command.out)
+        result = run_case(case, command.plant, lambda done: working.tell(run_file.case.name, done))
         log = command.out / f"{run_file.case.name}.{command.plant}.rrd"
+        working.tell("writing the log", 0.95)
         write_log(result, log)
-        bar.update(task, completed=1.0)
     _show([compare(result)])
     outcome = result.simulation.outcome
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)
@@ -128,6 +132,8 @@ def run(command: arguments.Run) -> None:
     if np.isfinite(error):
         OUT.print(f"The step errs by {error:.1g} of an interval.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
+    if outcome.kind == "interrupted":
+        raise KeyboardInterrupt
 
 
 @execute.register
@@ -135,7 +141,7 @@ def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.study.study import report as build
 
-    with ERR.status("building the report"):
+    with Working("building the report", ERR):
         comparisons = build(command.logs, command.out)
     _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)
@@ -158,12 +164,13 @@ def linearise(command: arguments.Linearise) -> None:
     from icmj.plant.selection import Selection
 
     outputs = "joints" if command.outputs == ("joints",) else command.outputs or None
-    loaded = load_plant(
-        command.model,
-        keyframe=command.keyframe,
-        selection=Selection(outputs=outputs),
-        operating=OperatingRule(command.operating_point, command.free),
-    )
+    with Working(f"linearising {command.model.name}", ERR):
+        loaded = load_plant(
+            command.model,
+            keyframe=command.keyframe,
+            selection=Selection(outputs=outputs),
+            operating=OperatingRule(command.operating_point, command.free),
+        )
     linearisation = loaded.linearisation
     plant = linearisation.plant
     if command.json:
@@ -180,10 +187,6 @@ def linearise(command: arguments.Linearise) -> None:
         OUT.print(table)
     OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
     _tell(loaded.quality.notices)
-
-
-def _progress() -> Progress:
-    return Progress(TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn(), console=ERR, transient=True)
 
 
 def _show(comparisons: Sequence[Comparison]) -> None:

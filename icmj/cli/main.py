@@ -1,48 +1,123 @@
-"""The command line: a thin shell over the API. Status 0 on success, 2 on bad input with one line on standard error."""
+"""The command line: a thin shell over the API, and what becomes of errors and signals there (docs/promises.md).
+
+Status 0 on success, 2 on bad input with one line on standard error, 70 where icmj itself is wrong, 130 after Ctrl-C,
+143 after SIGTERM.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
+import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
-import tyro
+from icmj.base.signals import Asked, Terminated, terminable
+from icmj.base.text import one_line
+from icmj.errors import IcmjError, beyond_arithmetic
 
-from icmj.cli.arguments import DESCRIPTION, Command
-from icmj.errors import IcmjError
+if TYPE_CHECKING:
+    from icmj.cli.arguments import Command
 
-# Heavy imports happen inside the commands: `icmj --help` must stay quick.
+BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
+
+# Heavy imports happen inside the commands: `icmj --help` must stay quick, and a signal must find us ready.
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``icmj``; returns the exit status."""
+    os.environ.setdefault("RUST_LOG", "off")  # rerun's own words, in colour; what they mean comes as an error
+    asked = Asked()
     try:
-        command = _parse(sys.argv[1:] if arguments is None else list(arguments))
-    except SystemExit as stop:
-        return stop.code if isinstance(stop.code, int) else 2
+        with terminable() as asked:
+            return _obey(sys.argv[1:] if arguments is None else list(arguments))
+    except KeyboardInterrupt:
+        return _say("interrupted", INTERRUPTED)
+    except Terminated as stop:
+        return _say("interrupted", stop.status)
+    except Exception as error:
+        if asked.signum:  # it fell into code that made another exception of it
+            return _say("interrupted", 128 + asked.signum)
+        if os.environ.get("ICMJ_TRACEBACK"):
+            raise
+        if beyond_arithmetic(error):
+            return _say(f"not computable: numbers too far apart ({one_line(error, 200)})", BAD_INPUT)
+        what = f"{type(error).__name__}: {error}"
+        return _say(f"this is a mistake in icmj ({one_line(what, 300)}); ICMJ_TRACEBACK=1 shows where", OURS)
+
+
+def entry() -> None:
+    """The program: :func:`main`, deaf to signals while the interpreter is taken down."""
+    status = main()
+    with contextlib.suppress(ValueError, OSError):
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if status > 128:
+        # everything is unwound; an interpreter that was interrupted in the middle of an import may not end well
+        with contextlib.suppress(ValueError, OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)
+
+
+def _obey(arguments: list[str]) -> int:
     try:
+        try:
+            command = _parse(arguments)
+        except SystemExit as stop:
+            return stop.code if isinstance(stop.code, int) else BAD_INPUT
         from icmj.cli import commands
 
-        commands.execute(command)
+        try:
+            commands.execute(command)
+        except SystemExit:  # what rich makes of a reader that went away
+            raise BrokenPipeError from None
+        sys.stdout.flush()
     except IcmjError as error:
-        print(f"icmj: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("icmj: interrupted", file=sys.stderr)
-        return 130
+        return _say(str(error), BAD_INPUT)
     except BrokenPipeError:  # the reader of our output went away, as `| head` does
-        sys.stderr.close()
+        _unheard()
         return 0
+    except OSError as error:
+        if error.filename is None:  # not a file of ours: standard output is full, or gone
+            _unheard()
+        name = f"{error.filename}: " if error.filename is not None else ""
+        return _say(f"{name}{error.strerror or error}", BAD_INPUT)
+    except MemoryError:
+        return _say("out of memory; use a smaller model, a longer record_interval or fewer --jobs", BAD_INPUT)
     return 0
 
 
+def _say(message: str, status: int) -> int:
+    """One line on standard error, if anybody listens."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"icmj: {one_line(message)}", file=sys.stderr, flush=True)
+    return status
+
+
+def _unheard() -> None:
+    """Let what is left in the buffer of standard output go nowhere, without a complaint at the end."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, sys.stdout.fileno())
+        os.close(nothing)
+
+
 def _parse(arguments: list[str]) -> Command:
+    import tyro
+
+    from icmj.cli.arguments import DESCRIPTION, Command
+
     if not arguments:
         arguments = ["--help"]
+    command: Any = Command
     with _one_line_errors():
         return tyro.cli(
-            Command, prog="icmj", description=DESCRIPTION, args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
+            command, prog="icmj", description=DESCRIPTION, args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
         )
 
 
@@ -55,8 +130,8 @@ def _one_line_errors() -> Iterator[None]:
             yield
     except SystemExit as stop:
         if stop.code not in (0, None):
-            print(f"icmj: {_unboxed(shown.getvalue())}; see icmj --help", file=sys.stderr)
-            raise SystemExit(2) from None
+            _say(f"{_unboxed(shown.getvalue())}; see icmj --help", BAD_INPUT)
+            raise SystemExit(BAD_INPUT) from None
         sys.stderr.write(shown.getvalue())
         raise
 

@@ -21,7 +21,7 @@ def verdict_in_words(result: Result, converged: bool) -> str:
         mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
         return f"Settles on the predicted cycle (period is {mirror})."
     ended = _how_it_ended(measurement, prediction.cycle)
-    if outcome.kind in ("fell", "diverged", "interrupted"):
+    if outcome.kind in ("fell", "diverged", "interrupted", "stalled"):
         ended = f"the run {'was interrupted' if outcome.kind == 'interrupted' else outcome.kind} at {outcome.t:.3g} s"
     elif outcome.kind == "sliding":
         ended = "every interval collapses to Δ_min"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.base.text import one_line
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -65,21 +67,28 @@ def design_lq(
         R_o: output noise intensity, scalar (times identity) or shape (n_y, n_y).
 
     Raises:
-        DesignError: if a weight has the wrong shape, or a Riccati equation has no stabilising solution.
+        DesignError: if a weight has the wrong shape or sign or is not symmetric, or a Riccati equation has no
+            stabilising solution.
     """
     import control
 
-    C_w = plant.C.T @ plant.C if Q_c is None else _square(Q_c, plant.n, "Q_c")
-    B_w = plant.B @ plant.B.T if Q_o is None else _square(Q_o, plant.n, "Q_o")
-    R_c, R_o = _square(R_c, plant.n_u, "R_c"), _square(R_o, plant.n_y, "R_o")
+    C_w = plant.C.T @ plant.C if Q_c is None else _semidefinite(_square(Q_c, plant.n, "Q_c"), "Q_c")
+    B_w = plant.B @ plant.B.T if Q_o is None else _semidefinite(_square(Q_o, plant.n, "Q_o"), "Q_o")
+    R_c, R_o = (
+        _definite(_square(R, size, name), name) for R, size, name in ((R_c, plant.n_u, "R_c"), (R_o, plant.n_y, "R_o"))
+    )
     try:
-        k, _, E_c = control.lqr(plant.A, plant.B, C_w, R_c, method="scipy")
-        L, _, E_o = control.lqe(plant.A, np.eye(plant.n), plant.C, B_w, R_o, method="scipy")
-    except (control.exception.ControlDimension, np.linalg.LinAlgError, ValueError) as error:
-        raise DesignError(
-            f"no LQ design for this plant ({error}); check that its unstable poles can be "
-            "reached by the inputs and seen in the outputs, and that the weights see them"
-        ) from error
+        # what overflows on the way shows in the poles, and needs no warning
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            k, _, E_c = control.lqr(plant.A, plant.B, C_w, R_c, method="scipy")
+            L, _, E_o = control.lqe(plant.A, np.eye(plant.n), plant.C, B_w, R_o, method="scipy")
+    except (control.exception.ControlDimension, control.exception.ControlArgument, ArithmeticError) as error:
+        raise DesignError(_NO_DESIGN.format(one_line(error, 200))) from error
+    except (np.linalg.LinAlgError, ValueError, MemoryError) as error:
+        raise DesignError(_NO_DESIGN.format(one_line(error, 200))) from error
+    if not (np.isfinite(k).all() and np.isfinite(L).all()):
+        raise DesignError(_NO_DESIGN.format("the gains are not finite"))
     design = Design(plant, k, L)
     for what, poles in (("state feedback", E_c), ("observer", E_o)):
         if not np.all(np.isfinite(poles)) or np.max(np.real(poles)) >= 0:
@@ -90,14 +99,38 @@ def design_lq(
     return design
 
 
+_NO_DESIGN = (
+    "no LQ design for this plant ({}); check that its unstable poles can be reached by the inputs and seen in the "
+    "outputs, and that the weights see them and are not orders of magnitude apart"
+)
+
+
 def _square(weight: ArrayLike, size: int, name: str) -> Array:
-    W = np.asarray(weight, dtype=float)
+    expected = f"expected a scalar, {size} diagonal entries or a {size} × {size} matrix"
+    try:
+        W = np.asarray(weight, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DesignError(f"weight {name} is not a matrix: its rows differ in length; {expected}") from error
+    if not np.isfinite(W).all():
+        raise DesignError(f"weight {name} holds a NaN or an infinity")
     if W.ndim == 0:
         return W * np.eye(size)
     if W.ndim == 1 and W.size == size:
         return np.diag(W)
     if W.shape != (size, size):
-        raise DesignError(
-            f"weight {name} has shape {W.shape}; expected a scalar, {size} diagonal entries or a {size} × {size} matrix"
-        )
+        raise DesignError(f"weight {name} has shape {W.shape}; {expected}")
+    if np.abs(W - W.T).max() > 1e-9 * np.abs(W).max():
+        raise DesignError(f"weight {name} is not symmetric; write each entry off the diagonal twice")
+    return (W + W.T) / 2
+
+
+def _semidefinite(W: Array, name: str) -> Array:
+    if np.linalg.eigvalsh(W)[0] < -1e-12 * np.abs(W).max():
+        raise DesignError(f"weight {name} has a negative eigenvalue; it must not reward what it weighs")
+    return W
+
+
+def _definite(W: Array, name: str) -> Array:
+    if not np.linalg.eigvalsh(W)[0] > 0:
+        raise DesignError(f"weight {name} must be positive in every direction; it has an eigenvalue that is not")
     return W

@@ -15,6 +15,8 @@ from typing import Any
 
 import mujoco
 
+from icmj.engine.hush import hushed
+
 # a Python function, or a native one as a ctypes function object
 ControlCallback = Callable[..., None]
 ActDynCallback = Callable[..., float]
@@ -37,8 +39,9 @@ _changed = threading.Condition()
 def installed(control: ControlCallback | None = None, act_dyn: ActDynCallback | None = None) -> Iterator[None]:
     """Install MuJoCo's control and activation callbacks; put back what was there on leaving, whatever happens.
 
-    Load no model inside the block: an installed Python callback breaks the compiler. Python callbacks are called by
-    every thread that steps a model meanwhile, so guard them by the model, as those of this package are.
+    MuJoCo prints nothing meanwhile. Load no model inside the block: an installed Python callback breaks the compiler.
+    Python callbacks are called by every thread that steps a model meanwhile, so guard them by the model, as those of
+    this package are.
     """
     pair, me = (control, act_dyn), threading.get_ident()
     with _changed:
@@ -48,7 +51,8 @@ def installed(control: ControlCallback | None = None, act_dyn: ActDynCallback | 
         layer = _layers[-1]
         layer.threads.append(me)
     try:
-        yield
+        with hushed():
+            yield
     finally:
         with _changed:
             layer.threads.remove(me)

@@ -17,6 +17,7 @@ from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose
 from icmj.engine.extremes import ExtremesTracker, Find, extremes
+from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
@@ -145,12 +146,13 @@ class ComposedLoop:
         record = recording(CHUNK, model.nsensordata, width)
         use = self.implementation()
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
+        fault, pace, crowded = "", ending.EventPace(schedule.t_end), None
         with installed(*use.callbacks), self.lent():
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
             tracker = ExtremesTracker(t, self.y(data.sensordata), schedule.jumps, use.find)
-            while status == Status.RUNNING and not stopped:
+            while status == Status.RUNNING and not stopped and crowded is None:
                 record.clear()
                 try:
                     status = loop.advance(record, CHUNK)
@@ -158,6 +160,8 @@ class ComposedLoop:
                         progress(min(data.time / schedule.t_end, 1.0))
                 except KeyboardInterrupt:
                     stopped = True
+                except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
+                    status, fault = Status.DIVERGED, str(error) if isinstance(error, EngineFault) else words(error)
                 n_dense, n_rows, n_events = (int(n) for n in record.count)
                 steps += n_dense
                 rows.append(record.rows[:n_rows].copy())
@@ -165,9 +169,14 @@ class ComposedLoop:
                 dense = record.dense[:n_dense]
                 tracker.add(dense[:, 0], self.y(dense[:, 1:]), record.event_at[:n_events])
                 t = float(dense[-1, 0]) if n_dense else t
+                crowded = pace.stalled(*record.events[:n_events, 0].tolist())
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
         outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, at_events[:, 0])
+        if fault:
+            outcome = ending.diverged(t, fault)
+        elif crowded is not None and status == Status.RUNNING and not stopped:
+            outcome = ending.stalled(t, crowded)
         return Record(np.concatenate(rows), at_events, y_max, y_min, steps, outcome)
 
     @property

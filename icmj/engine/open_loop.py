@@ -12,6 +12,7 @@ from icmj.controller.controller import Controller, start_state
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop, timestep_of
 from icmj.engine.extremes import ExtremesTracker
+from icmj.engine.fault import EngineFault
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Status, recording
 from icmj.engine.schedule import Schedule
@@ -48,11 +49,15 @@ class EngineOpenLoop:
             tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find)
             while status == Status.RUNNING:
                 record.clear()
-                status = self._steps.advance(record, CHUNK)
+                try:
+                    status = self._steps.advance(record, CHUNK)
+                except (EngineFault, mujoco.FatalError):
+                    status = Status.DIVERGED
+                    record.count[2] = 0
                 n_dense, n_rows, n_events = (int(n) for n in record.count)
                 tracker.add(record.dense[:n_dense, 0], loop.y(record.dense[:n_dense, 1:]), record.event_at[:n_events])
                 last = float(record.dense[n_dense - 1, 0]) if n_dense else last
-            row = record.events[0] if n_events else record.rows[n_rows - 1]
+            row = record.events[0] if n_events else record.rows[max(n_rows, 1) - 1]
             if not n_events and not n_rows:  # there was no time to fly
                 row = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))

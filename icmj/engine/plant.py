@@ -15,6 +15,7 @@ from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
+from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.errors import ModelError
 from icmj.plant.operating import OperatingRule
 from icmj.plant.quality import Quality
@@ -72,16 +73,22 @@ def load_plant(
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
-            :func:`icmj.engine.equilibrium.equilibrium` and :func:`icmj.engine.linearisation.linearise`.
+            :func:`icmj.engine.equilibrium.equilibrium`, :func:`icmj.engine.linearisation.linearise` and
+            :mod:`icmj.engine.soundness`.
     """
     path = Path(path)
-    spec = load_spec(path, deviation)
-    selection = sensed(spec, selection or Selection())
-    model = spec.compile()
-    ports = ports_of(model, selection, deviation)
-    given = start or operating_point(model, keyframe)
-    try:
-        point = equilibrium(model, given, operating or OperatingRule())
-    except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
-    return MujocoPlant(path, spec, linearise(model, ports=ports, point=point))
+    with sound(path):
+        spec = load_spec(path, deviation)
+        check_names(path, spec)
+        selection = sensed(spec, selection or Selection())
+        model = spec.compile()
+        check_sizes(path, model)
+        ports = ports_of(model, selection, deviation)
+        given = start or operating_point(model, keyframe)
+        try:
+            point = equilibrium(model, given, operating or OperatingRule())
+        except ModelError as error:
+            raise ModelError(f"{path}: {error}") from error
+        linearisation = linearise(model, ports=ports, point=point)
+        check_plant(path, linearisation.plant)
+    return MujocoPlant(path, spec, linearisation)

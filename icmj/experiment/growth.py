@@ -6,6 +6,7 @@ import numpy as np
 
 from icmj.case.case import Case, PlantKind, open_loop
 from icmj.controller.trigger import ClockTrigger
+from icmj.errors import SimulationError
 from icmj.measurement.measurement import growth_per_interval, reduced_states
 from icmj.result.result import Growth
 
@@ -36,7 +37,10 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
     eigenvalues, vectors = np.linalg.eig(system.phi(delta))
     dominant = int(np.argmax(np.abs(eigenvalues)))
     w = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
-    fly = open_loop(case, plant, trigger=ClockTrigger(delta), duration=(INTERVALS + 0.5) * delta)
+    try:
+        fly = open_loop(case, plant, trigger=ClockTrigger(delta), duration=(INTERVALS + 0.5) * delta)
+    except SimulationError:  # six intervals are shorter than a timestep
+        return float("nan"), float(np.abs(eigenvalues[dominant]))
     x, x_o, x_h = system.start(w)
     states = []
     for i in range(INTERVALS):
@@ -45,4 +49,4 @@ def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
             break
         x, x_o, x_h = flight.x, flight.x_o, flight.x_h if system.delay else flight.x_o
         states.append(reduced_states(x, x_o, system.T_hat, x_h if system.delay else None))
-    return growth_per_interval(np.array(states)), float(np.abs(eigenvalues[dominant]))
+    return growth_per_interval(np.array(states).reshape(-1, len(w))), float(np.abs(eigenvalues[dominant]))

@@ -66,6 +66,7 @@ def simulate(
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:
     duration, queue = prepared.duration, Queue(prepared.loop.controller)
+    pace = ending.EventPace(duration)
     while history.t < duration:
         if prepared.loop.controller.delay:
             queue.take_up(history.t, prepared.loop.x_o(history.z), prepared.loop.x_h(history.z))
@@ -77,4 +78,6 @@ def _run(prepared: Stage, history: History, progress: Callable[[float], None] | 
             return prepared.outcome(piece, t)
         if piece.kind == "event":
             history.event()
+            if (took := pace.stalled(t)) is not None:
+                return ending.stalled(t, took)
     return ending.ran(duration, history.intervals(), prepared.loop.controller.trigger.delta_min)

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.base.text import one_line
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import TRIGGERS
 from icmj.errors import IcmjError, LogError
+from icmj.log.validation import validate
 from icmj.measurement.measurement import Measurement
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
@@ -65,16 +67,18 @@ def unpack(tree: str, arrays: Flat) -> Result:
     """The result from what :func:`pack` gave, every array bit for bit.
 
     Raises:
-        LogError: if tree and arrays do not make a result of this version of icmj.
+        LogError: if tree and arrays do not make a result of this version of icmj, or what they make does not hold
+            what its dataclasses promise.
     """
     try:
         result = _decode(json.loads(tree), arrays)
     except IcmjError:
         raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"the archive is not one of this version of icmj ({error})") from error
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError, RecursionError) as error:
+        raise LogError(f"the archive is not one of this version of icmj ({one_line(error, 200)})") from error
     if not isinstance(result, Result):
         raise LogError("the archive holds no result")
+    validate(result)
     return result
 
 

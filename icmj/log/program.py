@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 from pathlib import Path
 
+from icmj.base.text import one_line
 from icmj.errors import LogError
+
+LONGEST = 120.0  # s; a log of a gigabyte takes a few
 
 
 def program() -> Path:
@@ -29,12 +33,21 @@ def verify(path: Path) -> str:
     A damaged file can abort the process that decodes it (one in four thousand with a single bit flipped), which must
     not be ours. Takes 0.05 s.
     """
-    done = subprocess.run(
-        [str(program()), "rrd", "verify", str(path)], capture_output=True, text=True, errors="replace", check=False
-    )
+    try:
+        done = subprocess.run(
+            [str(program()), "rrd", "verify", str(path)],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            timeout=LONGEST,
+            env=os.environ | {"NO_COLOR": "1"},
+        )
+    except subprocess.TimeoutExpired:
+        return f"reading it took more than {LONGEST:g} s"
     if done.returncode == 0:
         return ""
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    lines = [line for line in map(one_line, done.stderr.splitlines()) if line]
     reason = lines[0] if lines else f"exit status {done.returncode}"
     return reason.removeprefix(f'"{path}":').strip()[:200]
 

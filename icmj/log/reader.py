@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+from icmj.base.text import one_line
 from icmj.errors import IcmjError, LogError
 from icmj.log import archive
 from icmj.log.program import verify
@@ -29,6 +30,8 @@ def read_log(path: Path | str) -> Result:
     columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
     try:
         version, tree, digest = (columns.pop(name)[0].as_py() for name in ("format", "tree", "sha256"))
+        if not isinstance(tree, str):
+            raise KeyError("tree")
     except (KeyError, IndexError) as error:
         raise LogError(f"{path}: a rerun recording, but not a log of icmj; it has no archive") from error
     if version != FORMAT:
@@ -41,7 +44,7 @@ def read_log(path: Path | str) -> Result:
     try:
         return archive.unpack(tree, arrays)
     except IcmjError as error:
-        raise LogError(f"{path}: {error}") from error
+        raise LogError(f"{path}: {one_line(error)}") from error
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
@@ -73,8 +76,12 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
     """Entity and its static components, as arrow arrays by name, of every chunk that ``content`` selects."""
     from rerun.chunk import RrdReader
 
-    if not path.is_file():
-        raise LogError(f"{path}: no such log")
+    try:
+        there = path.is_file()
+    except (OSError, ValueError):  # no name of a file at all
+        there = False
+    if not there:
+        raise LogError(f"{one_line(path, 200)}: no such log")
     damage = verify(path)
     try:
         if damage:
@@ -95,7 +102,7 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
             for batch in [chunk.to_record_batch()]
         ]
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
-        reason = " ".join(str(error).split())[:200]
+        reason = one_line(error, 200)
         raise DamagedLog(
             f"{path}: not a complete rerun recording ({reason}); if cut short, `icmj replay` salvages what it can"
         ) from error

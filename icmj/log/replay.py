@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time as clock
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,6 +18,8 @@ from typing import IO
 from urllib.parse import quote
 
 from icmj.base.files import write_bytes
+from icmj.base.signals import terminable
+from icmj.base.text import one_line
 from icmj.errors import LogError
 from icmj.log.program import program, salvage
 from icmj.log.reader import DamagedLog, read_summary
@@ -125,7 +125,7 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
         except (RuntimeError, OSError, TimeoutError) as error:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(2)  # of a viewer that died, its own last words say more
-            why = " ".join(str(error).split())[:200] if process.poll() is None else _reason(messages)
+            why = one_line(error, 200) if process.poll() is None else _reason(messages)
             raise LogError(f"{log}: no picture: {why}") from error
     if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
         raise LogError(f"{log}: the viewer gave no complete picture")
@@ -168,7 +168,7 @@ def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[b
     """The viewer as a child that does not outlive the block; its messages go to a temporary file."""
     # errors only: every warning would be drawn over the picture as a notification
     environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
-    with _stopping_on_sigterm(), tempfile.TemporaryFile() as messages:
+    with terminable(), tempfile.TemporaryFile() as messages:
         process = subprocess.Popen(command, stdout=messages, stderr=messages, env=environment)
         try:
             yield process, messages
@@ -180,23 +180,6 @@ def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[b
                 except subprocess.TimeoutExpired:
                     process.kill()
                     process.wait()
-
-
-@contextlib.contextmanager
-def _stopping_on_sigterm() -> Iterator[None]:
-    """Let a polite request to end unwind the block, so that the viewer ends too."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(signum: int, _: object) -> None:
-        raise SystemExit(128 + signum)
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _await_port(port: int, process: subprocess.Popen[bytes], messages: IO[bytes]) -> None:
@@ -223,7 +206,7 @@ def _reason(messages: IO[bytes]) -> str:
         return NO_RENDERER
     if "DISPLAY" in text:
         return "no display"
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    lines = [line for line in map(one_line, text.splitlines()) if line]
     return lines[-1][:200] if lines else "no message"
 
 

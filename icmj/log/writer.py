@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from icmj.base.files import whole
+from icmj.base.text import one_line
 from icmj.comparison.comparison import compare
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary
@@ -24,6 +26,7 @@ from icmj.log.phase import write_phase_plane
 from icmj.result.result import Result
 
 APPLICATION = "icmj"
+LITTLE = 20_000_000  # bytes; the longest shipped run logs half of it
 FORMAT = 1
 """Version of what the archive holds; raised when an older reader could misread a newer log."""
 
@@ -47,7 +50,7 @@ def write_log(result: Result, path: Path | str) -> None:
             _write(result, tree, arrays, part)
             _verify(part)
     except (OSError, RuntimeError, ValueError, TypeError) as error:
-        raise LogError(f"{path}: the log cannot be written ({_one_line(error)})") from error
+        raise LogError(f"{path}: the log cannot be written ({_reason(error, path.parent)})") from error
 
 
 @contextmanager
@@ -130,5 +133,11 @@ def _verify(part: Path) -> None:
         raise ValueError("what was written does not read back")
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:300]
+def _reason(error: BaseException, folder: Path) -> str:
+    """Why, in one line; rerun does not say that a disk is full."""
+    why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 300)
+    with suppress(OSError):
+        free = shutil.disk_usage(folder).free
+        if free < LITTLE:
+            why += f"; only {free / 1e6:.1f} MB are free there"
+    return why

@@ -109,6 +109,8 @@ def measure(
     states = event_states(simulation, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")
+    if simulation.outcome.kind == "stalled":
+        return _other(simulation, "too short", f"Too short to tell: the run {simulation.outcome.message}.")
     if K == 0:
         return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s.")
     if _homoclinic(simulation, states):

@@ -6,10 +6,12 @@ import base64
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from icmj.base.files import write_bytes
+import numpy as np
+
+from icmj.base.files import scratch, write_bytes
+from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
@@ -46,8 +48,7 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as scratch:
-            staged = Path(scratch)
+        with scratch(out) as staged:
             page = render(cases, staged)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
@@ -57,6 +58,11 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
             write_bytes(out, (staged / out.name).read_bytes())
     except OSError as error:
         raise ReportError(f"{error.filename or out}: the report cannot be written: {error.strerror}") from error
+    except (np.linalg.LinAlgError, ArithmeticError) as error:
+        names = ", ".join(case.name for case in cases)
+        raise ReportError(
+            f"the report of {names} cannot be drawn: numbers too far apart ({one_line(error)})"
+        ) from error
 
 
 def render(cases: Sequence[CaseRuns], folder: Path) -> str:

@@ -6,8 +6,11 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
+
+MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 
 
 def load_run(path: Path | str) -> RunFile:
@@ -18,25 +21,43 @@ def load_run(path: Path | str) -> RunFile:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        if path.exists() and not path.is_file():
+            # a pipe would be waited on for ever
+            raise RunFileError(f"{path}: cannot be read: not a file")
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # a name with a zero byte in it
+        raise RunFileError(f"{path}: cannot be read: {error}") from error
+    if len(content) > MOST_BYTES:
+        raise RunFileError(f"{path}: more than {MOST_BYTES / 1e6:g} MB; a run file is a few kB of TOML")
+    try:
+        text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError as error:
         raise RunFileError(f"{path}: not UTF-8 text at byte {error.start}") from error
-    return parse_run(text, path)
+    return parse_run(text.replace("\r\n", "\n"), path)
 
 
 def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:
     """Validate the text of a run file; ``path`` locates its models and names it in errors.
 
     Raises:
-        RunFileError: one line that names the file, the line or key, and what was expected.
+        RunFileError: one line that names the file and every line or key that is wrong, and what was expected.
     """
     path = Path(path)
     try:
         data: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise RunFileError(f"{path}: not TOML: {error}") from error
-    run = RunFile.validated(data, path)
+        raise RunFileError(f"{path}: not TOML: {one_line(error, 200)}") from error
+    except RecursionError as error:
+        raise RunFileError(f"{path}: not TOML that can be read: nested too deeply") from error
+    except ValueError as error:  # an integer of thousands of digits, a date that is none
+        why = "an integer of thousands of digits" if "digits" in str(error) else one_line(error, 200)
+        raise RunFileError(f"{path}: not TOML that can be read: {why}") from error
+    try:
+        run = RunFile.validated(data, path)
+    except RecursionError as error:
+        raise RunFileError(f"{path}: nested too deeply") from error
     run._text = text
     return run

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
+from icmj.base.text import one_line
 from icmj.controller.design import Design
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
 from icmj.errors import ModelError, RunFileError, SimulationError
@@ -19,13 +20,22 @@ from icmj.plant.change import Change, What
 from icmj.plant.notice import Kind
 from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.selection import Selection
+from icmj.runfile.messages import in_words
 from icmj.runfile.writing import to_toml
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Weight = Literal["output", "identity"] | list[Finite] | list[list[Finite]]
+# far beyond anything physical, and near enough to 1 for squares and products to be numbers
+SMALLEST, LARGEST = 1e-15, 1e12
+MOST = 200  # entries of a list: more states, inputs or thresholds than can be computed with
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST)]
+Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST)]
+Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST)]
+Weight = Literal["output", "identity"] | Numbers | Matrix
+Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
+Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 
 
 class TomlTable(BaseModel):
@@ -54,7 +64,7 @@ class Identity(TomlTable):
     """Name (also the log's file name) and title."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
-    title: str
+    title: Line
     paper: Paper = Paper()
 
 
@@ -129,8 +139,8 @@ class Actual(PlantTable):
     """
 
     model: str | None = None
-    gain: Finite | list[Finite] = 1.0
-    dynprm: dict[str, list[Finite]] = {}
+    gain: Finite | Numbers = 1.0
+    dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps
     change: list[ChangeTable] = []
     rho: Finite = 1.0
     delay: NonNegative | None = None
@@ -144,9 +154,9 @@ class Weights(TomlTable):
     """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o)."""
 
     Q_c: Weight = "output"
-    R_c: Positive | list[Positive] = 1.0
-    Q_o: Literal["input", "identity"] | list[Finite] | list[list[Finite]] = "input"
-    R_o: Positive | list[Positive] = 1.0
+    R_c: Positive | Positives = 1.0
+    Q_o: Literal["input", "identity"] | Numbers | Matrix = "input"
+    R_o: Positive | Positives = 1.0
 
 
 class Control(TomlTable):
@@ -157,7 +167,7 @@ class Control(TomlTable):
     Q_t: Weight = "output"
     q_t: Positive | None = None
     on: Literal["output", "state"] = "output"
-    threshold: Positive | list[Positive] | None = None
+    threshold: Positive | Positives | None = None
     delta_min: NonNegative = 1e-3
 
     def trigger(self, design: Design) -> EventRule:
@@ -186,7 +196,7 @@ class Control(TomlTable):
 class Analysis(TomlTable):
     """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
 
-    delta_max: Positive = 3.0
+    delta_max: Interval = 3.0
     allow: list[Kind] = []
 
 
@@ -224,7 +234,7 @@ class NoiseTable(TomlTable):
     input: str
     size: Positive
     bandwidth: Positive
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
     start: NonNegative = 0.0
 
     def source(self) -> Source:
@@ -245,7 +255,7 @@ class SimulationTable(TomlTable):
     integrator: Integrator | None = None
     record_interval: Positive = 0.01
     limit: Positive = 1.0
-    disturbance: list[SourceTable] = []
+    disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     native: bool = True
 
     def settings(self) -> Settings:
@@ -273,9 +283,9 @@ class StudyTable(TomlTable):
     """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8
-    law_q_t: list[Positive] = []
+    law_q_t: Annotated[list[Positive], Field(max_length=MOST)] = []
     attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     magnification: Positive = 10.0
 
 
@@ -305,11 +315,7 @@ class RunFile(TomlTable):
         try:
             run = cls.model_validate(data)
         except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(str(part) for part in first["loc"]) or "file"
-            more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-            shown = "" if first["type"] == "missing" else f", got {first['input']!r:.60}"
-            raise RunFileError(f"{path}: {key}: {first['msg']}{shown}{more}") from error
+            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
         run._path = path
         return run
 

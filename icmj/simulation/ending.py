@@ -9,8 +9,10 @@ import numpy as np
 
 from icmj.base.array import Array
 
-OutcomeKind = Literal["completed", "fell", "diverged", "interrupted", "sliding"]
+OutcomeKind = Literal["completed", "fell", "diverged", "interrupted", "sliding", "stalled"]
 
+WINDOW = 5000  # events over which their pace is taken
+MOST_EVENTS = 1e7  # more than these in a run, at the pace of the last window, and it gets nowhere
 SLIDING = 20  # successive intervals at Δ_min at the end of a run that are called sliding
 
 
@@ -20,7 +22,8 @@ class Outcome:
 
     Attributes:
         kind: ``completed``; ``fell`` (a position passed the limit in the settings); ``diverged`` (not finite, or
-            an engine warning); ``interrupted``; ``sliding`` (every interval collapsed to Δ_min).
+            an engine warning); ``interrupted``; ``sliding`` (every interval collapsed to Δ_min);
+            ``stalled`` (events come so fast that time does not go on).
         t: when [s].
         message: what the run did, to be read after "The run": ``ran to 40 s``.
     """
@@ -43,6 +46,32 @@ def diverged(t: float, why: str) -> Outcome:
 def interrupted(t: float, duration: float) -> Outcome:
     """The user stopped it."""
     return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {duration:g} s")
+
+
+def stalled(t: float, took: float) -> Outcome:
+    """Events without end in hardly any time."""
+    return Outcome(
+        "stalled",
+        t,
+        f"stalled at {t:.6g} s: {WINDOW} events in the last {took:.2g} s; give it a delta_min, or a higher threshold",
+    )
+
+
+class EventPace:
+    """Whether events come so fast that a run gets nowhere: a hold error that passes its threshold at once, always."""
+
+    def __init__(self, duration: float) -> None:
+        self._least = duration / MOST_EVENTS * WINDOW
+        self._times: list[float] = []
+
+    def stalled(self, *times: float) -> float | None:
+        """Add the times of events [s]; how long the last window took [s] if that is too little, else ``None``."""
+        self._times += times
+        if len(self._times) < WINDOW:
+            return None
+        took = self._times[-1] - self._times[-WINDOW]
+        self._times = self._times[1 - WINDOW :]
+        return took if took < self._least else None
 
 
 def ran(duration: float, intervals: Array, delta_min: float) -> Outcome:

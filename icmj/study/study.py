@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from icmj.base.files import write_text
-from icmj.errors import ReportError, RunFileError
+from icmj.base.files import clear_leftovers, ready, write_text
+from icmj.errors import LogError, ReportError, RunFileError
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
+from icmj.study.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.comparison.comparison import Comparison
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
+    from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
@@ -65,7 +65,7 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFile, ...]:
     return runs
 
 
-def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
+def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
     """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
 
     A run that is interrupted keeps what was simulated until then, and leaves out what would take long.
@@ -73,7 +73,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
-    from icmj.case.case import prepare, simulate
+    from icmj.case.case import Case, prepare, simulate
     from icmj.controller.controller import continuous_limit
     from icmj.engine.pose import scene
     from icmj.experiment.amplitude_law import measure_law
@@ -87,15 +87,16 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         if progress is not None:
             progress(done)
 
-    case = prepare(run)
+    case = run if isinstance(run, Case) else prepare(run)
+    run = case.run
     report(0.1)
     simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
-    interrupted = simulation.outcome.kind == "interrupted"
+    interrupted = simulation.outcome.kind in ("interrupted", "stalled")
     continuous = simulate(
         case,
         plant,
         trigger=continuous_limit(case.controller),
-        duration=min(simulation.outcome.t, AFTER_INTERRUPT) if interrupted else None,
+        duration=_continuous_duration(case, simulation),
         progress=lambda done: report(0.5 + 0.1 * done),
     )
     growth = law = None
@@ -124,6 +125,13 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     )
 
 
+def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
+    """How long the continuous controller runs beside a simulation [s]; ``None`` for as long as the run file says."""
+    if simulation.outcome.kind == "interrupted":
+        return min(max(simulation.outcome.t, 1e-3 * case.settings.duration), AFTER_INTERRUPT)
+    return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
+
+
 def _attractors(case: Case) -> tuple[Attractor, ...]:
     from icmj.experiment.attractors import attractors
 
@@ -134,26 +142,45 @@ def _attractors(case: Case) -> tuple[Attractor, ...]:
     return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
 
 
-def check(run: RunFile) -> None:
-    """Prepare a case and throw it away: bad input shows before anything is written."""
+def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:
+    """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
     from icmj.case.case import prepare
+    from icmj.study.estimate import estimate, refuse_long
 
-    prepare(run)
+    case = prepare(run)
+    for plant in PLANTS if longest is not None else ():
+        refuse_long(case, plant, estimate(case, plant), longest)
 
 
-def log_case(run: RunFile, plant: PlantKind, folder: Path) -> Path:
+def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
     from icmj.log import write_log
 
-    result = run_case(run, plant)
-    folder.mkdir(parents=True, exist_ok=True)
+    result = run_case(run, plant, progress)
     log = folder / f"{run.case.name}.{plant}.rrd"
     write_log(result, log)
     return log
 
 
+def open_folder(folder: Path) -> None:
+    """Have a folder to write logs into, cleared of what earlier runs left that were ended in the middle.
+
+    Raises:
+        LogError: if nothing can be written there.
+    """
+    try:
+        ready(folder)
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be written to: {error.strerror}; choose another folder with --out") from error
+
+
 def run_study(
-    runs: Sequence[RunFile], out: Path, *, jobs: int | None = None, progress: Progress | None = None
+    runs: Sequence[RunFile],
+    out: Path,
+    *,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    longest: float | None = None,
 ) -> Outputs:
     """Run every case on both plants in ``jobs`` processes, then build the report and the summary from the logs.
 
@@ -162,6 +189,7 @@ def run_study(
         out: folder of the outputs; made if it is not there.
         jobs: processes; as many as cores if ``None``.
         progress: called with a label and the fraction of the whole that is done.
+        longest: a case estimated to take longer on one plant is refused [s]; any is done if ``None``.
 
     Raises:
         IcmjError: the first error of any case. All inputs are checked before the first log is written.
@@ -169,24 +197,24 @@ def run_study(
     if not runs:
         raise RunFileError("no run file given")
     tell = progress or (lambda label, done: None)
-    tasks = [(run, plant) for run in runs for plant in PLANTS]
-    jobs = max(1, min(jobs or os.cpu_count() or 1, len(tasks)))
-    done = 0
-    with _pool(jobs) as pool:
-        list(pool.map(check, runs))
-        tell("inputs checked", 0.1)
-        futures: dict[Future[Path], str] = {
-            pool.submit(log_case, run, plant, out): f"{run.case.name} ({plant})" for run, plant in tasks
-        }
-        try:
-            for future in as_completed(futures):
-                future.result()
-                done += 1
-                tell(futures[future], 0.1 + 0.75 * done / len(tasks))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in tasks)
+    cases = [(run, plant) for run in runs for plant in PLANTS]
+    jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
+    checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
+    work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in cases]
+    done = [0.0] * len(work)
+    try:
+        with Workers(jobs) as workers:
+            for news in workers.run(checks):
+                tell(f"checking {runs[news.index].case.name}", 0.1 * (news.index + news.done) / len(runs))
+            tell("inputs checked", 0.1)
+            open_folder(out)
+            for news in workers.run(work):
+                done[news.index] = news.done
+                tell(work[news.index].name, 0.1 + 0.75 * sum(done) / len(work))
+    finally:
+        # what the workers had under way when they were ended
+        clear_leftovers(out)
+    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)
     tell("report", 0.86)
     comparisons = report(logs, out / "report.html", summary=out / "summary.json")
     tell("done", 1.0)
@@ -205,7 +233,10 @@ def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> t
 
     results = [read_log(log) for log in logs]
     comparisons = tuple(compare(result) for result in results)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        ready(out.parent)
+    except OSError as error:
+        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
     build_report(results, out)
     if summary is not None:
         records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
@@ -214,12 +245,3 @@ def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> t
         except OSError as error:
             raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
     return comparisons
-
-
-@contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes started afresh: MuJoCo's callbacks and numba's threads do not survive a fork."""
-    from multiprocessing import get_context
-
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield pool

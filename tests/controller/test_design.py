@@ -1,5 +1,7 @@
 """LQ design against its closed form, against the published-case gains, and against the Riccati equations."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,31 @@ def test_weights_of_wrong_shape_are_refused():
 def test_gains_of_wrong_shape_are_refused():
     with pytest.raises(DesignError, match="gains do not fit"):
         Design(PENDULUM, [[1, 2, 3]], [[1], [2]])
+
+
+@pytest.mark.parametrize(
+    ("weights", "words"),
+    [
+        ({"Q_c": [[1, 2], [3]]}, "Q_c is not a matrix: its rows differ in length"),
+        ({"Q_o": [[1, 2], [3, 4]]}, "Q_o is not symmetric"),
+        ({"Q_c": [1, -1]}, "Q_c has a negative eigenvalue"),
+        ({"Q_c": [1, float("nan")]}, "Q_c holds a NaN"),
+        ({"R_c": 0.0}, "R_c must be positive"),
+        ({"R_o": -1.0}, "R_o must be positive"),
+        ({"R_c": [1.0, 2.0]}, "R_c has shape"),
+        ({"Q_c": [1e300, 1e300]}, "no LQ design"),
+    ],
+)
+def test_unusable_weights_are_named(weights, words):
+    with pytest.raises(DesignError, match=words):
+        design_lq(PENDULUM, **weights)
+
+
+@pytest.mark.parametrize("exponent", [-300, -100, -15, 12, 100, 300])
+@pytest.mark.parametrize("name", ["Q_c", "R_c", "Q_o", "R_o"])
+def test_a_weight_of_any_size_gives_a_stable_design_or_one_line(name, exponent):
+    scale = 10.0**exponent
+    with contextlib.suppress(DesignError):
+        design = design_lq(PENDULUM, **{name: [scale, scale] if name.startswith("Q") else scale})
+        assert np.linalg.eigvals(design.A_c).real.max() < 0
+        assert np.linalg.eigvals(design.A_o).real.max() < 0

@@ -5,7 +5,7 @@ import pytest
 
 from icmj.case.case import prepare
 from icmj.experiment.growth import measure_growth
-from icmj.runfile.reading import load_run
+from icmj.runfile.reading import load_run, parse_run
 
 
 @pytest.mark.parametrize("name", ["simple-0.8", "simple-1.7", "neglected-0.1", "three-link-1.1"])
@@ -22,3 +22,11 @@ def test_measured_growth_is_the_largest_eigenvalue(root, name, plant, tolerance)
 
 def test_no_points_no_growth(root):
     assert measure_growth(prepare(load_run(root / "runs" / "simple-0.8.toml")), "linear", 0) is None
+
+
+def test_intervals_shorter_than_a_timestep_have_no_measured_growth(root):
+    text = (root / "runs" / "simple-exact.toml").read_text(encoding="utf-8")
+    text = "\n".join("delta_max = 1e-4" if line.startswith("delta_max") else line for line in text.splitlines())
+    growth = measure_growth(prepare(parse_run(text, root / "runs" / "simple-exact.toml")), "mujoco", 2)
+    assert np.isnan(growth.measured).all()
+    assert np.isfinite(growth.predicted).all()

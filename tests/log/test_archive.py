@@ -22,6 +22,7 @@ def test_nothing_optional_comes_back_as_nothing() -> None:
     result, _ = made_up(duration=1.0)
     prediction = replace(
         result.prediction,
+        cycle=False,
         **dict.fromkeys(("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "multipliers", "V_inv")),
     )
     bare = replace(result, prediction=prediction, growth=None, law=None)

@@ -1,5 +1,7 @@
 """Run files: the shipped ones, and one clear line for each thing that can be wrong."""
 
+import os
+
 import pytest
 
 from icmj.errors import RunFileError
@@ -52,7 +54,7 @@ def test_values_the_paper_does_not_print_are_marked(root):
         ("x = [\n3 = 4", ["not TOML", "line 2"]),
         (GOOD.replace("q_t = 0.01", "q_t = -1"), ["controller.q_t", "greater than 0", "-1"]),
         (GOOD.replace("q_t = 0.01", "q_t = inf"), ["controller.q_t", "finite"]),
-        (GOOD + "qt = 3", ["controller.qt", "not permitted"]),
+        (GOOD + "qt = 3", ["controller.qt", "no such key", "did you mean q_t?"]),
         (GOOD.replace('name = "a"', 'name = "../a"'), ["case.name", "pattern"]),
         (GOOD.replace('[assumed]\nmodel = "m.xml"', ""), ["assumed", "required"]),
         (GOOD + "[study]\nlaw_q_t = [1e-2]", ["law_q_t", "two"]),
@@ -78,3 +80,59 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(RunFileError, match="UTF-8"):
         load_run(tmp_path / "b.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD + "[design]\nR_c = [1, 2, -1]", "design.R_c[2]: must be greater than 0, got -1"),
+        (GOOD + "[design]\nQ_c = 'outputs'", "design.Q_c: expected 'output', 'identity', a list of numbers or"),
+        (GOOD + "[design]\nQ_c = [[1, 2], [1, 'a']]", "design.Q_c[1][1]: expected a number, got 'a'"),
+        (GOOD + "[simulation]\nq_t = 3", "simulation.q_t: no such key; it belongs in [controller]"),
+        (GOOD + "[analyis]\ndelta_max = 3", "analyis: no such key; did you mean analysis?"),
+        (GOOD + "[simulation]\nintegrator = 'rk4'", "got 'rk4'; did you mean RK4?"),
+        (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
+        (GOOD.replace("0.01", "1e308"), "controller.q_t: must be at most 1e+12, got 1e+308"),
+        (GOOD.replace("0.01", "5e-324"), "controller.q_t: must be at least 1e-15"),
+        (GOOD + "[analysis]\ndelta_max = 5e-324", "analysis.delta_max: must be at least"),
+        (GOOD + "[analysis]\ndelta_max = 1e308", "analysis.delta_max: must be at most 10000"),
+        (GOOD + "[actual]\ndynprm = { a = [1,2,3,4,5,6,7,8,9,10,11] }", "actual.dynprm.a: has 11 entries"),
+        (GOOD + f"Q_t = {[1] * 5000}", "controller.Q_t"),
+        (GOOD + "x = " + "[" * 500 + "]" * 500, "nested too deeply"),
+        (GOOD + "x = " + "1" * 5000, "an integer of thousands of digits"),
+        (GOOD.replace('"A"', '"\\u001b[31mA"'), "case.title: holds control characters"),
+        ("case = 3\nassumed = [1]\ncontroller = 'a'", "case: expected a table, got 3; assumed: expected a table"),
+    ],
+)
+def test_what_is_wrong_is_said_for_people(text, words):
+    with pytest.raises(RunFileError) as caught:
+        parse_run(text)
+    message = str(caught.value)
+    assert words in message
+    assert "\n" not in message
+    assert "Input" not in message
+    assert "permitted" not in message
+    assert len(message) < 1000
+
+
+def test_everything_that_is_wrong_is_listed():
+    text = GOOD + "".join(f"wrong{i} = {i}\n" for i in range(9)) + "[design]\nR_c = -1\nR_o = -1\n[study]\nseed = -1"
+    with pytest.raises(RunFileError) as caught:
+        parse_run(text)
+    for key in (*(f"controller.wrong{i}" for i in range(9)), "design.R_c", "design.R_o", "study.seed"):
+        assert f"{key}: " in str(caught.value)
+
+
+def test_a_byte_order_mark_and_windows_lines_are_read(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert load_run(tmp_path / "a.toml").text == GOOD
+
+
+def test_what_is_no_file_of_this_size_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "large.toml").write_text(GOOD + f"Q_t = {[1] * 500_000}")
+    for name, words in (("pipe", "not a file"), ("large.toml", "more than 1 MB"), ("a" * 5000, "cannot be read")):
+        with pytest.raises(RunFileError, match=words):
+            load_run(tmp_path / name)
+    with pytest.raises(RunFileError, match="cannot be read"):
+        load_run("a\0b")

@@ -86,8 +86,12 @@ def as_weight(weight: str | ArrayLike, design: Design) -> Array:
         if weight == "identity":
             return np.eye(n_hat)
         raise AnalysisError(f"Q_t is {weight!r}; expected 'output', 'identity', diagonal entries or a matrix")
-    Q = np.asarray(weight, dtype=float)
-    Q = np.diag(Q) if Q.ndim == 1 else Q
-    if Q.shape != (n_hat, n_hat):
+    try:
+        Q = np.asarray(weight, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise AnalysisError("Q_t is not a matrix: its rows differ in length") from error
+    if Q.shape not in ((n_hat,), (n_hat, n_hat)):
         raise AnalysisError(f"Q_t has shape {Q.shape}; the assumed plant has {n_hat} states")
-    return Q
+    if Q.ndim == 2 and np.abs(Q - Q.T).max() > 1e-9 * np.abs(Q).max():
+        raise AnalysisError("Q_t is not symmetric; write each entry off the diagonal twice")
+    return np.diag(Q) if Q.ndim == 1 else Q

@@ -19,6 +19,7 @@ from numba import types
 from icmj.base.array import Array
 from icmj.engine import reference
 from icmj.engine.block import Block, Slot, block_of
+from icmj.engine.fault import can_fault, guarded
 from icmj.engine.native import structs
 from icmj.engine.native.compilation import compiled, entry, inlined, sources
 from icmj.engine.native.memory import bare
@@ -265,6 +266,7 @@ class NativeLoop:
         plan = plan_of(schedule, qpos_0, model)
         self._progress = np.zeros(1, PROGRESS)
         self._run = engine_of(model, data, phase), plan, rule_of(block, data), self._progress
+        self._can_fault = can_fault(model)
         self.begin()
         _verify(data, block)
 
@@ -276,7 +278,8 @@ class NativeLoop:
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
-        return Status(_entry()(*self._run, record, steps))
+        advance, arguments = _entry(), (*self._run, record, steps)
+        return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:

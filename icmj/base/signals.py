@@ -1,0 +1,80 @@
+"""A polite request to end, which unwinds what is under way as Ctrl-C does, so that nothing is left behind."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+_POLITE = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Terminated(BaseException):
+    """The process was asked to end.
+
+    Attributes:
+        status: exit status, 128 and the number of the signal.
+    """
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(signum)
+        self.status = 128 + signum
+
+
+@dataclass
+class Asked:
+    """Whether, and by which signal, the process was asked to end; 0 if it was not."""
+
+    signum: int = 0
+
+
+@contextmanager
+def terminable() -> Iterator[Asked]:
+    """Within the block SIGTERM and SIGHUP raise :class:`Terminated`, unless they are ignored or have a handler.
+
+    Code in other languages may turn an exception that falls into it into another one, or lose it. So what is yielded
+    remembers, and the exception is raised again every second until the block is left. Ctrl-C is remembered, too.
+    Signals reach the main thread only; in another thread the block changes nothing.
+    """
+    asked = Asked()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def stop(signum: int, _: object) -> None:
+        if signum != signal.SIGALRM:
+            asked.signum = signum
+            signal.setitimer(signal.ITIMER_REAL, 1.0, 1.0)
+        if asked.signum == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise Terminated(asked.signum)
+
+    def interrupt(signum: int, _: object) -> None:
+        asked.signum = signum
+        raise KeyboardInterrupt
+
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
+        if lost.exc_type in (Terminated, KeyboardInterrupt):  # it fell into a destructor, which cannot end anything
+            signal.setitimer(signal.ITIMER_REAL, 0.01, 0.0 if asked.signum == signal.SIGINT else 1.0)
+        else:
+            hook(lost)
+
+    before = {}
+    for signum in (*_POLITE, signal.SIGALRM):
+        if signal.getsignal(signum) is signal.SIG_DFL:
+            before[signum] = signal.signal(signum, stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
+    hook = sys.unraisablehook
+    sys.unraisablehook = unraisable
+    try:
+        yield asked
+    finally:
+        sys.unraisablehook = hook
+        if signal.SIGALRM in before:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        for signum, handler in before.items():
+            signal.signal(signum, handler)

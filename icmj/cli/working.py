@@ -1,0 +1,62 @@
+"""Signs of life: a bar on a terminal, a line now and then elsewhere, once a command has taken a while."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+FIRST = 2.0  # s of silence before a bar
+PAUSE = 5.0  # s between two lines, where there is no terminal to draw a bar on
+
+
+class Working:
+    """What is under way, and how far; a context manager that shows it in a thread of its own.
+
+    A command that is done before that says nothing, so that its errors stay alone on their line.
+    """
+
+    def __init__(self, label: str, console: Console) -> None:
+        self._label, self._done, self._console = label, 0.0, console
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True)
+
+    def tell(self, label: str, done: float | None = None) -> None:
+        """Say what is under way, and which part of the whole is done, 0–1, if that is known."""
+        self._label = label
+        self._done = self._done if done is None else done
+
+    def __enter__(self) -> Working:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join(2)
+
+    def _show(self) -> None:
+        if self._console.is_terminal:
+            self._bar()
+        else:
+            self._lines()
+
+    def _bar(self) -> None:
+        if self._ended.wait(FIRST):
+            return
+        columns = TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn()
+        with Progress(*columns, console=self._console, transient=True) as bar:
+            task = bar.add_task(self._label, total=None)
+            while not self._ended.wait(0.1):
+                bar.update(task, description=self._label, completed=self._done, total=1.0 if self._done > 0 else None)
+
+    def _lines(self) -> None:
+        begin = time.monotonic()
+        while not self._ended.wait(PAUSE):
+            part = f", {100 * self._done:.0f} %" if self._done > 0 else ""
+            try:
+                print(f"icmj: {self._label}{part} after {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
+            except (OSError, ValueError):  # nobody listens any more
+                return

@@ -1,0 +1,172 @@
+"""What a result promises beyond its types: shapes against each other, rising times, finite numbers.
+
+A log is believed only as far as this: the digest in it says that nothing has changed since it was written, not that
+what was written makes sense.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import AnalysisError, LogError
+from icmj.log.conformity import conform
+from icmj.result.result import Result
+from icmj.simulation.simulation import Simulation
+from icmj.theory.orbit import Orbit
+from icmj.theory.prediction import Prediction
+
+MOST_EVENTS = 64  # of one period; eight are looked for
+
+
+def validate(result: Result) -> None:
+    """Check everything that readers of a result rely on.
+
+    Raises:
+        LogError: at the first thing that is not as promised, by its dotted place.
+    """
+    conform(result)
+    _plants(result)
+    for name, simulation in (("simulation", result.simulation), ("continuous", result.continuous)):
+        _simulation(result, name, simulation)
+    _require(result.simulation.plant == result.continuous.plant, "continuous.plant", "is not that of the simulation")
+    _measurement(result)
+    _prediction(result, result.prediction)
+    _experiments(result)
+
+
+def _plants(result: Result) -> None:
+    actual, assumed, design = result.actual, result.assumed, result.controller.design
+    _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
+    mine, theirs = (design.plant.n, design.plant.n_u, design.plant.n_y), (assumed.n, assumed.n_u, assumed.n_y)
+    _require(mine == theirs, "controller.design.plant", f"has the sizes {mine}, expected {theirs}")
+    _finite("controller.design.k", design.k)
+    _finite("controller.design.L", design.L)
+    _shape("controller.hold.A_h", result.controller.hold.A_h, assumed.n, assumed.n)
+    _finite("controller.hold.A_h", result.controller.hold.A_h)
+    try:
+        result.controller.trigger.faces(design)
+    except (AnalysisError, ValueError, IndexError) as error:
+        raise LogError(f"controller.trigger does not fit the design: {error}") from error
+
+
+def _simulation(result: Result, name: str, simulation: Simulation) -> None:
+    n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
+    N = _rising(f"{name}.t", simulation.t, least=1)
+    for key, width in (("x", n), ("y", n_y), ("u", n_u), ("x_o", m), ("x_h", m)):
+        _shape(f"{name}.{key}", getattr(simulation, key), N, width)
+    _shape(f"{name}.E", simulation.E, N)
+    if simulation.qpos.size:
+        _shape(f"{name}.qpos", simulation.qpos, N, None)
+    _require(simulation.qpos.ndim == 2, f"{name}.qpos", f"has shape {simulation.qpos.shape}")
+    events, end = simulation.events, simulation.outcome.t
+    _require(np.isfinite(end) and end >= 0, f"{name}.outcome.t", f"is {end}; expected a time")
+    K = _rising(f"{name}.events.t", events.t, least=0)
+    _require(K == 0 or events.t[-1] <= simulation.t[-1] * (1 + 1e-9), f"{name}.events.t", "ends after the run")
+    for key, width in (("x", n), ("x_o", m), ("x_h", m), ("y_max", n_y), ("y_min", n_y)):
+        _shape(f"{name}.events.{key}", getattr(events, key), K, width if K else None)
+
+
+def _measurement(result: Result) -> None:
+    measured = result.measurement
+    _shape("measurement.amplitude", measured.amplitude, result.actual.n_y)
+    _require(measured.intervals.ndim == 1, "measurement.intervals", f"has shape {measured.intervals.shape}")
+    _require(bool((measured.intervals > 0).all()), "measurement.intervals", "holds one that is not positive")
+    if measured.p is not None:
+        _require(1 <= measured.p <= MOST_EVENTS, "measurement.p", f"is {measured.p}")
+    if measured.kind == "cycle":
+        for key in ("p", "interval", "period"):
+            _require(getattr(measured, key) is not None, f"measurement.{key}", "is missing, though there is a cycle")
+        _shape("measurement.intervals", measured.intervals, measured.p)
+        _require(len(result.simulation.events) >= (measured.p or 0), "measurement.p", "is more than there are events")
+    for key in ("interval", "period"):
+        _positive(f"measurement.{key}", getattr(measured, key))
+
+
+def _prediction(result: Result, prediction: Prediction) -> None:
+    size = result.actual.n + result.assumed.n
+    for key in ("delta_crit", "period", "delta_max"):
+        _positive(f"prediction.{key}", getattr(prediction, key))
+    for i, crossing in enumerate(prediction.crossings):
+        _positive(f"prediction.crossings.{i}.delta", crossing.delta)
+    if prediction.amplitude is not None:
+        _shape("prediction.amplitude", prediction.amplitude, result.actual.n_y)
+    if prediction.V_inv is not None:
+        _shape("prediction.V_inv", prediction.V_inv, size, size)
+    if prediction.multipliers is not None:
+        _shape("prediction.multipliers", prediction.multipliers, None)
+    if prediction.delta_crit is not None:
+        missing = [key for key in ("eigenvalue", "orbit", "gamma") if getattr(prediction, key) is None]
+        _require(not missing, "prediction", f"has a Δ_crit, but no {', '.join(missing)}")
+    _require(not prediction.cycle or prediction.period is not None, "prediction.cycle", "is true without a period")
+    if prediction.orbit is not None:
+        _require(prediction.delta_crit is not None, "prediction.orbit", "is there without a Δ_crit")
+        _orbit(result, prediction.orbit)
+
+
+def _orbit(result: Result, orbit: Orbit) -> None:
+    n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
+    M = _rising("prediction.orbit.t", orbit.t, least=2)
+    _positive("prediction.orbit.delta", orbit.delta)
+    _positive("prediction.orbit.period", orbit.period)
+    _require(orbit.sign in (1, -1), "prediction.orbit.sign", f"is {orbit.sign}; expected 1 or -1")
+    _shape("prediction.orbit.x_bar", orbit.x_bar, n + m)
+    for key, width in (("X", n + 2 * m), ("y", n_y), ("u", n_u), ("e_hp", m)):
+        _shape(f"prediction.orbit.{key}", getattr(orbit, key), M, width)
+    _shape("prediction.orbit.E", orbit.E, M)
+    for key, width in (("y", n_y), ("u", n_u), ("x", n)):
+        for what in ("peak", "range"):
+            _shape(f"prediction.orbit.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
+
+
+def _experiments(result: Result) -> None:
+    n, m = result.actual.n, result.assumed.n
+    if result.growth is not None:
+        points = _rising("growth.delta", result.growth.delta, least=1)
+        _shape("growth.measured", result.growth.measured, points)
+        _shape("growth.predicted", result.growth.predicted, points)
+    if (law := result.law) is not None:
+        _shape("law.q_t", law.q_t, None)
+        _require(
+            bool(len(law.q_t) and (law.q_t > 0).all() and np.isfinite(law.q_t).all()), "law.q_t", "is no threshold"
+        )
+        _shape("law.interval_error", law.interval_error, len(law.q_t))
+        _shape("law.amplitude_error", law.amplitude_error, len(law.q_t))
+    for i, attractor in enumerate(result.attractors):
+        where = f"attractors.{i}"
+        _shape(f"{where}.states", attractor.states, None, n + m)
+        _shape(f"{where}.x0", attractor.x0, n)
+        _shape(f"{where}.x_o0", attractor.x_o0, m)
+        _require(attractor.count >= 1 and 0 <= attractor.share <= 1, where, "has no sensible count or share")
+
+
+def _rising(where: str, t: Array, least: int) -> int:
+    """The number of times in ``t``, which rise from zero or later."""
+    _require(t.ndim == 1 and len(t) >= least, where, f"has shape {t.shape}; expected at least {least} times")
+    good = np.isfinite(t).all() and (t[:1] >= 0).all() and (np.diff(t) > 0).all()
+    _require(bool(good), where, "does not rise, or holds what is no time")
+    return len(t)
+
+
+def _shape(where: str, values: Any, *expected: int | None) -> None:
+    fits = values.ndim == len(expected) and all(
+        want is None or have == want for have, want in zip(values.shape, expected, strict=False)
+    )
+    wanted = ", ".join("any" if want is None else str(want) for want in expected)
+    _require(fits, where, f"has shape {values.shape}; expected ({wanted})")
+
+
+def _finite(where: str, values: Array) -> None:
+    _require(bool(np.isfinite(values).all()), where, "holds a NaN or an infinity")
+
+
+def _positive(where: str, value: float | None) -> None:
+    if value is not None:
+        _require(bool(np.isfinite(value) and value > 0), where, f"is {value}; expected a positive number")
+
+
+def _require(good: bool, where: str, otherwise: str) -> None:
+    if not good:
+        raise LogError(f"the archive is not that of a run: {where} {otherwise}")

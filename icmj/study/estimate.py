@@ -1,0 +1,103 @@
+"""How long a case will take, before it starts: from what it asks for, and where that is much from a small part of it.
+
+An estimate is there to tell seconds from hours. It knows nothing of events still to come.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from icmj.case.case import Case, PlantKind
+from icmj.engine.run import simulate as simulate_mujoco
+from icmj.errors import SimulationError, StudyError
+from icmj.linear.run import simulate as simulate_linear
+
+LONGEST = 60.0  # s of estimated work that is started without being asked twice
+STEPS, BLOCKS, ROWS = 1e6, 2e4, 2e5  # up to these a run takes a few seconds at most
+_PER_ROW = 1.5e-5  # s to pose, write and read back one row
+_PROBE = 0.1  # s of simulation to estimate from
+_OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
+
+
+def estimate(case: Case, plant: PlantKind) -> float:
+    """Seconds that :func:`icmj.study.study.run_case` will take, about; 0 where it is plainly quick."""
+    settings, study = case.settings, case.run.study
+    rows = settings.duration / settings.record_interval
+    repeats = 1.5  # the run, and continuous control, which has no events
+    if plant == "linear":
+        repeats += _OTHER_STARTS * study.attractor_starts
+    else:
+        repeats += len(study.law_q_t)
+    growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
+    simulated = repeats * settings.duration + growth
+    if plant == "linear":
+        loop = case.controller.design
+        rate = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, loop.A_c, loop.A_o))
+        plenty = simulated * rate / 128 > BLOCKS
+    else:
+        plenty = simulated / _timestep(case) > STEPS
+    seconds = _PER_ROW * rows
+    if plenty or rows > ROWS:
+        seconds += simulated * _pace(case, plant)
+    return seconds
+
+
+def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None) -> None:
+    """See that a case is not longer than somebody is ready to wait.
+
+    Raises:
+        StudyError: if ``seconds`` is more than ``longest`` [s]; it says what would make it shorter.
+    """
+    if longest is None or seconds <= longest:
+        return
+    settings = case.settings
+    rows = settings.duration / settings.record_interval
+    what = [f"{rows:.2g} rows"] if rows > ROWS else []
+    if plant == "mujoco" and settings.duration / _timestep(case) > STEPS:
+        what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
+    asked = f" ({', '.join(what)})" if what else ""
+    raise StudyError(
+        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
+        "(simulation.duration, timestep, record_interval, study), or start it with --yes"
+    )
+
+
+def in_words(seconds: float) -> str:
+    """A length of time for people."""
+    for unit, size in (("years", 365.25 * 86400), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def _timestep(case: Case) -> float:
+    return float(case.settings.timestep or case.actual.spec.option.timestep)
+
+
+def _pace(case: Case, plant: PlantKind) -> float:
+    """Seconds of work for one second of simulation, from ever longer beginnings of the run."""
+    end = case.settings.duration
+    length = max(20 * _timestep(case) if plant == "mujoco" else 0.0, 1e-7 * end)
+    try:
+        _timed(case, plant, length)  # compiles, and loads what is loaded once
+        first, least = length, _timed(case, plant, length)
+        while True:
+            length = min(6 * length, end)
+            took = _timed(case, plant, length)
+            if took - least > _PROBE or length >= end / 4:
+                return max(took - least, 0.0) / max(length - first, 1e-300)
+    except SimulationError:
+        return 0.0  # which the run itself will say
+
+
+def _timed(case: Case, plant: PlantKind, length: float) -> float:
+    settings, actual = replace(case.settings, duration=min(length, case.settings.duration)), case.actual
+    begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
+    if plant == "linear":
+        simulate_linear(actual.linearisation.plant, case.controller, settings)
+    else:
+        simulate_mujoco(actual, case.controller, settings, error_estimate=False)
+    return time.process_time() - begin

@@ -1,0 +1,209 @@
+"""Processes that work for this one, and end when it ends, however it ends.
+
+They are started afresh (MuJoCo's callbacks and numba's threads do not survive a fork), know nothing of Ctrl-C, which is
+for this process to handle, and neither write to the terminal nor hold it open. One that dies takes only its own
+task with it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from icmj.base.text import one_line
+from icmj.errors import IcmjError, StudyError, beyond_arithmetic
+
+Tell = Callable[[float], None]
+_OFTEN = 0.3  # s between two words on progress
+_PR_SET_PDEATHSIG = 1
+_PROGRAM = "from icmj.study.workers import serve; serve()"
+
+
+@dataclass(frozen=True)
+class Task:
+    """A function to call in a worker, importable by name; it is given ``progress``, too.
+
+    Attributes:
+        name: for people.
+        function: takes ``arguments`` and ``progress``.
+        arguments: anything that can be pickled.
+    """
+
+    name: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class News:
+    """What a worker has to tell: how far a task is (0–1), or that it is done, with what it returned."""
+
+    index: int
+    done: float
+    value: Any = None
+
+
+class _Worker:
+    """One process, and the task that it has in hand."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), str(os.getpid())]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        nothing = subprocess.DEVNULL
+        with theirs, _uninterrupted():
+            self.process = subprocess.Popen(
+                command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=(theirs.fileno(),), env=environment
+            )
+        self.ours = Connection(ours.detach())
+        self.index: int | None = None
+
+    def give(self, index: int, task: Task) -> None:
+        self.index = index
+        with suppress(OSError):  # it is dead, which shows when it is asked
+            self.ours.send((task.function, task.arguments))
+
+    def end(self) -> None:
+        self.process.kill()
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(5)
+        self.ours.close()
+
+
+class Workers:
+    """So many processes; a context manager, on leaving which they are gone."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._workers: list[_Worker] = []
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        while self._workers:
+            self._workers.pop().end()
+
+    def run(self, tasks: Sequence[Task]) -> Iterator[News]:
+        """Do all tasks, a few at a time in this order; yields news as they come.
+
+        Raises:
+            IcmjError: what a task raised, or that its process died.
+        """
+        waiting = list(enumerate(tasks))[::-1]
+        while waiting or any(worker.index is not None for worker in self._workers):
+            while len(self._workers) < min(self._jobs, len(tasks)):
+                self._workers.append(_Worker())
+            for worker in self._workers:
+                if worker.index is None and waiting:
+                    worker.give(*waiting.pop())
+            busy = [worker for worker in self._workers if worker.index is not None]
+            spoken = wait([worker.ours for worker in busy])
+            for worker in busy:
+                if worker.ours in spoken:
+                    yield self._news(worker, tasks)
+
+    def _news(self, worker: _Worker, tasks: Sequence[Task]) -> News:
+        index = worker.index
+        assert index is not None
+        try:
+            kind, value = worker.ours.recv()
+        except (EOFError, OSError):
+            with suppress(subprocess.TimeoutExpired):
+                worker.process.wait(5)
+            code = worker.process.returncode
+            self._workers.remove(worker)
+            worker.end()
+            why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
+            raise StudyError(
+                f"{tasks[index].name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished "
+                "is kept"
+            ) from None
+        if kind == "progress":
+            return News(index, value)
+        worker.index = None
+        if kind == "error":
+            raise value
+        return News(index, 1.0, value)
+
+
+def serve() -> None:
+    """What a worker does until its parent is gone: the program of its process."""
+    theirs, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
+    _mortal(parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError):
+        while True:
+            function, arguments = theirs.recv()
+            theirs.send(_outcome(function, arguments, _teller(theirs)))
+
+
+def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...], tell: Tell) -> tuple[str, Any]:
+    try:
+        return "done", function(*arguments, progress=tell)
+    except IcmjError as error:
+        return "error", type(error)(str(error))
+    except MemoryError:
+        return "error", StudyError(f"{function.__name__}: out of memory; run fewer jobs, or record more coarsely")
+    except Exception as error:
+        if beyond_arithmetic(error):
+            return "error", StudyError(f"not computable: numbers too far apart ({one_line(error, 200)})")
+        frame = error.__traceback__
+        while frame is not None and frame.tb_next is not None:
+            frame = frame.tb_next
+        where = f" at {frame.tb_frame.f_code.co_filename}:{frame.tb_lineno}" if frame else ""
+        return "error", RuntimeError(one_line(f"{type(error).__name__}: {error}{where}", 500))
+
+
+def _teller(theirs: Connection) -> Tell:
+    last = time.monotonic()
+
+    def tell(done: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > _OFTEN:
+            last = time.monotonic()
+            theirs.send(("progress", done))
+
+    return tell
+
+
+def _mortal(parent: int) -> None:
+    """End when the parent does: at once where the kernel tells (Linux), else within a second."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM, signal.SIGHUP})
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    if os.getppid() != parent:
+        os._exit(1)
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Signals wait until a process is started and known; they stay blocked in it, and Ctrl-C never reaches it."""
+    polite = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, polite)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,81 @@
+"""A request to end unwinds, is not lost in foreign code, and leaves the handlers as they were."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+
+from icmj.base.signals import Asked, Terminated, terminable
+
+
+def sent(signum: int) -> None:
+    """Signal ourselves, and wait to be ended."""
+    os.kill(os.getpid(), signum)
+    time.sleep(5)
+
+
+def within(work: Callable[[], object]) -> Asked:
+    with terminable() as asked:
+        try:
+            work()
+        except KeyboardInterrupt:
+            return asked
+    raise AssertionError("it was not ended")
+
+
+def ended_by(work: Callable[[], object]) -> int:
+    """Status with which ``work`` is ended."""
+    with pytest.raises(Terminated) as caught:
+        within(work)
+    return caught.value.status
+
+
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGHUP])
+def test_it_unwinds_and_puts_the_handlers_back(signum: int) -> None:
+    watched = (signum, signal.SIGINT, signal.SIGALRM)
+    before = [signal.getsignal(each) for each in watched]
+    assert ended_by(lambda: sent(signum)) == 128 + signum
+    assert [signal.getsignal(each) for each in watched] == before
+
+
+def test_one_that_is_swallowed_comes_again() -> None:
+    def swallowed() -> None:
+        with contextlib.suppress(BaseException):  # as foreign code does
+            sent(signal.SIGTERM)
+        time.sleep(5)
+
+    assert ended_by(swallowed) == 143
+
+
+def test_one_that_falls_into_a_destructor_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
+    class Slow:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.01)
+
+    def work() -> None:
+        Slow()
+        time.sleep(5)
+
+    assert ended_by(work) == 143
+    assert capfd.readouterr().err == ""
+
+
+def test_ctrl_c_is_remembered() -> None:
+    assert within(lambda: sent(signal.SIGINT)).signum == signal.SIGINT
+
+
+def test_what_somebody_else_handles_stays_theirs() -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda signum, _: seen.append(signum))
+    try:
+        with terminable():
+            os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [signal.SIGTERM]

@@ -1,0 +1,136 @@
+"""Models that end MuJoCo, stall its compiler, or make it talk: one line, and the process goes on."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from engine_cases import MODELS, controller, plant
+
+from icmj.controller.trigger import Continuous
+from icmj.engine.fault import EngineFault, guarded
+from icmj.engine.hush import hushed
+from icmj.engine.model import Deviation
+from icmj.engine.plant import load_plant
+from icmj.engine.run import simulate
+from icmj.engine.soundness import suspicious
+from icmj.errors import ModelError
+from icmj.simulation.settings import Settings
+
+PENDULUM = (MODELS / "pendulum.xml").read_text(encoding="utf-8")
+# the pendulum falls among many boxes, whose contacts need more memory than there is
+CROWDED = (
+    PENDULUM.replace("<worldbody>", '<size memory="{memory}"/>\n<worldbody>')
+    .replace('<flag constraint="disable" contact="disable"/>', "")
+    .replace(
+        '<geom name="bob" type="sphere" pos="0 0 1" size="0.09" rgba="0 0.45 0.70 1" mass="0" contype="0" '
+        'conaffinity="0"/>',
+        "".join(f'<geom type="box" pos="0 {0.01 * i} 1" size="0.2 0.2 0.2" mass="0"/>' for i in range(30)),
+    )
+    .replace(
+        "</worldbody>",
+        "".join(
+            f'<geom type="box" pos="{0.9 + 0.02 * i} {0.01 * j} 0.3" size="0.3 0.3 0.3"/>'
+            for i in range(10)
+            for j in range(10)
+        )
+        + "</worldbody>",
+    )
+)
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "model.xml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_a_run_in_which_mujoco_gives_up_keeps_what_was_before(tmp_path: Path, native: bool) -> None:
+    actual = load_plant(written(tmp_path, CROWDED.format(memory="200K")), Deviation(gain=0.0), "upright")
+    loose = controller("pendulum").triggered_by(Continuous())
+    settings = Settings(duration=2.0, initial={"hinge": 0.5}, limit=9.0, native=native, record_interval=0.05)
+    run = simulate(actual, loose, settings)
+    assert run.outcome.kind == "diverged"
+    assert "MuJoCo gave up: mj_stackAlloc: out of memory" in run.outcome.message
+    assert run.t[-1] > 0.3
+    assert np.isfinite(run.t).all()
+    # and this process can still simulate
+    assert simulate(plant("pendulum"), loose, Settings(duration=1.0)).outcome.kind == "completed"
+
+
+def test_a_fatal_error_in_compiled_code_is_caught() -> None:
+    import ctypes
+
+    library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco*"))))
+    for _ in range(3):
+        with pytest.raises(EngineFault, match="MuJoCo gave up: out of stack"):
+            guarded(lambda: library.mju_error(b"out of stack"))
+    assert guarded(lambda: 7) == 7
+    with pytest.raises(ZeroDivisionError):
+        guarded(lambda: 1 // 0)
+
+
+def test_mujoco_says_nothing_where_it_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = Settings(duration=1.0, initial={"hinge_rate": 1e11}, limit=1e12)
+    assert simulate(plant("pendulum"), controller("pendulum"), settings).outcome.kind == "diverged"
+    with hushed(), hushed():
+        mujoco.mju_writeLog  # noqa: B018
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []
+    config = mujoco.MjLogConfig.get()
+    assert config.logto_console
+    assert config.logto_file
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<worldbody>", '<size nkey="2000000000"/><worldbody>', "nkey|GB"),
+        ("<worldbody>", '<size nuser_body="2000000000"/><worldbody>', "nuser|GB"),
+        ("<worldbody>", '<size memory="900G"/><worldbody>', "GB|usable"),
+        (
+            '<body name="rod">',
+            '<replicate count="1000000000"><body name="x"/></replicate><body name="rod">',
+            "10 s or 4",
+        ),
+        (
+            '<jointpos name="angle" joint="hinge"/>',
+            '<jointpos name="angle" joint="hinge"/><user name="u" dim="100000"/>',
+            "100001 sensor entries; icmj takes at most 1000",
+        ),
+        ("<worldbody>", '<include file="pipe"/><worldbody>', "pipe, which is not a file"),
+        ('name="torque"', 'name="icmj_controller"', "'icmj_controller', which icmj adds itself"),
+        ("<sensor>", '<custom><numeric name="icmj_controller" data="1"/></custom><sensor>', "rename it"),
+    ],
+)
+def test_what_asks_for_too_much_is_refused_in_time(tmp_path: Path, old: str, new: str, words: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    begin = time.monotonic()
+    with pytest.raises(ModelError, match=words) as caught:
+        load_plant(written(tmp_path, PENDULUM.replace(old, new, 1)), keyframe="upright")
+    assert "\n" not in str(caught.value)
+    assert time.monotonic() - begin < 40  # a limit on a hang, not a measure of speed
+
+
+@pytest.mark.parametrize("name", ["", "a" * 5000, "a\0b", "pipe"])
+def test_what_is_no_model_file_is_said(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ModelError, match=r"no such model file|not a file"):
+        load_plant(f"{tmp_path}/{name}")
+
+
+def test_ordinary_models_are_not_tried_first() -> None:
+    for path in MODELS.glob("*.xml"):
+        assert not suspicious(path.read_text(encoding="utf-8"))
+    assert suspicious('<replicate count="20"><replicate count="20"><body/></replicate></replicate>')
+    assert suspicious("<size nkey='2e9'/>")
+    assert not suspicious('<size memory="100M"/>')
+    assert suspicious('<size memory="100T"/>')

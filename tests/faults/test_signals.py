@@ -1,0 +1,80 @@
+"""Ended at random moments: nothing half-written, no orphan, no traceback, no litter that stays."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fault_cases import GONE_WITHIN, check, check_folder, end, members, moments, short_run, start
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
+]
+
+
+@pytest.fixture(scope="module")
+def seed(pytestconfig: pytest.Config) -> int:
+    given = pytestconfig.getoption("--seed")
+    return random.randrange(10**6) if given is None else given
+
+
+def test_a_run_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: pytest.Config) -> None:
+    run, out = short_run(tmp_path, duration=600.0), tmp_path / "out"
+    for signum, after in moments(seed, pytestconfig.getoption("--kills") // 2, 3.0):
+        print(f"seed {seed}: run, signal {signum} after {after:.2f} s")
+        check(end(start("run", run, "--out", out, cwd=tmp_path), signum, after), signum)
+        check_folder(out)
+    assert {path.name for path in tmp_path.iterdir()} <= {"short.toml", "out"}
+
+
+def test_a_study_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: pytest.Config) -> None:
+    runs, out = tmp_path / "runs", tmp_path / "out"
+    runs.mkdir()
+    for name in ("one", "two"):
+        short_run(runs, name)
+    for signum, after in moments(seed + 1, (pytestconfig.getoption("--kills") + 1) // 2, 12.0):
+        print(f"seed {seed}: study, signal {signum} after {after:.2f} s")
+        check(end(start("study", runs, "--out", out, "--jobs", "2", cwd=tmp_path), signum, after), signum)
+        check_folder(out)
+    assert {path.name for path in tmp_path.iterdir()} <= {"runs", "out"}
+
+
+def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path) -> None:
+    run = short_run(tmp_path, duration=20000.0)
+    found = end(start("run", run, "--out", tmp_path / "out", "--yes", cwd=tmp_path), signal.SIGINT, 6.0)
+    assert found.status == 130
+    assert "interrupted at" in found.out
+    check_folder(tmp_path / "out")
+    assert (tmp_path / "out" / "short.mujoco.rrd").exists()
+
+
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    run = short_run(tmp_path, duration=10000.0)
+    process = start("study", run, "--out", tmp_path / "out", "--jobs", "2", "--yes", cwd=tmp_path)
+    deadline = time.monotonic() + 30
+    while len(members(process.pid)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(members(process.pid)) >= 3
+    found = end(process, signal.SIGKILL, 0.0)
+    assert found.took < GONE_WITHIN / 2
+
+
+def test_a_worker_that_dies_is_one_line(tmp_path: Path) -> None:
+    run = short_run(tmp_path, duration=10000.0)
+    process = start("study", run, "--out", tmp_path / "out", "--jobs", "1", "--yes", cwd=tmp_path)
+    deadline = time.monotonic() + 30
+    workers: list[int] = []
+    while not workers and time.monotonic() < deadline:
+        workers = [p.pid for p in members(process.pid) if "workers import serve" in " ".join(p.cmdline())]
+        time.sleep(0.05)
+    os.kill(workers[0], signal.SIGKILL)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 2
+    assert "its process died (signal 9)" in err.strip().splitlines()[-1]
+    assert "Traceback" not in err

@@ -1,0 +1,92 @@
+"""An archive with a right digest is believed only where it is a run: shapes, rising times, enumerations, types."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from log_cases import awkward, made_up
+
+from icmj.errors import LogError
+from icmj.log.archive import pack, unpack
+from icmj.log.validation import validate
+from icmj.result.result import Result
+
+Change = Callable[[Result], Result]
+
+
+def of(path: str, change: Callable[[Any], Any]) -> Change:
+    """A result with one thing in it changed, by its dotted place."""
+
+    def changed(value: Any, names: list[str]) -> Any:
+        if not names:
+            return change(value)
+        return replace(value, **{names[0]: changed(getattr(value, names[0]), names[1:])})
+
+    return lambda result: changed(result, path.split("."))
+
+
+def half(values: np.ndarray) -> np.ndarray:
+    return values[: len(values) // 2]
+
+
+def spoilt(values: np.ndarray) -> np.ndarray:
+    values = values.copy()
+    values[1] = np.nan
+    return values
+
+
+WRONG: list[tuple[Change, str]] = [
+    (of("simulation.t", half), r"simulation\.x has shape"),
+    (of("simulation.t", spoilt), r"simulation\.t does not rise"),
+    (of("simulation.t", lambda t: t[::-1]), r"simulation\.t does not rise"),
+    (of("simulation.t", lambda t: t[:0]), "at least 1 times"),
+    (of("simulation.y", lambda y: np.hstack([y, y])), r"simulation\.y has shape"),
+    (of("continuous.u", half), r"continuous\.u has shape"),
+    (of("simulation.events.t", half), r"simulation\.events\.x has shape"),
+    (of("simulation.events.t", lambda t: t + 1e3), "ends after the run"),
+    (of("simulation.events.x", lambda x: x[:, :1]), r"simulation\.events\.x has shape"),
+    (of("simulation.plant", lambda _: "paper"), r"simulation\.plant is 'paper'; expected 'linear' or 'mujoco'"),
+    (of("simulation.control", lambda _: 3), r"simulation\.control is 3"),
+    (of("simulation.outcome.kind", lambda _: "exploded"), r"simulation\.outcome\.kind is 'exploded'"),
+    (of("simulation.outcome.t", lambda _: float("nan")), r"outcome\.t is nan"),
+    (of("simulation.outcome.message", lambda _: 7), r"outcome\.message is 7; expected text"),
+    (of("simulation.x", lambda _: "x"), r"simulation\.x is 'x'; expected an array"),
+    (of("simulation.E", lambda E: E.astype(complex)), r"simulation\.E"),
+    (of("continuous.plant", lambda _: "mujoco"), r"continuous\.plant"),
+    (of("measurement.kind", lambda _: "circle"), r"measurement\.kind"),
+    (of("measurement.amplitude", lambda a: np.tile(a, 3)), r"measurement\.amplitude has shape"),
+    (of("measurement.period", lambda _: None), r"measurement\.period is missing"),
+    (of("measurement.p", lambda _: 10**6), r"measurement\.p is 1000000"),
+    (of("prediction.verdict", lambda _: "maybe"), r"prediction\.verdict"),
+    (of("prediction.orbit.X", half), r"prediction\.orbit\.X has shape"),
+    (of("prediction.orbit.t", lambda t: t[:1]), r"prediction\.orbit\.t"),
+    (of("prediction.V_inv", lambda V: V[:2]), r"prediction\.V_inv has shape"),
+    (of("prediction.delta_max", lambda _: -1.0), r"prediction\.delta_max is -1"),
+    (of("prediction.crossings", lambda c: (1, *c)), r"prediction\.crossings\.0 is 1; expected Crossing"),
+    (of("prediction.orbit", lambda _: None), "no orbit"),
+    (of("growth.delta", half), r"growth\.measured has shape"),
+    (of("law.q_t", lambda q: -q), r"law\.q_t"),
+    (of("actual", lambda plant: replace(plant, C=np.eye(2), outputs=())), "other inputs or outputs"),
+    (of("controller.hold.A_h", lambda A: A[:1]), r"A_h has shape"),
+    (of("controller.trigger.Q_t", lambda _: np.eye(3)), "trigger does not fit"),
+    (of("controller.trigger", lambda _: None), r"controller\.trigger is None; expected Trigger"),
+    (of("provenance", lambda _: {"icmj": 1}), r"provenance\.icmj is 1; expected text"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), WRONG, ids=[words for _, words in WRONG])
+def test_what_is_no_run_is_refused_in_one_line(change: Change, words: str) -> None:
+    result = change(made_up(duration=20.0)[0])
+    with pytest.raises(LogError, match=words) as caught:
+        unpack(*pack(result))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_run_that_diverged_is_a_run() -> None:
+    validate(awkward())
+    validate(made_up(duration=1.0)[0])
+    validate(made_up("three_link", 0.9, 0.7594, duration=3.0)[0])

@@ -1,0 +1,96 @@
+"""The estimate tells seconds from hours, what is too long is refused, and a run that gets nowhere ends."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fault_cases import SHORT
+
+from icmj.case.case import Case, prepare, simulate
+from icmj.cli.main import main
+from icmj.errors import StudyError
+from icmj.runfile.reading import load_run, parse_run
+from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
+from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
+
+
+def case(root: Path, duration: float = 20.0, *more: str) -> Case:
+    text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration)
+    text = text.replace("duration =", "\n".join((*more, "duration =")))
+    return prepare(parse_run(text.replace("growth_points = 2", "growth_points = 0")))
+
+
+def test_the_shipped_cases_are_quick(root: Path) -> None:
+    for path in sorted((root / "runs").glob("*.toml")):
+        found = prepare(load_run(path))
+        assert max(estimate(found, plant) for plant in ("linear", "mujoco")) < LONGEST
+
+
+@pytest.mark.parametrize(
+    ("more", "duration", "plant"),
+    [
+        (("timestep = 1e-9",), 20.0, "mujoco"),
+        (("record_interval = 100",), 1e7, "mujoco"),
+        (("record_interval = 1000",), 1e8, "linear"),
+    ],
+)
+def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration: float, plant: str) -> None:
+    found = case(root, duration, *more)
+    seconds = estimate(found, plant)  # type: ignore[arg-type]
+    assert seconds > 10 * LONGEST
+    with pytest.raises(StudyError, match=r"would take about .*; shorten it .* or start it with --yes"):
+        refuse_long(found, plant, seconds, LONGEST)  # type: ignore[arg-type]
+    refuse_long(found, plant, seconds, None)  # type: ignore[arg-type]
+
+
+def test_the_estimate_is_about_right(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("icmj.study.estimate.STEPS", 1e4)
+    found = case(root, 300.0, "timestep = 1e-3", "record_interval = 1")
+    simulate(found, "mujoco", duration=1.0)  # compiled
+    begin = time.process_time()
+    simulate(found, "mujoco")
+    took = time.process_time() - begin
+    assert 0.2 * took < estimate(found, "mujoco") / 1.5 < 5 * took
+
+
+def test_lengths_of_time_are_said_for_people() -> None:
+    assert [in_words(s) for s in (0.5, 90.0, 600.0, 7200.0, 1e6, 1e9)] == [
+        *("0.5 s", "90 s", "10 min", "2 hours", "11.6 days", "31.7 years"),
+    ]
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_events_without_end_end_the_run(root: Path, plant: str) -> None:
+    text = SHORT.format(name="zeno", model=root / "models" / "pendulum.xml", duration=40)
+    text = text.replace("q_t = 0.01", "q_t = 1e-14").replace("delta_min = 0.01", "delta_min = 0")
+    simulation = simulate(prepare(parse_run(text)), plant)  # type: ignore[arg-type]
+    assert simulation.outcome.kind == "stalled"
+    assert "5000 events in the last" in simulation.outcome.message
+    assert WINDOW <= len(simulation.events) <= 2 * WINDOW
+    assert (np.diff(simulation.events.t) > 0).all()
+
+
+def test_pace_is_of_the_last_window() -> None:
+    pace = EventPace(10.0)
+    slow = 2 * 10.0 / MOST_EVENTS
+    assert pace.stalled(*(slow * np.arange(3 * WINDOW))) is None
+    fast = slow * 3 * WINDOW + slow / 100 * np.arange(WINDOW)
+    assert pace.stalled(*fast) == pytest.approx(slow / 100 * (WINDOW - 1))
+
+
+def test_the_command_line_asks_for_yes(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40)
+    (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))
+    for command in ("run", "study"):
+        assert main([command, "slow.toml", "--out", "out"]) == 2
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if " after " not in line]
+        assert "slow (mujoco) would take about" in line
+        assert "(4e+10 steps of 1e-09 s)" in line
+        assert "--yes" in line
+    assert not (tmp_path / "out").exists()
