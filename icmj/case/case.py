@@ -202,7 +202,8 @@ def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> Non
     settings = run.simulation
     wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
     wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
-    wanted += [("simulation.disturbance", d.input, actual.inputs) for d in settings.disturbance]
+    for which, there in (("input", actual.inputs), ("output", actual.outputs)):
+        wanted += [("simulation.disturbance", getattr(d, which, None), there) for d in settings.disturbance]
     for key, name, known in wanted:
-        if name not in known:
+        if name is not None and name not in known:
             raise RunFileError(f"{run.path}: {key}: no {name!r} in the model; expected one of {', '.join(known)}")

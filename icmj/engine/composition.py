@@ -11,7 +11,8 @@ The composed model is the plant's, with two elements more, both named ``icmj_con
 Geoms that are only for the eye are left out, which a step is a seventh faster for: poses are drawn with the plant's own
 model. They stay where they could matter, in a medium or under a rangefinder.
 
-Disturbances act on the plant's inputs; the observer is driven by the command u, which is all that a controller knows.
+Disturbances act on the plant's inputs; the observer is driven by the command u, which is all that a controller knows,
+and by the outputs with their errors, which the plant does not feel.
 """
 
 from __future__ import annotations
@@ -24,16 +25,18 @@ from icmj.engine.block import pack
 from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
-from icmj.simulation.disturbance import Disturbance
+from icmj.simulation.disturbance import Disturbance, no_disturbance
 
 NAME = "icmj_controller"
 
 
-def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance) -> mujoco.MjModel:
+def compose(
+    plant: MujocoPlant, controller: Controller, disturbance: Disturbance, errors: Disturbance | None = None
+) -> mujoco.MjModel:
     """The closed-loop model of ``plant`` under ``controller``; the plant's file and spec are not touched.
 
     Outputs are the plant's sensors and inputs its actuators, in their order; the operating point of the actual plant is
-    where controls and outputs are counted from.
+    where controls and outputs are counted from. ``errors`` are those of the outputs as the observer reads them.
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
@@ -44,7 +47,8 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
     _check(bare, name, controller)
     point, controls = plant.linearisation.point, realise(controller)
     stage = int(bare.sensor_needstage.max())
-    data = pack(controls, plant.linearisation.y, point.ctrl, disturbance, bare.na, stage)
+    errors = no_disturbance(bare.nsensordata) if errors is None else errors
+    data = pack(controls, plant.linearisation.y, point.ctrl, disturbance, errors, bare.na, stage)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)

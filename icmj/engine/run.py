@@ -89,4 +89,6 @@ def simulate(
         precision=precision,
         qpos=record.rows[:, 1 : 1 + model.nq],
         delay=controller.delay.t_d,
+        least=controller.least,
+        noisy=settings.noisy,
     )

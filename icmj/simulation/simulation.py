@@ -58,6 +58,8 @@ class Simulation:
         outcome: how it ended.
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
         delay: t_d from an event to its action [s].
+        least: the least open-loop interval, the larger of Δ_min and t_d [s].
+        noisy: whether noise acted, so that the motion is to be told by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
     """
 
@@ -75,3 +77,5 @@ class Simulation:
     precision: Mapping[str, float | int | str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
     delay: float = 0.0
+    least: float = 0.0
+    noisy: bool = False

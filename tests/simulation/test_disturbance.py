@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from icmj.errors import SimulationError
-from icmj.simulation.disturbance import NOISE_TERMS, disturbance_of, no_disturbance
-from icmj.simulation.settings import Impulse, Noise, Step
+from icmj.simulation.disturbance import disturbance_of, no_disturbance
+from icmj.simulation.settings import NOISE_TERMS, Impulse, Noise, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:
