@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.measurement.measurement import Measurement
+from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
@@ -66,6 +67,7 @@ class Result:
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
         attractors: motions found from random starts of the linear plant; empty if not searched.
+        statistics: distributions of the run under noise; ``None`` without noise, or where it has none.
     """
 
     run: RunFile
@@ -81,3 +83,4 @@ class Result:
     scene: Scene | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     attractors: tuple[Attractor, ...] = ()
+    statistics: Statistics | None = None

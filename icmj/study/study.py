@@ -79,6 +79,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
     from icmj.experiment.amplitude_law import measure_law
     from icmj.experiment.growth import measure_growth
     from icmj.measurement.measurement import measure
+    from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.study.provenance import provenance
 
@@ -119,6 +120,7 @@ def run_case(run: RunFile, plant: PlantKind, progress: Callable[[float], None] |
         attractors=found,
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
+        statistics=statistics(simulation) if simulation.noisy else None,
     )
 
 
