@@ -93,7 +93,7 @@ def statistics(simulation: Simulation) -> Statistics | None:
 def shown(estimate: Estimate, unit: float = 1.0) -> str:
     """``0.52 ± 0.03``; in another unit, times ``unit``."""
     value, error = estimate.value * unit, estimate.error * unit
-    return f"{value:.3g}" + (f" ± {error:.1g}" if np.isfinite(error) and error > 0 else "")
+    return f"{value:.3g}" + (f" ± {error:.2g}" if np.isfinite(error) and error > 0 else "")
 
 
 def _bins(intervals: Array) -> int:
