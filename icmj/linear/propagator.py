@@ -86,10 +86,18 @@ class Propagator:
 
     def within(self, Z: Array, theta: Array) -> Array:
         """The state at fractions ``theta`` (S,) of the steps that start at ``Z`` (S, m); shape (S, m)."""
-        result = Z
-        for j in range(self.degree, 0, -1):
-            result = Z + (theta / j)[:, None] * self._after(result)
-        return result
+        if not len(self._omega):
+            result = Z
+            for j in range(self.degree, 0, -1):
+                result = Z + (theta / j)[:, None] * (result @ self._generator.T)
+            return result
+        n, K = self._n, len(self._omega)
+        moved = np.zeros((len(Z), n))
+        for terms in (self._series.reshape(-1, self.size) @ Z.T).reshape(self.degree + 1, n, len(Z))[::-1]:
+            moved = moved * theta[:, None] + terms.T
+        cos, sin = np.cos(theta[:, None] * self._angle), np.sin(theta[:, None] * self._angle)
+        a, b = Z[:, n : n + K], Z[:, n + K :]
+        return np.hstack([moved, cos * a - sin * b, sin * a + cos * b])
 
     def powers_of(self, C: Array) -> Array:
         """Maps the state at a step's start to the power coefficients of C z(θ); shape (degree + 1, rows of C, m).
@@ -110,14 +118,6 @@ class Propagator:
             return z @ self._generator
         cos, sin = rows[:, n : n + K], rows[:, n + K :]
         return np.hstack([z @ self._generator, z @ self._drive + sin * self._angle, -cos * self._angle])
-
-    def _after(self, Z: Array) -> Array:
-        """G h z for every row z of ``Z``, shape (S, m)."""
-        n, K = self._n, len(self._omega)
-        if not K:
-            return Z @ self._generator.T
-        cos, sin = Z[:, n : n + K], Z[:, n + K :]
-        return np.hstack([Z[:, :n] @ self._generator.T + cos @ self._drive.T, -sin * self._angle, cos * self._angle])
 
     def _turned(self, rows: Array, steps: int) -> Array:
         """The oscillators' part of ``rows`` times so many steps of their turning, shape (r, 2K)."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.measurement.blocks import half_width
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
+_SHARED = 1 / 36  # correlation of the powers of two Hann windows that overlap by half (Welch 1967)
 _CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
 
@@ -20,12 +20,14 @@ class Spectrum:
     Attributes:
         frequency: [Hz], shape (F,), rising from 0.
         power: density [unit²/Hz], shape (F, w).
-        error: half the width of its 95 % confidence interval, from the scatter of the segments, shape (F, w).
+        low, high: its 95 % confidence interval, shape (F, w): each segment's power is as that of Gaussian noise, and
+            segments that overlap by half are almost independent.
     """
 
     frequency: Array
     power: Array
-    error: Array
+    low: Array
+    high: Array
 
 
 def evenly(t: Array, values: Array) -> tuple[Array, Array]:
@@ -54,13 +56,14 @@ def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
         values: shape (N, w).
         segments: lengths of a segment in the signal.
     """
-    from scipy.signal import spectrogram
+    from scipy.signal import welch
+    from scipy.special import chdtri
 
     even, smooth = evenly(t, values)
     length = max(len(even) // segments, 2)
-    # what Welch's method averages, kept apart for the scatter
-    frequency, _, power = spectrogram(
-        smooth, 1 / (even[1] - even[0]), "hann", length, length // 2, detrend="constant", axis=0
+    frequency, power = welch(smooth, 1 / (even[1] - even[0]), "hann", length, detrend="constant", axis=0)
+    count = max((len(even) - length) // (length - length // 2) + 1, 1)
+    degrees = 2 * count / (1 + 2 * _SHARED * (count - 1) / count)
+    return Spectrum(
+        frequency, power, power * degrees / chdtri(degrees, 0.025), power * degrees / chdtri(degrees, 0.975)
     )
-    error = np.apply_along_axis(half_width, 2, power)
-    return Spectrum(frequency, power.mean(axis=2), error)

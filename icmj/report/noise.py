@@ -50,11 +50,12 @@ def spectrum_figure(case: CaseRuns) -> Figure:
             spectrum = result.statistics.spectrum
             shown = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
             frequency = spectrum.frequency[shown]
-            power, error = (values[shown, i] * DEGREES**2 for values in (spectrum.power, spectrum.error))
+            power, low, high = (
+                values[shown, i] * DEGREES**2 for values in (spectrum.power, spectrum.low, spectrum.high)
+            )
             largest = max(largest, float(power.max(initial=0.0)))
             if result is case.last:
-                low = np.maximum(power - error, LOWEST * largest)
-                axes.fill_between(frequency, low, power + error, label="95 %", **style.BAND)
+                axes.fill_between(frequency, low, high, label="95 %", **style.BAND)
             axes.loglog(frequency, power, label=style.NAME[plant], **style.RUN[plant])
         if case.prediction.cycle and case.prediction.period is not None:
             axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
