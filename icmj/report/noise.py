@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,5 +67,5 @@ def spectrum_figure(case: CaseRuns) -> Figure:
     return figure
 
 
-def _line(plant: str) -> dict[str, object]:
+def _line(plant: str) -> dict[str, Any]:
     return {key: style.RUN[plant][key] for key in ("color", "linewidth")}
