@@ -70,14 +70,17 @@ def loop_matrix(plant: LinearPlant, controller: Controller) -> np.ndarray:
     )
 
 
-def ivp_events(plant, controller, duration, x, x_o, torque=None, max_step=0.02):
+def ivp_events(plant, controller, duration, x, x_o, torque=None, max_step=0.02, reading=None):
     """Event times and (x, x_o, x_h) before each reset, by SciPy's DOP853 with event location."""
     M, trigger = loop_matrix(plant, controller), controller.trigger
     n, m = plant.n, controller.design.plant.n
     N = np.vstack([plant.B, np.zeros((2 * m, plant.n_u))])
 
+    heard = np.vstack([np.zeros((n, plant.n_y)), controller.design.L, np.zeros((m, plant.n_y))])
+
     def rhs(t, z):
-        return M @ z if torque is None else M @ z + N @ torque(t)
+        rate = M @ z if torque is None else M @ z + N @ torque(t)
+        return rate if reading is None else rate + heard @ reading(t)
 
     def E(t, z):
         e = z[n + m :] - z[n : n + m]

@@ -208,7 +208,9 @@ def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> Non
     settings = run.simulation
     wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
     wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
-    wanted += [("simulation.disturbance", d.input, actual.inputs) for d in settings.disturbance]
+    for which, there in (("input", actual.inputs), ("output", actual.outputs)):
+        named = (getattr(source, which, None) for source in settings.disturbance)
+        wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
     for key, name, known in wanted:
         if name not in known:
             raise RunFileError(f"{run.path}: {key}: no {name!r} in the model; expected one of {', '.join(known)}")

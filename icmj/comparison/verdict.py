@@ -20,6 +20,8 @@ def verdict_in_words(result: Result, converged: bool) -> str:
     if converged:
         mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
         return f"Settles on the predicted cycle (period is {mirror})."
+    if measurement.kind == "noisy":
+        return f"{_in_distribution(measurement, prediction)}."
     ended = _how_it_ended(measurement, prediction.cycle)
     if outcome.kind in ("fell", "diverged", "interrupted", "stalled"):
         ended = f"the run {'was interrupted' if outcome.kind == 'interrupted' else outcome.kind} at {outcome.t:.3g} s"
@@ -52,6 +54,19 @@ def _searched(prediction: Prediction) -> str:
     if prediction.beyond is not None:
         return f"{words}, but one does at {prediction.beyond.delta:.3g} s: raise analysis.delta_max"
     return f"{words}, at whose end the largest |λ| still grows" if prediction.growing else words
+
+
+def _in_distribution(measurement: Measurement, prediction: Prediction) -> str:
+    interval = (
+        "no open-loop interval" if measurement.interval is None else f"mean interval {measurement.interval:.3g} s"
+    )
+    if not prediction.cycle:
+        return f"Driven by noise, no cycle closes, and none is predicted without it: {interval}"
+    attracting = "" if prediction.verdict == "attracting" else f" ({prediction.verdict})"
+    return (
+        f"Driven by noise, no cycle closes: {interval}, where the predicted cycle{attracting} has "
+        f"{prediction.delta_crit:.4g} s"
+    )
 
 
 def _why_no_cycle(prediction: Prediction) -> str:

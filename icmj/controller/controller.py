@@ -45,6 +45,11 @@ class Controller:
                 "interval, which is the continuous predictor controller in the limit"
             )
 
+    @property
+    def least(self) -> float:
+        """The least time between two events of a rule [s]: Δ_min, the refractory period, or a delay that is longer."""
+        return max(self.trigger.delta_min, self.delay.t_d)
+
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger."""
         return replace(self, trigger=trigger)

@@ -23,7 +23,7 @@ from icmj.controller.controller import Realisation
 from icmj.simulation.disturbance import Disturbance
 
 MAGIC = 20170508228.0
-VERSION = 2.0
+VERSION = 3.0
 FOREVER = 1e30
 
 
@@ -54,9 +54,11 @@ class Slot(IntEnum):
     AT_Y_0 = 21
     AT_CTRL_0 = 22
     AT_TERMS = 23
+    ERRORS = 24  # terms of the outputs' errors
+    AT_ERRORS = 25
 
 
-HEADER = 24
+HEADER = 26
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -71,6 +73,7 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_Y_0, "y_0", (Slot.N_Y,)),
     (Slot.AT_CTRL_0, "ctrl_0", (Slot.N_U,)),
     (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),
+    (Slot.AT_ERRORS, "errors", (Slot.ERRORS, 6)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -80,8 +83,8 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (24,).
-        M, N: ȧ = M a + N (y − y_0), shapes (N_a, N_a), (N_a, n_y).
+        header: by :class:`Slot`, shape (26,).
+        M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_y).
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
         R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
@@ -89,7 +92,8 @@ class Block:
             whether N is not zero there; shape (S, 5).
         span_K: first column of K that is not zero, and end; shape (2,).
         y_0, ctrl_0: outputs and controls at the operating point, shapes (n_y,), (n_u,).
-        terms: disturbance: input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
+        terms: disturbance d(t): input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
+        errors: errors n(t) of the outputs as the observer reads them: output, and as in ``terms``; shape (M_n, 6).
     """
 
     header: Array
@@ -105,6 +109,7 @@ class Block:
     y_0: Array
     ctrl_0: Array
     terms: Array
+    errors: Array
 
     @property
     def act(self) -> slice:
@@ -118,20 +123,25 @@ class Block:
         return np.append(self.cuts, len(self.R)).astype(np.int64)
 
 
-def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Disturbance, act: int, stage: int) -> Array:
+def pack(
+    realisation: Realisation,
+    y_0: Array,
+    ctrl_0: Array,
+    disturbance: Disturbance,
+    errors: Disturbance,
+    act: int,
+    stage: int,
+) -> Array:
     """The numeric's data.
 
     Args:
         realisation: the controller.
         y_0, ctrl_0: outputs and controls at the operating point.
         disturbance: on the plant's inputs.
+        errors: of its outputs as the observer reads them.
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
     """
-    terms = np.column_stack([
-        disturbance.input, disturbance.amplitude, disturbance.omega, disturbance.phase, disturbance.start,
-        np.minimum(disturbance.end, FOREVER),
-    ])  # fmt: skip
     parts = {
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
         "cuts": realisation.cuts[:-1],
@@ -139,13 +149,14 @@ def pack(realisation: Realisation, y_0: Array, ctrl_0: Array, disturbance: Distu
         "span_K": span(realisation.K),
         "y_0": y_0,
         "ctrl_0": ctrl_0,
-        "terms": terms,
+        "terms": _table(disturbance),
+        "errors": _table(errors),
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
-    header[[Slot.ROWS, Slot.FACES, Slot.TERMS]] = len(realisation.R), len(realisation.cuts) - 1, len(terms)
-    header[Slot.SEGMENTS] = len(realisation.layout.names)
+    header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
+    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at
@@ -173,6 +184,12 @@ def span(matrix: Array) -> tuple[int, int]:
     """First column that is not zero throughout, and the one after the last; (0, 0) for a zero matrix."""
     used = np.flatnonzero(matrix.any(axis=0))
     return (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
+
+
+def _table(terms: Disturbance) -> Array:
+    return np.column_stack([
+        terms.input, terms.amplitude, terms.omega, terms.phase, terms.start, np.minimum(terms.end, FOREVER),
+    ])  # fmt: skip
 
 
 def _segments(realisation: Realisation) -> Array:

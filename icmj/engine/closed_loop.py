@@ -25,7 +25,7 @@ from icmj.engine.schedule import Schedule, phases_of
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, disturbance_of
+from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
@@ -86,6 +86,7 @@ class ComposedLoop:
     Attributes:
         plant, controller: what it was composed of.
         disturbance: on the plant's inputs.
+        errors: of its outputs as the observer reads them.
         model: the composed model.
         native: whether runs use the compiled callbacks and loop, or the plain-Python ones.
     """
@@ -93,6 +94,7 @@ class ComposedLoop:
     plant: MujocoPlant
     controller: Controller
     disturbance: Disturbance
+    errors: Disturbance
     model: mujoco.MjModel
     native: bool
 
@@ -117,17 +119,20 @@ class ComposedLoop:
     def schedule(self, settings: Settings, timestep: float) -> Schedule:
         """The times of a run with these settings."""
         trigger = self.controller.trigger
+        edges = np.union1d(self.disturbance.edges, self.errors.edges)
+        # noise may be faster than the loop, and shakes E
+        noise = max(terms.omega.max(initial=0.0) for terms in (self.disturbance, self.errors))
         return Schedule(
             timestep=timestep,
             t_end=settings.duration,
             delta_min=trigger.delta_min,
             clock=trigger.clock,
             delay=self.controller.delay.t_d,
-            edges=self.disturbance.edges,
-            phases=phases_of(self.disturbance.edges),
+            edges=edges,
+            phases=phases_of(edges),
             record_interval=settings.record_interval,
             limit=settings.limit,
-            rate=fastest_rate(self.plant.linearisation.plant, self.controller),
+            rate=max(fastest_rate(self.plant.linearisation.plant, self.controller), float(noise)),
         )
 
     def implementation(self) -> Implementation:
@@ -240,13 +245,14 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
 
     Raises:
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
-        SimulationError: if a disturbance names an unknown input.
+        SimulationError: if a disturbance names an unknown input or output.
     """
     disturbance = disturbance_of(settings.disturbance, plant.linearisation.plant.inputs)
-    model = compose(plant, controller, disturbance)
+    errors = reading_error_of(settings.disturbance, plant.linearisation.plant.outputs)
+    model = compose(plant, controller, disturbance, errors)
     if settings.integrator is not None:
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
-    return ComposedLoop(plant, controller, disturbance, model, settings.native)
+    return ComposedLoop(plant, controller, disturbance, errors, model, settings.native)
 
 
 def timestep_of(loop: ComposedLoop, settings: Settings) -> float:

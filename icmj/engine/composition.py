@@ -11,7 +11,8 @@ The composed model is the plant's, with two elements more, both named ``icmj_con
 Geoms that are only for the eye are left out, which a step is a seventh faster for: poses are drawn with the plant's own
 model. They stay where they could matter, in a medium or under a rangefinder.
 
-Disturbances act on the plant's inputs; the observer is driven by the command u, which is all that a controller knows.
+Disturbances act on the plant's inputs; the observer is driven by the command u, which is all that a controller knows,
+and by the outputs with their errors, which the plant does not feel.
 """
 
 from __future__ import annotations
@@ -27,16 +28,18 @@ from icmj.engine.block import pack
 from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
-from icmj.simulation.disturbance import Disturbance
+from icmj.simulation.disturbance import Disturbance, no_disturbance
 
 NAME = "icmj_controller"
 
 
-def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance) -> mujoco.MjModel:
+def compose(
+    plant: MujocoPlant, controller: Controller, disturbance: Disturbance, errors: Disturbance | None = None
+) -> mujoco.MjModel:
     """The closed-loop model of ``plant`` under ``controller``; the plant's file and spec are not touched.
 
     Outputs and inputs are those of the plant's ports; the operating point of the actual plant is where controls and
-    outputs are counted from.
+    outputs are counted from. ``errors`` are those of the outputs as the observer reads them.
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
@@ -46,7 +49,8 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
     name = model_name(bare)
     _check(bare, name, plant, controller)
     controls = realise(controller)
-    data = _packed(bare, plant, controls, disturbance)
+    errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
+    data = _packed(bare, plant, controls, disturbance, errors)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -68,7 +72,9 @@ def compose(plant: MujocoPlant, controller: Controller, disturbance: Disturbance
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
-def _packed(bare: mujoco.MjModel, plant: MujocoPlant, controls: Realisation, disturbance: Disturbance) -> Array:
+def _packed(
+    bare: mujoco.MjModel, plant: MujocoPlant, controls: Realisation, disturbance: Disturbance, errors: Disturbance
+) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
     K, N, y_0 = np.zeros((bare.nu, size)), np.zeros((size, bare.nsensordata)), np.zeros(bare.nsensordata)
@@ -82,8 +88,15 @@ def _packed(bare: mujoco.MjModel, plant: MujocoPlant, controls: Realisation, dis
         input=ports.actuators[disturbance.input],
         amplitude=ports.b[disturbance.input] * disturbance.amplitude,
     )
+    # errors are of what is read, after the sensor's gain
+    reading = replace(
+        errors,
+        n_u=bare.nsensordata,
+        input=ports.entries[errors.input],
+        amplitude=errors.amplitude / ports.g[errors.input],
+    )
     stage = max(int(bare.sensor_needstage[i]) for i in _sensors(bare, plant))
-    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, bare.na, stage)
+    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, bare.na, stage)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

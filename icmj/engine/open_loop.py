@@ -71,7 +71,7 @@ def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings) ->
 
     Raises:
         ModelError: if plant and design do not fit.
-        SimulationError: if a disturbance names an unknown input, or the timestep is not usable.
+        SimulationError: if a disturbance names an unknown input or output, or the timestep is not usable.
     """
     loop = close_loop(plant, controller, settings)
     return EngineOpenLoop(loop, loop.schedule(settings, timestep_of(loop, settings)))

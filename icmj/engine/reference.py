@@ -37,7 +37,7 @@ def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-    """MuJoCo activation callback: ȧ = M a + N (y − y_0), and the plant's own second-order lags."""
+    """MuJoCo activation callback: ȧ = M a + N (y + n(t) − y_0), and the plant's own second-order lags."""
     block = block_of(model)
     if block is None:
         return 0.0
@@ -49,22 +49,24 @@ def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
 
 def command(block: Block, data: mujoco.MjData) -> Array:
     """ctrl_0 − K a + d(t)."""
-    return block.ctrl_0 - block.K @ data.act[block.act] + _disturbance(block, data.time)
+    d = _sum(block.terms, len(block.ctrl_0), data.time, block.header[Slot.PHASE])
+    return block.ctrl_0 - block.K @ data.act[block.act] + d
 
 
 def rates(block: Block, data: mujoco.MjData) -> Array:
-    """ȧ = M a + N (y − y_0)."""
-    return block.M @ data.act[block.act] + block.N @ (data.sensordata[: len(block.y_0)] - block.y_0)
+    """ȧ = M a + N (y + n(t) − y_0)."""
+    n = _sum(block.errors, len(block.y_0), data.time, block.header[Slot.PHASE])
+    return block.M @ data.act[block.act] + block.N @ (data.sensordata[: len(block.y_0)] - block.y_0 + n)
 
 
-def _disturbance(block: Block, t: float) -> Array:
-    d = np.zeros(len(block.ctrl_0))
-    phase = block.header[Slot.PHASE]
+def _sum(terms: Array, inputs: int, t: float, phase: float) -> Array:
+    """The sum of the terms on each input."""
+    total = np.zeros(inputs)
     phase = t if phase < 0 else phase
-    for i, amplitude, omega, phi, start, end in block.terms:
+    for i, amplitude, omega, phi, start, end in terms:
         if start <= phase < end:
-            d[int(i)] += amplitude * np.cos(omega * t + phi)
-    return d
+            total[int(i)] += amplitude * np.cos(omega * t + phi)
+    return total
 
 
 class ReferenceLoop:

@@ -96,4 +96,6 @@ def simulate(
         qpos=record.rows[:, 1 : 1 + model.nq],
         delay=controller.delay.t_d,
         applied=acting,
+        least=controller.least,
+        noisy=settings.noisy,
     )

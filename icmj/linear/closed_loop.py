@@ -1,4 +1,4 @@
-"""The closed loop between events as one linear system in z = (x, d, e), plus the disturbance.
+"""The closed loop between events as one linear system in z = (x, d, e), plus disturbance and errors of the outputs.
 
 d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error. With e as a state the reset x_h := x_o is e := 0,
 and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays exact (no round-off of x leaks
@@ -120,7 +120,7 @@ def closed_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A stretch of time in which the same terms of the disturbance act.
+    """A stretch of time in which the same terms of disturbance and errors act.
 
     Attributes:
         start, end: [s].
@@ -141,23 +141,35 @@ class Stretch:
         return np.concatenate([z, self.amplitude * np.cos(angle), self.amplitude * np.sin(angle)])
 
 
-def stretches(loop: LinearLoop, disturbance: Disturbance, duration: float) -> list[Stretch]:
-    """The run from 0 to ``duration`` cut where the disturbance switches; its terms become oscillators."""
-    size = len(loop.M)
-    edges = [0.0, *(float(t) for t in disturbance.edges if t < duration), duration]
+def stretches(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, duration: float) -> list[Stretch]:
+    """The run from 0 to ``duration`` cut where a term switches; those that act become oscillators.
+
+    Args:
+        loop: the closed loop.
+        disturbance: on the plant's inputs.
+        errors: of its outputs as the observer reads them.
+        duration: [s].
+    """
+    x, d, e = (loop.layout[name] for name in ("x", "d", "e"))
+    B, L = np.zeros((len(loop.M), disturbance.n_u)), np.zeros((len(loop.M), errors.n_u))
+    # the observer does not know of the disturbance: x_o is not driven, hence d = x_o − T̂x is
+    B[x], B[d] = loop.plant.B, -loop.T_hat @ loop.plant.B
+    # an error drives x_o, hence e = x_h − x_o against it; without a hold e stays zero
+    L[d] = loop.controller.design.L
+    if loop.controller.trigger.holds:
+        L[e] = -loop.controller.design.L
+    edges = np.union1d(disturbance.edges, errors.edges)
+    edges = np.concatenate([[0.0], edges[edges < duration], [duration]])
     result = []
-    for start, end in pairwise(edges):
-        acting = np.nonzero((disturbance.start <= start) & (start < disturbance.end))[0]
-        omega, count = disturbance.omega[acting], len(acting)
-        M = np.zeros((size + 2 * count, size + 2 * count))
-        M[:size, :size] = loop.M
-        into = loop.plant.B[:, disturbance.input[acting]]
-        # the observer does not know of the disturbance: x_o is not driven, hence d = x_o − T̂x is
-        M[: loop.n, size : size + count] = into
-        M[loop.n : loop.n + loop.n_hat, size : size + count] = -loop.T_hat @ into
-        M[size : size + count, size + count :] = -np.diag(omega)
-        M[size + count :, size : size + count] = np.diag(omega)
-        result.append(
-            Stretch(start, end, Propagator(M), disturbance.amplitude[acting], omega, disturbance.phase[acting])
-        )
+    for start, end in pairwise(float(t) for t in edges):
+        chosen = [(terms.start <= start) & (start < terms.end) for terms in (disturbance, errors)]
+
+        def acting(name: str, chosen: list[np.ndarray] = chosen) -> Array:
+            values = [getattr(terms, name)[here] for terms, here in zip((disturbance, errors), chosen, strict=True)]
+            return np.concatenate(values)
+
+        drive = np.hstack([B[:, disturbance.input[chosen[0]]], L[:, errors.input[chosen[1]]]])
+        omega = acting("omega")
+        flow = Propagator(loop.M, drive=drive, omega=omega)
+        result.append(Stretch(start, end, flow, acting("amplitude"), omega, acting("phase")))
     return result

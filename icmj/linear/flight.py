@@ -14,7 +14,7 @@ from icmj.linear.queue import Queue
 from icmj.linear.watch import DIVERGED, Piece, Watch
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import disturbance_of
+from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
@@ -38,7 +38,7 @@ class Stage:
         E ≥ 0 there. Actions of the ``queue`` end pieces on the way; those hold the state after the action.
         """
         trigger, faces, size = self.loop.controller.trigger, self.loop.faces, len(z)
-        ready = t + max(trigger.delta_min, self.loop.controller.delay.t_d)
+        ready = t + self.loop.controller.least
         clock = (
             (np.floor(t / trigger.clock * (1 + 1e-12)) + 1) * trigger.clock if np.isfinite(trigger.clock) else np.inf
         )
@@ -75,10 +75,12 @@ def stage(plant: LinearPlant, controller: Controller, settings: Settings) -> Sta
     """Prepare the closed loop of ``plant`` under ``controller`` with the duration, limit and disturbance of a run.
 
     Raises:
-        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input.
+        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input or output.
     """
     loop = closed_loop(plant, controller)
     duration = float(settings.duration)
-    parts = stretches(loop, disturbance_of(settings.disturbance, plant.inputs), duration)
+    sources = settings.disturbance
+    disturbance, errors = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs)
+    parts = stretches(loop, disturbance, errors, duration)
     watched = tuple((part, Watch(loop, part.propagator, settings.limit)) for part in parts)
     return Stage(loop, watched, duration, settings.limit)

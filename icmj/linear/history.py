@@ -67,7 +67,7 @@ class History:
         if abs(self._next * self.interval - self.t) <= _SAME:
             self._next += 1
 
-    def simulation(self, outcome: Outcome) -> Simulation:
+    def simulation(self, outcome: Outcome, noisy: bool) -> Simulation:
         """Everything collected, as data."""
         loop = self.loop
         self._record_now()
@@ -94,6 +94,8 @@ class History:
                 "series_terms": degree + 1,
             },
             delay=loop.controller.delay.t_d,
+            least=loop.controller.least,
+            noisy=noisy,
         )
 
     def _event_data(self) -> Events:

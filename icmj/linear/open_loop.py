@@ -48,6 +48,6 @@ def open_loop(plant: LinearPlant, controller: Controller, settings: Settings) ->
     """The open-loop interval of ``plant`` under ``controller``; ``settings`` give duration, limit and disturbance.
 
     Raises:
-        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input.
+        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input or output.
     """
     return LinearOpenLoop(stage(plant, controller, settings))

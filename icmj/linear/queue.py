@@ -31,7 +31,7 @@ class Queue:
     def take_up(self, t: float, x_o: Array, x_h: Array) -> None:
         """An event at ``t``: foresee the state at its action."""
         times = tuple(
-            round(time, 15) for time in self.controller.delay.expected([t - p.event for p in self._under_way])
+            round(time, 12) for time in self.controller.delay.expected([t - p.event for p in self._under_way])
         )
         expected = list(self._under_way)[len(self._under_way) - len(times) :]
         E_p = self._predictor(times)

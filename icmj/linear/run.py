@@ -50,7 +50,7 @@ def simulate(
 
     Raises:
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
-            finite, or a disturbance names an unknown input.
+            finite, or a disturbance names an unknown input or output.
     """
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)
     prepared = stage(plant, controller, settings)
@@ -61,7 +61,7 @@ def simulate(
         outcome = _run(prepared, history, progress)
     except KeyboardInterrupt:
         outcome = ending.interrupted(history.t, prepared.duration)
-    return history.simulation(outcome)
+    return history.simulation(outcome, settings.noisy)
 
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:

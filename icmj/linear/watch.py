@@ -55,7 +55,7 @@ class Watch:
 
     def __init__(self, loop: LinearLoop, propagator: Propagator, limit: float) -> None:
         self.propagator, self.faces = propagator, loop.faces
-        positions, n_y, size = loop.positions, loop.plant.n_y, len(propagator.M)
+        positions, n_y, size = loop.positions, loop.plant.n_y, propagator.size
         r = len(self.faces.R)
         rows = np.zeros((r + len(positions) + n_y, size))
         rows[:r, loop.layout["e"]] = self.faces.R
@@ -79,7 +79,7 @@ class Watch:
         steps = int(min(np.ceil(length / h * (1 - 1e-14)), self.propagator.block)) or 1
         complete = steps * h >= length * (1 - 1e-14)
         last = min((length - (steps - 1) * h) / h, 1.0) if complete else 1.0
-        Z = self.propagator.states(z)[: steps + 1]
+        Z = self.propagator.states(z, steps)
         controls = (Z[:-1] @ self._controls.T).reshape(steps, *self._shape)
         kind, step, theta = self._first_end(Z, controls, last, armed)
         Z = Z[: step + 1]

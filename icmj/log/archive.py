@@ -23,7 +23,10 @@ from icmj.controller.hold import Hold
 from icmj.controller.trigger import TRIGGERS
 from icmj.errors import IcmjError, LogError
 from icmj.log.validation import validate
+from icmj.measurement.blocks import Estimate
 from icmj.measurement.measurement import Measurement
+from icmj.measurement.spectrum import Spectrum
+from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.result.result import AmplitudeLaw, Growth, Result
@@ -41,6 +44,7 @@ _DATA: tuple[type, ...] = (
     *(LinearPlant, Design, Hold, Delay, Controller, *TRIGGERS),
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Outcome, Simulation, Measurement),
+    *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}

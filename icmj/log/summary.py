@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from icmj.comparison.comparison import Comparison
+from icmj.measurement.blocks import Estimate
 from icmj.result.result import Result
 
 Properties = dict[str, dict[str, float | int | bool | str]]
@@ -64,6 +65,7 @@ def properties(result: Result, compared: Comparison) -> Properties:
         | _each("amplitude", outputs, measured.amplitude),
         "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
         | _each("amplitude", outputs, error.amplitude),
+        "statistics": _statistics(result),
         "precision": dict(simulation.precision),
         "provenance": dict(result.provenance),
         "run_file": {"path": run.path.as_posix(), "text": run.text},
@@ -116,6 +118,25 @@ def markdown(result: Result, compared: Comparison) -> str:
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _statistics(result: Result) -> dict[str, float | None]:
+    """Distributions under noise; nothing without."""
+    found = result.statistics
+    if found is None:
+        return {}
+    facts: dict[str, Estimate | None] = {
+        "interval": found.interval,
+        "interval_deviation": found.interval_deviation,
+        "binding": found.binding,
+    }
+    for name, mean, rms in zip(result.actual.outputs, found.mean, found.rms, strict=True):
+        facts |= {f"mean_{name}": mean, f"rms_{name}": rms}
+    known = {name: fact for name, fact in facts.items() if fact is not None}
+    values: dict[str, float | None] = {"events": found.events, "least": found.least}
+    return values | {
+        key: value for name, fact in known.items() for key, value in ((name, fact.value), (f"{name}_error", fact.error))
+    }
 
 
 PLANTS = {"linear": "Linear plant", "mujoco": "MuJoCo plant"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.measurement.recurrence import Trend, closure, dominant_growth, separation, trend
+from icmj.measurement.statistics import statistics
 from icmj.simulation.simulation import Simulation
 
-MotionKind = Literal["cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "too short", "no events"]
+MotionKind = Literal[
+    "cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "noisy", "too short", "no events"
+]
 
 
 MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
@@ -23,11 +26,12 @@ class Measurement:
     """The motion at the end of a run, read from its events.
 
     Attributes:
-        kind: what the motion is; ``homoclinic`` is an interval that keeps growing while the state decays.
+        kind: what the motion is; ``homoclinic`` is an interval that keeps growing while the state decays, ``noisy`` a
+            motion that noise drives, which is told by its :mod:`icmj.measurement.statistics`.
         p: events per period (1, 2, ... 8), or ``None`` where there is no cycle. A mirrored cycle has p = 2.
         mirrored: whether the second half of the cycle is the first with opposite sign.
         interval: mean open-loop interval over the last period [s], or the last intervals' mean where there is no
-            cycle; ``None`` without events.
+            cycle, or the mean under noise; ``None`` without events.
         intervals: the intervals of the last period, shape (p,); empty where there is no cycle.
         period: time after which the state repeats [s], or ``None``.
         amplitude: peak magnitude of every output over the last period, shape (n_y,) (over the last ten events
@@ -111,6 +115,10 @@ def measure(
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")
     if simulation.outcome.kind == "stalled":
         return _other(simulation, "too short", f"Too short to tell: the run {simulation.outcome.message}.")
+    told = statistics(simulation) if simulation.noisy else None
+    if told is not None:
+        interval = None if told.interval is None else told.interval.value
+        return replace(_other(simulation, "noisy", told.words), interval=interval)
     if K == 0:
         return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s.")
     if _homoclinic(simulation, states):

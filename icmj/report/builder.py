@@ -69,12 +69,13 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
     """Draw every figure into ``folder`` and return the page's HTML."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    panels, laws = _draw(cases, folder)
+    panels, laws, noisy = _draw(cases, folder)
     parts: list[Section | None] = [
         sections.summary(cases),
         sections.statements(cases),
         sections.figures(cases, panels),
-        sections.law(cases, laws, first_number=len(cases) + 1),
+        sections.noise(cases, noisy, first_number=len(cases) + 1),
+        sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
         sections.attractors(cases),
         sections.designs(cases),
         sections.settings(cases),
@@ -97,12 +98,17 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
     )
 
 
-def _draw(cases: Sequence[CaseRuns], folder: Path) -> tuple[dict[str, list[DrawnPanel]], dict[str, Picture]]:
+def _draw(
+    cases: Sequence[CaseRuns], folder: Path
+) -> tuple[dict[str, list[DrawnPanel]], dict[str, Picture], dict[str, tuple[Picture, Picture]]]:
+    """Panels, amplitude laws, and figures under noise, by case."""
     from icmj.report.law import law_figure
+    from icmj.report.noise import histogram_figure, spectrum_figure
     from icmj.report.panels import PANELS
 
     panels: dict[str, list[DrawnPanel]] = {}
     laws: dict[str, Picture] = {}
+    noisy: dict[str, tuple[Picture, Picture]] = {}
     with style.applied():
         for case in cases:
             panels[case.name] = [_drawn(panel, case, folder) for panel in PANELS]
@@ -110,7 +116,13 @@ def _draw(cases: Sequence[CaseRuns], folder: Path) -> tuple[dict[str, list[Drawn
             if law is not None:
                 alt = f"{case.first.run.case.title}, amplitude law"
                 laws[case.name] = _save(law_figure(law), folder, f"{case.name}_law", alt)
-    return panels, laws
+            if any(result.statistics is not None for result in case.runs.values()):
+                title = case.first.run.case.title
+                noisy[case.name] = (
+                    _save(histogram_figure(case), folder, f"{case.name}_intervals", f"{title}, histogram of intervals"),
+                    _save(spectrum_figure(case), folder, f"{case.name}_spectra", f"{title}, spectra of the outputs"),
+                )
+    return panels, laws, noisy
 
 
 def _drawn(panel: Panel, case: CaseRuns, folder: Path) -> DrawnPanel:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.measurement.measurement import Measurement
+from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
@@ -67,6 +68,7 @@ class Result:
         provenance: versions, git state, platform, date.
         attractors: motions found from random starts of the linear plant; empty if not searched.
         notices: what to tell of plants and run, each once.
+        statistics: distributions of the run under noise; ``None`` without noise, or where it has none.
     """
 
     run: RunFile
@@ -83,3 +85,4 @@ class Result:
     provenance: Mapping[str, str] = field(default_factory=dict)
     attractors: tuple[Attractor, ...] = ()
     notices: tuple[str, ...] = ()
+    statistics: Statistics | None = None

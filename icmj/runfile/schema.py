@@ -22,7 +22,7 @@ from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.selection import Selection
 from icmj.runfile.messages import in_words
 from icmj.runfile.writing import to_toml
-from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
+from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, Settings, Source, Step
 
 # far beyond anything physical, and near enough to 1 for squares and products to be numbers
 SMALLEST, LARGEST = 1e-15, 1e12
@@ -160,7 +160,10 @@ class Weights(TomlTable):
 
 
 class Control(TomlTable):
-    """Hold and event rule: ``quadratic`` by Q_t and q_t, or ``box`` by a threshold for each output or state."""
+    """Hold and event rule: ``quadratic`` by Q_t and q_t, or ``box`` by a threshold for each output or state.
+
+    ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
+    """
 
     hold: Literal["system-matched", "zero-order"] = "system-matched"
     rule: Literal["quadratic", "box"] = "quadratic"
@@ -228,21 +231,41 @@ class StepTable(TomlTable):
 
 
 class NoiseTable(TomlTable):
-    """Band-limited noise on one input: standard deviation ``size`` [N m], up to ``bandwidth`` [Hz], from ``seed``."""
+    """Coloured noise on one input, or on one output as the observer reads it.
+
+    Standard deviation ``size``, flat up to ``bandwidth`` [Hz] or a first-order low-pass with its ``corner`` [Hz], from
+    ``seed``; see :class:`icmj.simulation.settings.Noise`.
+    """
 
     kind: Literal["noise"]
-    input: str
+    input: str | None = None
     size: Positive
-    bandwidth: Positive
+    bandwidth: Positive | None = None
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    start: NonNegative = 0.0
+    output: str | None = None
+    corner: Positive | None = None
+    terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Noise(self.input, self.size, self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms)
+
+
+class BiasTable(TomlTable):
+    """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
+
+    kind: Literal["bias"]
+    output: str
+    size: Finite
     start: NonNegative = 0.0
 
     def source(self) -> Source:
         """The source that it stands for."""
-        return Noise(self.input, self.size, self.bandwidth, self.seed, self.start)
+        return Bias(self.output, self.size, self.start)
 
 
-SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable, Field(discriminator="kind")]
+SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field(discriminator="kind")]
 
 
 class SimulationTable(TomlTable):

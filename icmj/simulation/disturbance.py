@@ -1,8 +1,8 @@
-"""Disturbances d(t) on the plant's inputs: ẋ = A x + B (u + d); the observer knows u only.
+"""Disturbances d(t) on the plant's inputs, ẋ = A x + B (u + d), and errors n(t) of its outputs for the observer.
 
-Every disturbance is a sum of terms a·cos(ω t + φ) that live in a window [start, end). A constant has ω = 0. Terms are
-functions of time alone, so what acts on the plant depends neither on the timestep nor on the integrator, and a linear
-simulation can integrate it exactly with one oscillator for each term.
+The observer knows u only, and reads y + n; the plant does not feel n. Both are sums of terms a·cos(ω t + φ) that live
+in a window [start, end). A constant has ω = 0. Terms are functions of time alone, so what acts depends neither on the
+timestep nor on the integrator, and a linear simulation can integrate it exactly with one oscillator for each term.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.errors import SimulationError
-from icmj.simulation.settings import Impulse, Source, Step
+from icmj.simulation.settings import Bias, Impulse, Noise, Source
 
-# sinusoids of one noise: enough for a nearly normal amplitude distribution, cheap enough for each stage
-NOISE_TERMS = 40
+LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
 
 
 @dataclass(frozen=True, eq=False)
 class Disturbance:
     """Terms a·cos(ω t + φ) on [start, end), each on one input; M of them.
 
+    The inputs are the plant's, or for errors of the outputs those of the observer, which are the plant's outputs.
+
     Attributes:
-        n_u: number of inputs of the plant.
+        n_u: number of inputs.
         input: index of the input, shape (M,), integer.
         amplitude: a [unit of the input], shape (M,).
         omega: ω [rad/s], shape (M,); zero for a constant.
@@ -64,32 +65,55 @@ def no_disturbance(n_u: int) -> Disturbance:
 
 
 def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
-    """The sum of these sources for a plant whose inputs have these names.
+    """d(t): those of these sources that act on inputs, for a plant whose inputs have these names.
 
-    Noise is a multisine: ``NOISE_TERMS`` sinusoids of equal power, one in each of as many equal bands up to the
-    bandwidth, frequencies within the bands and phases drawn from the seed. It does not repeat within any
-    practical time, has exactly the standard deviation asked for on the long average, and no power beyond the bandwidth.
+    Noise is a multisine: sinusoids of equal power, one in each of as many bands, which split the spectrum into parts of
+    equal power, frequencies within the bands and phases drawn from the seed. It does not repeat within any practical
+    time, has exactly the standard deviation asked for on the long average, and no power beyond the spectrum's end.
 
     Raises:
-        SimulationError: if a disturbance names an input that the plant does not have.
+        SimulationError: if a source names an input that the plant does not have.
     """
+    return _sum([(source, source.input) for source in sources if not isinstance(source, Bias)], inputs, "input")
+
+
+def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Disturbance:
+    """n(t): those of these sources that act on outputs, for a plant whose outputs have these names.
+
+    Raises:
+        SimulationError: if a source names an output that the plant does not have.
+    """
+    return _sum([(source, source.output) for source in sources if isinstance(source, Noise | Bias)], outputs, "output")
+
+
+def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], what: str) -> Disturbance:
     terms: list[tuple[float, ...]] = []
-    for item in sources:
-        if item.input not in inputs:
-            raise SimulationError(f"disturbance on input {item.input!r}: the plant's inputs are {', '.join(inputs)}")
-        i = inputs.index(item.input)
-        if isinstance(item, Impulse):
-            terms.append((i, item.size / item.duration, 0.0, 0.0, item.start, item.start + item.duration))
-        elif isinstance(item, Step):
-            terms.append((i, item.size, 0.0, 0.0, item.start, np.inf))
-        else:
-            random = np.random.default_rng(item.seed)
-            band = 2 * np.pi * item.bandwidth / NOISE_TERMS
-            omega = band * (np.arange(NOISE_TERMS) + random.random(NOISE_TERMS))
-            phase = 2 * np.pi * random.random(NOISE_TERMS)
-            size = item.size * np.sqrt(2 / NOISE_TERMS)
-            terms += [(i, size, w, p, item.start, np.inf) for w, p in zip(omega, phase, strict=True)]
-    return _from_terms(len(inputs), terms)
+    for source, name in sources:
+        if name is None:  # noise on the other side
+            continue
+        if name not in names:
+            raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
+        terms += [(names.index(name), *term) for term in _terms(source)]
+    return _from_terms(len(names), terms)
+
+
+def _terms(source: Source) -> list[tuple[float, ...]]:
+    """(a, ω, φ, start, end) of every term."""
+    if isinstance(source, Impulse):
+        return [(source.size / source.duration, 0.0, 0.0, source.start, source.start + source.duration)]
+    if not isinstance(source, Noise):
+        return [(source.size, 0.0, 0.0, source.start, np.inf)]
+    random, count = np.random.default_rng(source.seed), source.terms
+    share = np.arange(count) + random.random(count)
+    if source.corner is None:
+        assert source.bandwidth is not None
+        omega = 2 * np.pi * source.bandwidth / count * share
+    else:
+        # the power below f is as arctan f/corner
+        omega = 2 * np.pi * source.corner * np.tan(np.arctan(LOW_PASS_END) * share / count)
+    phase = 2 * np.pi * random.random(count)
+    size = source.size * np.sqrt(2 / count)
+    return [(size, w, p, source.start, np.inf) for w, p in zip(omega, phase, strict=True)]
 
 
 def _from_terms(n_u: int, terms: Sequence[tuple[float, ...]]) -> Disturbance:

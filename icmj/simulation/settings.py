@@ -11,6 +11,8 @@ import numpy as np
 from icmj.errors import SimulationError
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
+NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
+MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
 
 
@@ -44,23 +46,57 @@ class Step:
 
 @dataclass(frozen=True)
 class Noise:
-    """Band-limited noise on one input: standard deviation ``size`` [N m], up to ``bandwidth`` [Hz], from ``seed``."""
+    """Coloured noise on one input (process noise), or on one output as the observer reads it (sensor noise).
 
-    input: str
+    Its spectrum is flat up to ``bandwidth``, or a first-order low-pass with its ``corner``, one of the two. Two noises
+    of one seed and one spectrum are the same signal, but for their size.
+
+    Attributes:
+        input, output: what it acts on, one of the two.
+        size: standard deviation [unit of the input or output].
+        bandwidth: where a flat spectrum ends [Hz].
+        corner: where a low-pass spectrum has fallen to half [Hz]; it ends at twenty times that.
+        seed: of frequencies and phases.
+        start: from when on [s].
+        terms: number of sinusoids that it is made of: the more, the finer its lines.
+    """
+
+    input: str | None = None
+    size: float = 0.0
+    bandwidth: float | None = None
+    seed: int = 0
+    start: float = 0.0
+    output: str | None = None
+    corner: float | None = None
+    terms: int = NOISE_TERMS
+
+    def __post_init__(self) -> None:
+        _require((self.input is None) != (self.output is None), "noise: give one of input and output")
+        where = f"noise on {(self.output if self.input is None else self.input)!r}"
+        _require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
+        edge = "bandwidth" if self.corner is None else "corner"
+        _check(self, "noise", "size", edge, "start")
+        _require(self.size > 0, f"{where}: size {self.size} must be positive")
+        _require(getattr(self, edge) > 0, f"{where}: {edge} {getattr(self, edge)} Hz must be positive")
+        _require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
+        _require(self.start >= 0, f"{where}: start {self.start} s is negative")
+        _require(1 <= self.terms <= MOST_TERMS, f"{where}: terms {self.terms}: expected between 1 and {MOST_TERMS}")
+
+
+@dataclass(frozen=True)
+class Bias:
+    """A constant error of one output as the observer reads it: ``size`` [unit of the output] from ``start`` [s] on."""
+
+    output: str
     size: float
-    bandwidth: float
-    seed: int
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "noise", "size", "bandwidth", "start")
-        _require(self.size > 0, f"noise on {self.input!r}: size {self.size} must be positive")
-        _require(self.bandwidth > 0, f"noise on {self.input!r}: bandwidth {self.bandwidth} Hz must be positive")
-        _require(self.seed >= 0, f"noise on {self.input!r}: seed {self.seed} is negative")
-        _require(self.start >= 0, f"noise on {self.input!r}: start {self.start} s is negative")
+        _check(self, "bias", "size", "start")
+        _require(self.start >= 0, f"bias on {self.output!r}: start {self.start} s is negative")
 
 
-Source = Impulse | Step | Noise
+Source = Impulse | Step | Noise | Bias
 """One source of disturbance."""
 
 
@@ -76,7 +112,7 @@ class Settings:
         integrator: of the engine; the model's own if ``None``.
         record_interval: between two recorded rows [s]; events are always recorded.
         limit: the run has *fallen* when any position of the plant departs further than this [rad or m].
-        disturbance: what acts on the plant's inputs beside the controller.
+        disturbance: what acts on the plant's inputs beside the controller, or on outputs as the observer reads them.
         native: whether the engine runs compiled code, or the plain-Python loop that it is tested against.
 
     Raises:
@@ -92,6 +128,11 @@ class Settings:
     limit: float = 1.0
     disturbance: tuple[Source, ...] = ()
     native: bool = True
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any noise acts, so that a run is to be told by its statistics."""
+        return any(isinstance(source, Noise) for source in self.disturbance)
 
     def __post_init__(self) -> None:
         for name in ("duration", "record_interval", "limit", "timestep"):

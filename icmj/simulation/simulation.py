@@ -58,6 +58,8 @@ class Simulation:
         outcome: how it ended.
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
         delay: t_d from an event to its action [s].
+        least: the least open-loop interval, the larger of Δ_min and t_d [s].
+        noisy: whether noise acted, so that the motion is to be told by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
         applied: what acts of command and disturbance within the limits of the actuators, in the units of u, shape
             (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant, which has no limits.
@@ -78,3 +80,5 @@ class Simulation:
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
     delay: float = 0.0
     applied: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    least: float = 0.0
+    noisy: bool = False

@@ -79,6 +79,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.experiment.amplitude_law import measure_law
     from icmj.experiment.growth import measure_growth
     from icmj.measurement.measurement import measure
+    from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
     from icmj.study.provenance import provenance
@@ -122,6 +123,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         scene=scene(case.actual, simulation, run.study.magnification),
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
+        statistics=statistics(simulation) if simulation.noisy else None,
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from icmj.errors import SimulationError
-from icmj.simulation.disturbance import NOISE_TERMS, disturbance_of, no_disturbance
-from icmj.simulation.settings import Impulse, Noise, Step
+from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, no_disturbance, reading_error_of
+from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:
@@ -66,3 +66,41 @@ def test_nothing_and_unknown_inputs() -> None:
     np.testing.assert_array_equal(no_disturbance(3)(1.0), np.zeros(3))
     with pytest.raises(SimulationError, match="'knee': the plant's inputs are ankle, hip"):
         disturbance_of([Step(input="knee", size=1.0)], ("ankle", "hip"))
+
+
+def test_low_pass_noise_has_its_size_and_spectrum() -> None:
+    corner = 0.5
+    d = disturbance_of([Noise(input="u", size=1.5, corner=corner, seed=7, terms=2000)], ("u",))
+    assert np.sum(d.amplitude**2 / 2) == pytest.approx(1.5**2, rel=1e-12)
+    frequency = d.omega / (2 * np.pi)
+    assert frequency.max() <= LOW_PASS_END * corner
+    # the power up to f of 1/(1 + (f/corner)²), as a share of that up to the end
+    for f in (0.1, 0.3, 0.5, 1.0, 3.0):
+        share = np.arctan(f / corner) / np.arctan(LOW_PASS_END)
+        assert np.mean(frequency < f) == pytest.approx(share, abs=2 / 2000)
+    values = d(np.arange(0, 500, 0.02))[:, 0]
+    assert values.std() == pytest.approx(1.5, rel=0.05)
+
+
+def test_errors_of_outputs_are_apart_from_disturbances_of_inputs() -> None:
+    sources = [
+        Step(input="torque", size=2.0),
+        Bias(output="trunk", size=-0.5, start=1.0),
+        Noise(output="shank", size=0.1, corner=1.0, seed=3),
+        Noise(input="torque", size=0.1, bandwidth=1.0, seed=3),
+    ]
+    d, n = disturbance_of(sources, ("torque",)), reading_error_of(sources, ("shank", "trunk"))
+    assert (len(d), len(n)) == (1 + NOISE_TERMS, 1 + NOISE_TERMS)
+    assert (n.n_u, d.n_u) == (2, 1)
+    np.testing.assert_array_equal(n(0.5)[1], 0.0)
+    np.testing.assert_array_equal(n([1.0, 9.0])[:, 1], [-0.5, -0.5])
+    np.testing.assert_array_equal(n.edges, [1.0])
+    assert abs(n(0.5)[0]) > 0
+    with pytest.raises(SimulationError, match="output 'knee': the plant's outputs are shank, trunk"):
+        reading_error_of([Bias(output="knee", size=1.0)], ("shank", "trunk"))
+
+
+def test_noise_is_the_same_signal_wherever_it_is_put() -> None:
+    n = reading_error_of([Noise(output="y", size=1.0, bandwidth=4.0, seed=7)], ("y",))
+    d = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
+    np.testing.assert_array_equal(n([0.3, 2.0]), d([0.3, 2.0]))

@@ -9,9 +9,9 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design
 
 from icmj.errors import SimulationError
-from icmj.runfile.schema import ImpulseTable, NoiseTable, SimulationTable, StepTable
+from icmj.runfile.schema import BiasTable, ImpulseTable, NoiseTable, SimulationTable, StepTable
 from icmj.simulation import ending
-from icmj.simulation.settings import Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.start import start_states
 
 
@@ -48,8 +48,44 @@ def test_bad_sources_are_refused(make) -> None:
         make()
 
 
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ({"size": 1.0, "bandwidth": 1.0}, "one of input and output"),
+        ({"input": "u", "output": "y", "size": 1.0, "bandwidth": 1.0}, "one of input and output"),
+        ({"output": "y", "size": 1.0}, "noise on 'y': give one of bandwidth and corner"),
+        (
+            {"output": "y", "size": 1.0, "bandwidth": 1.0, "corner": 1.0},
+            "noise on 'y': give one of bandwidth and corner",
+        ),
+        ({"output": "y", "size": -1.0, "corner": 1.0}, "size -1.0 must be positive"),
+        ({"output": "y", "size": float("inf"), "corner": 1.0}, "size must be finite"),
+        ({"output": "y", "size": 1.0, "corner": 0.0}, "corner 0.0 Hz must be positive"),
+        ({"output": "y", "size": 1.0, "corner": float("nan")}, "corner must be finite"),
+        ({"output": "y", "size": 1.0, "corner": 1.0, "terms": 0}, "terms 0: expected between"),
+        ({"output": "y", "size": 1.0, "corner": 1.0, "terms": 10**6}, "terms 1000000: expected between"),
+    ],
+)
+def test_bad_noise_is_refused(bad: dict, words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        Noise(**bad)
+
+
+def test_bad_bias_is_refused() -> None:
+    with pytest.raises(SimulationError, match="bias: size must be finite"):
+        Bias("y", float("nan"))
+    with pytest.raises(SimulationError, match=r"bias on 'y': start -1\.0 s is negative"):
+        Bias("y", 1.0, start=-1.0)
+
+
+def test_only_noise_makes_a_run_noisy() -> None:
+    assert not Settings(disturbance=(Step("u", 1.0), Bias("y", 1.0))).noisy
+    assert Settings(disturbance=(Noise(output="y", size=1.0, corner=1.0),)).noisy
+
+
 def test_the_run_file_s_tables_say_all_that_the_dataclasses_hold() -> None:
     pairs = [(SimulationTable, Settings), (ImpulseTable, Impulse), (StepTable, Step), (NoiseTable, Noise)]
+    pairs += [(BiasTable, Bias)]
     for table, data in pairs:
         assert set(table.model_fields) - {"kind"} == {field.name for field in fields(data)}
     assert SimulationTable().settings() == Settings()

@@ -59,6 +59,17 @@ def _dot(b, at, vector, first, count):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _term(b, at, time):  # type: ignore[no-untyped-def]
+    """a·cos(ω t + φ) within its window, else zero."""
+    phase = b[Slot.PHASE]
+    if phase < 0:
+        phase = time
+    if b[at + 4] <= phase < b[at + 5]:
+        return b[at + 1] * np.cos(b[at + 2] * time + b[at + 3])
+    return 0.0
+
+
+@inlined
 def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
@@ -66,19 +77,15 @@ def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
     count = int(b[at_span + 1]) - first
     for i in range(int(b[Slot.N_U])):
         ctrl[i] = b[at_0 + i] - _dot(b, at + i * size + first, a, first, count)
-    phase = b[Slot.PHASE]
-    if phase < 0:
-        phase = time
     at = int(b[Slot.AT_TERMS])
     for _ in range(int(b[Slot.TERMS])):
-        if b[at + 4] <= phase < b[at + 5]:
-            ctrl[int(b[at])] += b[at + 1] * np.cos(b[at + 2] * time + b[at + 3])
+        ctrl[int(b[at])] += _term(b, at, time)
         at += 6
 
 
 @inlined
-def _rates(b, a, y, rate):  # type: ignore[no-untyped-def]
-    """ȧ = M a + N (y − y_0)."""
+def _rates(b, a, y, rate, time):  # type: ignore[no-untyped-def]
+    """ȧ = M a + N (y + n(t) − y_0)."""
     size, n_y, at_0 = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0])
     at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
     for _ in range(int(b[Slot.SEGMENTS])):
@@ -92,6 +99,12 @@ def _rates(b, a, y, rate):  # type: ignore[no-untyped-def]
                 for i in range(start, end):
                     rate[i] += b[at_N + i * n_y + j] * departure
         at += 5
+    at = int(b[Slot.AT_ERRORS])
+    for _ in range(int(b[Slot.ERRORS])):
+        error = _term(b, at, time)
+        for i in range(size):
+            rate[i] += b[at_N + i * n_y + int(b[at])] * error
+        at += 6
 
 
 @cache
@@ -144,7 +157,8 @@ def callbacks() -> tuple[Any, Any]:
         a = carray(pointer(word(d, act)), total, np.float64)
         rate = carray(pointer(word(d, act_dot)), total, np.float64)
         if actuator == word(m, nu) - 1:
-            _rates(b, a[start:], carray(pointer(word(d, sensordata)), int(b[Slot.N_Y]), np.float64), rate[start:])
+            y = carray(pointer(word(d, sensordata)), int(b[Slot.N_Y]), np.float64)
+            _rates(b, a[start:], y, rate[start:], carray(pointer(d + time), 1, np.float64)[0])
             return 0.0
         # one of the plant's own actuators: a second-order lag, or none of ours
         count = carray(pointer(word(m, actnum)), actuator + 1, np.int32)[actuator]

@@ -2,6 +2,7 @@
 
 from icmj.report.sections.attractors import attractors
 from icmj.report.sections.figures import figures, law
+from icmj.report.sections.noise import noise
 from icmj.report.sections.plants import designs, matrix
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.settings import rule_fact, settings
@@ -19,6 +20,7 @@ __all__ = [
     "figures",
     "law",
     "matrix",
+    "noise",
     "rule_fact",
     "settings",
     "statements",

@@ -8,6 +8,7 @@ from typing import Any
 from icmj.comparison.comparison import Comparison
 from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
+from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
 from icmj.report.sections.wording import count, verdicts
 from icmj.report.statements import answered
@@ -26,11 +27,12 @@ def summary(cases: Sequence[CaseRuns]) -> Section:
 
 def abstract(cases: Sequence[CaseRuns]) -> str:
     """The headline in one paragraph."""
-    expected = [case for case in cases if case.prediction.cycle]
+    expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
+    driven = [case for case in cases if is_noisy(case)]
     parts = [
         "Event-driven intermittent control makes a plant settle into a limit cycle when the controller’s model of it "
-        f"is wrong. Of the {count(len(cases), 'case')} below, the linear eigen-analysis predicts a limit cycle for "
-        f"{len(expected)}."
+        f"is wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
+        f"the linear eigen-analysis predicts a limit cycle for {len(expected)}."
     ]
     for plant in ("linear", "mujoco"):
         found = [case.comparisons[plant] for case in expected if plant in case.comparisons]
@@ -70,14 +72,16 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
     cells = {}
     for plant in ("linear", "mujoco"):
         comparison = case.comparisons.get(plant)
-        expected = None if comparison is None else comparison.measured.converged
+        expected = None if comparison is None or is_noisy(case) else comparison.measured.converged
         cells[plant] = {
             "interval": numbers.MISSING if comparison is None else _interval(comparison),
             "error": _shown_error(comparison),
             "mark": numbers.mark(expected),
-            "said": {None: "not run", True: "settles on the predicted cycle", False: "no predicted cycle reached"}[
-                expected
-            ],
+            "said": {
+                None: "nothing to judge",
+                True: "settles on the predicted cycle",
+                False: "no predicted cycle reached",
+            }[expected],
         }
     return {
         "title": case.first.run.case.title,
@@ -110,7 +114,7 @@ def _departures(case: CaseRuns) -> list[str]:
 
 
 def _shown_error(comparison: Comparison | None) -> str:
-    if comparison is None or comparison.relative_error.interval is None:
+    if comparison is None or comparison.relative_error.interval is None or comparison.measured.kind == "noisy":
         return ""
     return numbers.error(comparison.relative_error.interval)
 
@@ -125,7 +129,7 @@ def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
     rows = []
     for case in cases:
         for plant, comparison in case.comparisons.items():
-            if not comparison.predicted.cycle:
+            if not comparison.predicted.cycle or is_noisy(case):
                 continue
             e = comparison.relative_error
             names = case.first.actual.outputs

@@ -1,0 +1,101 @@
+"""What a run under noise did: no cycle closes, so it is told by distributions instead of by a period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.measurement.blocks import Estimate, deviation, mean
+from icmj.measurement.spectrum import Spectrum, evenly, spectrum
+from icmj.simulation.simulation import Simulation
+
+TRANSIENT = 0.1  # part of the run that is left to the start
+FEWEST = 20  # rows below which there is nothing to tell
+_SAME = 1e-9  # relative: an interval this close to the least one is it
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Distributions over a run without its first tenth, each number with its 95 % confidence from block averages.
+
+    The confidence holds for runs much longer than the motion's memory; blocks are a tenth of what is left of the run.
+
+    Attributes:
+        start, end: the part of the run that counts [s].
+        events: events in it.
+        interval: mean open-loop interval [s]; ``None`` with fewer than two events.
+        interval_deviation: its standard deviation [s]; ``None`` with fewer than two events.
+        least: the least interval [s], the larger of Δ_min (the refractory period) and the delay.
+        binding: share of the intervals at the least one: how often it is Δ_min that decides when to act.
+        edges, counts: histogram of the intervals, edges of its bins [s], shapes (B + 1,) and (B,); empty without any.
+        mean, rms: of every output, and the root of its mean square about that mean; length n_y.
+        spectrum: of every output.
+    """
+
+    start: float
+    end: float
+    events: int
+    interval: Estimate | None
+    interval_deviation: Estimate | None
+    least: float
+    binding: Estimate | None
+    edges: Array
+    counts: Array
+    mean: tuple[Estimate, ...]
+    rms: tuple[Estimate, ...]
+    spectrum: Spectrum
+
+    @property
+    def words(self) -> str:
+        """One sentence for people."""
+        sizes = ", ".join(shown(rms) for rms in self.rms)
+        sway = f"RMS of the outputs {sizes}"
+        if self.interval is None or self.interval_deviation is None or self.binding is None:
+            return f"Driven by noise: {sway}."
+        least = f", at the least of {self.least:g} s in {shown(self.binding, 100)} % of them" if self.least > 0 else ""
+        return (
+            f"Driven by noise: open-loop interval {shown(self.interval)} s on average, "
+            f"deviation {shown(self.interval_deviation)} s, over {self.events} events{least}; {sway}."
+        )
+
+
+def statistics(simulation: Simulation) -> Statistics | None:
+    """The statistics of a run, linear or MuJoCo; ``None`` if it fell or diverged, or is too short to have any."""
+    end = float(simulation.t[-1])
+    start = TRANSIENT * end
+    rows = simulation.t >= start
+    if simulation.outcome.kind in ("fell", "diverged") or rows.sum() < FEWEST:
+        return None
+    t, y = simulation.t[rows], simulation.y[rows]
+    _, even = evenly(t, y)
+    intervals = simulation.events.interval[simulation.events.t >= start]
+    several = len(intervals) >= 2
+    counts, edges = np.histogram(intervals, bins=_bins(intervals)) if several else (np.zeros(0), np.zeros(0))
+    at_least = np.abs(intervals - simulation.least) <= _SAME * simulation.least
+    return Statistics(
+        start=start,
+        end=end,
+        events=len(intervals),
+        interval=mean(intervals) if several else None,
+        interval_deviation=deviation(intervals) if several else None,
+        least=simulation.least,
+        binding=mean(at_least.astype(float)) if several else None,
+        edges=np.asarray(edges, float),
+        counts=np.asarray(counts, float),
+        mean=tuple(mean(column) for column in even.T),
+        rms=tuple(deviation(column) for column in even.T),
+        spectrum=spectrum(t, y),
+    )
+
+
+def shown(estimate: Estimate, unit: float = 1.0) -> str:
+    """``0.52 ± 0.03``; in another unit, times ``unit``."""
+    value, error = estimate.value * unit, estimate.error * unit
+    return f"{value:.3g}" + (f" ± {error:.2g}" if np.isfinite(error) and error > 0 else "")
+
+
+def _bins(intervals: Array) -> int:
+    """As many bins as Rice's rule takes, at least ten."""
+    return max(10, int(np.ceil(2 * len(intervals) ** (1 / 3))))

@@ -1,0 +1,71 @@
+"""The figures of a case under noise: histogram of intervals, spectra of outputs, the predicted cycle in both."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+from icmj.report.style import DEGREES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FASTEST = 10.0  # [Hz] drawn: a body this heavy sways no faster
+LOWEST = 1e-6  # of the largest density drawn
+
+
+def histogram_figure(case: CaseRuns) -> Figure:
+    """Density of the open-loop intervals on each plant; Δ_crit dotted, the least interval dashed."""
+    figure, (axes,) = style.new_figure()
+    for plant, result in case.runs.items():
+        found = result.statistics
+        if found is not None and len(found.counts):
+            density = found.counts / (found.counts.sum() * np.diff(found.edges))
+            axes.stairs(density, found.edges, label=style.NAME[plant], **_line(plant))
+    least = case.first.simulation.least
+    if least > 0:
+        axes.axvline(least, label=rf"least, {least:.3g} s", **style.EXACT)
+    if case.prediction.delta_crit is not None:
+        name = rf"$\Delta_{{crit}}={case.prediction.delta_crit:.4g}$ s"
+        axes.axvline(case.prediction.delta_crit, label=name, **style.CRITICAL)
+    axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel="density (1/s)")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
+    style.legend(figure, axes)
+    return figure
+
+
+def spectrum_figure(case: CaseRuns) -> Figure:
+    """Power spectrum of every output on each plant, confidence of the last, and the predicted cycle's frequency."""
+    outputs = case.first.actual.outputs
+    figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
+    for i, (axes, name) in enumerate(zip(stack, outputs, strict=True)):
+        largest = 0.0
+        for plant, result in case.runs.items():
+            if result.statistics is None:
+                continue
+            spectrum = result.statistics.spectrum
+            shown = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
+            frequency = spectrum.frequency[shown]
+            power, low, high = (
+                values[shown, i] * DEGREES**2 for values in (spectrum.power, spectrum.low, spectrum.high)
+            )
+            largest = max(largest, float(power.max(initial=0.0)))
+            if result is case.last:
+                axes.fill_between(frequency, low, high, label="95 %", **style.BAND)
+            axes.loglog(frequency, power, label=style.NAME[plant], **style.RUN[plant])
+        if case.prediction.cycle and case.prediction.period is not None:
+            axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
+        axes.set_ylim(bottom=LOWEST * (largest or 1.0))
+        axes.set_ylabel(f"{name} (deg²/Hz)" if len(outputs) > 1 else "power (deg²/Hz)")
+    stack[-1].set_xlabel("frequency (Hz)")
+    figure.align_ylabels(stack)
+    style.legend(figure, stack[0])
+    return figure
+
+
+def _line(plant: str) -> dict[str, Any]:
+    return {key: style.RUN[plant][key] for key in ("color", "linewidth")}

@@ -1,0 +1,80 @@
+"""The cases that noise drives: distributions instead of a cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from icmj.measurement.blocks import Estimate
+from icmj.report import numbers
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.section import Picture, Section
+from icmj.report.style import NAME
+
+
+def is_noisy(case: CaseRuns) -> bool:
+    """Whether noise acts in a case, so that no cycle can be reached in it."""
+    return case.first.run.simulation.settings().noisy
+
+
+def noise(
+    cases: Sequence[CaseRuns], pictures: Mapping[str, tuple[Picture, Picture]], first_number: int
+) -> Section | None:
+    """Histogram, spectra and numbers of every case under noise, or ``None`` where there is none.
+
+    Args:
+        cases: all cases.
+        pictures: histogram and spectra by case.
+        first_number: number of the first figure.
+    """
+    shown = [case for case in cases if case.name in pictures]
+    items = [
+        {
+            "title": case.first.run.case.title,
+            "number": number,
+            "pictures": pictures[case.name],
+            "outputs": case.first.actual.outputs,
+            "rows": _rows(case),
+            "cycle": _cycle(case),
+        }
+        for number, case in enumerate(shown, first_number)
+    ]
+    return Section("noise", "Under noise", "noise.html.j2", {"items": items}) if items else None
+
+
+def estimate(found: Estimate | None, unit: float = 1.0) -> str:
+    """A number with its confidence, in another unit where it is multiplied by ``unit``."""
+    if found is None:
+        return numbers.MISSING
+    error = "" if not np.isfinite(found.error) else f" ± {numbers.number(found.error * unit, 1)}"
+    return f"{numbers.number(found.value * unit, 3)}{error}"
+
+
+def _rows(case: CaseRuns) -> list[dict[str, Any]]:
+    rows = []
+    for plant, result in case.runs.items():
+        found = result.statistics
+        if found is not None:
+            rows.append(
+                {
+                    "plant": NAME[plant],
+                    "events": found.events,
+                    "interval": estimate(found.interval),
+                    "deviation": estimate(found.interval_deviation),
+                    "binding": estimate(found.binding, 100) if found.least > 0 else numbers.MISSING,
+                    "rms": [estimate(rms, 180 / np.pi) for rms in found.rms],
+                }
+            )
+    return rows
+
+
+def _cycle(case: CaseRuns) -> str:
+    prediction = case.prediction
+    if not prediction.cycle:
+        return "No cycle is predicted without noise."
+    return (
+        f"Without noise, the predicted cycle has Δ_crit = {numbers.number(prediction.delta_crit)} s and a period of "
+        f"{numbers.number(prediction.period)} s; its orbit is {prediction.verdict}."
+    )

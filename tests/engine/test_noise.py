@@ -1,0 +1,106 @@
+"""Noise on the engine: against the linear plant, the plain-Python loop, itself at other steps and in other threads."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from engine_cases import controller, plant
+
+from icmj.controller.delay import Delay
+from icmj.engine.block import block_of
+from icmj.engine.closed_loop import close_loop
+from icmj.engine.run import simulate
+from icmj.errors import SimulationError
+from icmj.linear.run import simulate as simulate_linear
+from icmj.simulation.disturbance import reading_error_of
+from icmj.simulation.settings import Bias, Noise, Settings, Source
+from icmj.simulation.simulation import Simulation
+
+
+def sources(size: float = 1.0) -> tuple[Source, ...]:
+    """Noise on an input and on two outputs, and a bias."""
+    return (
+        Noise(input="ankle_torque", size=0.5 * size, corner=0.5, seed=1),
+        Noise(output="shank", size=5e-4 * size, corner=1.0, seed=2, start=0.1234),
+        Noise(output="trunk", size=5e-4 * size, bandwidth=5.0, seed=3),
+        Bias("thigh", 3e-4 * size, start=0.5003),
+    )
+
+
+def run(size: float = 1.0, delay: float = 0.0, **more: object) -> Simulation:
+    chosen = Settings(**{"duration": 3.0, "disturbance": sources(size), **more})  # type: ignore[arg-type]
+    control = replace(controller("three_link", 0.01 * size), delay=Delay(delay))
+    return simulate(plant("three_link", 0.9), control, chosen, x0=0.01 * size * np.ones(6))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_both_plants_driven_by_the_same_noise_agree_to_the_order_of_the_nonlinearity(delay: float) -> None:
+    body = plant("three_link", 0.9)
+    departures = []
+    for size in (0.3, 0.1, 0.03):
+        engine = run(size, delay, timestep=1e-3)
+        control = replace(controller("three_link", 0.01 * size), delay=Delay(delay))
+        chosen = Settings(duration=3.0, disturbance=sources(size))
+        linear = simulate_linear(body.linearisation.plant, control, chosen, x0=0.01 * size * np.ones(6))
+        assert len(engine.events) == len(linear.events) >= 4
+        departures.append(np.abs(engine.events.t - linear.events.t).max())
+    slope = np.polyfit(np.log([0.3, 0.1, 0.03]), np.log(departures), 1)[0]
+    assert slope == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_native_and_python_agree(delay: float) -> None:
+    native, python = (run(delay=delay, duration=1.5, timestep=4e-3, native=native) for native in (True, False))
+    assert len(native.events) == len(python.events) >= 2
+    for name in ("t", "x", "y", "u", "x_o", "x_h"):
+        a, b = getattr(native, name), getattr(python, name)
+        np.testing.assert_allclose(a, b, atol=1e-12 * max(1.0, np.abs(b).max()), rtol=0)
+    np.testing.assert_allclose(native.events.t, python.events.t, atol=1e-12)
+
+
+def test_event_times_converge_at_fourth_order() -> None:
+    exact = run(timestep=2.5e-4).events.t
+    errors = [np.abs(run(timestep=h).events.t - exact).max() for h in (8e-3, 4e-3, 2e-3)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 3.7), orders
+
+
+def test_one_seed_gives_the_same_bits_repeated_and_in_threads() -> None:
+    alone = run()
+    with ThreadPoolExecutor(2) as pool:
+        for other in [run(), *pool.map(lambda _: run(), range(4))]:
+            for name in ("t", "x", "x_o", "x_h"):
+                np.testing.assert_array_equal(getattr(alone, name), getattr(other, name))
+
+
+def test_the_noise_itself_does_not_depend_on_the_step() -> None:
+    tables = []
+    for timestep, integrator in ((1e-3, "RK4"), (4e-3, "Euler")):
+        chosen = Settings(timestep=timestep, integrator=integrator, disturbance=sources())  # type: ignore[arg-type]
+        block = block_of(close_loop(plant("three_link", 0.9), controller("three_link"), chosen).model)
+        assert block is not None
+        tables.append((block.terms.copy(), block.errors.copy()))
+    for a, b in zip(*tables, strict=True):
+        assert len(a) > 0
+        np.testing.assert_array_equal(a, b)
+    n = reading_error_of(sources(), ("shank", "thigh", "trunk"))
+    t, errors = 1.7, tables[0][1]
+    for output in range(3):
+        mine = errors[errors[:, 0] == output]
+        total = (mine[:, 1] * np.cos(mine[:, 2] * t + mine[:, 3]) * (mine[:, 4] <= t)).sum()
+        assert total == pytest.approx(n(t)[output], abs=1e-15)
+
+
+def test_the_plant_does_not_feel_what_the_observer_reads() -> None:
+    heard = run(disturbance=(Bias("shank", 1e-3),))
+    np.testing.assert_allclose(heard.y, np.cumsum(heard.x[:, :3], axis=1), atol=1e-15)
+    assert not heard.noisy
+    assert np.abs(heard.x[-1] - run(disturbance=()).x[-1]).max() > 1e-4
+
+
+def test_noise_on_an_output_that_is_not_there_is_one_line() -> None:
+    with pytest.raises(SimulationError, match="output 'knee': the plant's outputs are shank, thigh, trunk"):
+        run(disturbance=(Noise(output="knee", size=1.0, corner=1.0),))

@@ -1,0 +1,158 @@
+"""Noise on the linear plant: against SciPy's integrator, Lyapunov equations and integrals over frequency."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from linear_cases import PENDULUM, event_controller, ivp_events, pendulum_design, settings, settings_from
+from scipy.integrate import quad
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from icmj.controller.controller import Controller
+from icmj.controller.trigger import Continuous
+from icmj.linear.propagator import Propagator
+from icmj.linear.run import simulate
+from icmj.measurement.statistics import statistics
+from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
+from icmj.simulation.settings import Bias, Noise
+
+PLANT = PENDULUM.scaled(0.9)
+
+
+def continuous() -> Controller:
+    return replace(event_controller(pendulum_design()), trigger=Continuous())
+
+
+def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
+    """Process and sensor noise whose lines are too many to be told from noise within a run."""
+    return (
+        Noise(input="torque", size=0.02, seed=2 * seed, terms=300, **colour),
+        Noise(output="angle", size=0.004, seed=2 * seed + 1, terms=300, **colour),
+    )
+
+
+def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(A, B, C) of plant and observer under continuous control, driven by (d, n)."""
+    d = pendulum_design()
+    P = d.plant
+    A = np.block([[PLANT.A, -PLANT.B @ d.k], [d.L @ PLANT.C, P.A - d.L @ P.C - P.B @ d.k]])
+    B = np.block([[PLANT.B, np.zeros((2, 1))], [np.zeros((2, 1)), d.L]])
+    return A, B, np.hstack([PLANT.C, np.zeros((1, 2))])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_oscillators_are_matrix_exponentials(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    n, K = 4, 6
+    M, W, omega = random.standard_normal((n, n)), random.standard_normal((n, K)), 10 * random.random(K)
+    G = np.zeros((n + 2 * K, n + 2 * K))
+    G[:n, :n], G[:n, n : n + K] = M, W
+    G[n : n + K, n + K :], G[n + K :, n : n + K] = -np.diag(omega), np.diag(omega)
+    flow, z = Propagator(M, drive=W, omega=omega), random.standard_normal(n + 2 * K)
+    Z = flow.states(z)
+    for k in (0, 1, 7, flow.block):
+        exact = expm(G * flow.h * k) @ z
+        assert np.abs(Z[k] - exact).max() < 1e-11 * np.abs(exact).max()
+    assert np.array_equal(flow.states(z, 5), Z[:6])
+    for part in (0.0, 0.3, 1.0):
+        exact = expm(G * flow.h * part) @ z
+        assert np.abs(flow.within(z[None, :], np.array([part]))[0] - exact).max() < 1e-13 * np.abs(z).max() * 10
+    C = np.hstack([random.standard_normal((2, n)), np.zeros((2, 2 * K))])
+    assert (flow.powers_of(C) @ z).sum(axis=0) == pytest.approx(C @ Z[1], abs=1e-12)
+
+
+def test_noise_and_bias_agree_with_dop853() -> None:
+    controller = event_controller(pendulum_design())
+    disturbance = [
+        {"kind": "noise", "output": "angle", "size": 2e-3, "bandwidth": 2.0, "seed": 3},
+        {"kind": "noise", "input": "torque", "size": 0.01, "corner": 0.3, "seed": 4},
+        {"kind": "bias", "output": "angle", "size": 1e-3},
+    ]
+    chosen = settings_from({"duration": 4.0, "limit": 1e6, "initial": {"hinge": 0.02}, "disturbance": disturbance})
+    run = simulate(PLANT, controller, chosen)
+    torque = disturbance_of(chosen.disturbance, PLANT.inputs)
+    reading = reading_error_of(chosen.disturbance, PLANT.outputs)
+    times, states = ivp_events(PLANT, controller, 4.0, [0.02, 0], [0, 0], torque=torque, reading=reading, max_step=0.01)
+    assert len(run.events) == len(times) >= 4
+    assert np.abs(run.events.t - times).max() < 1e-8
+    assert np.abs(np.hstack([run.events.x, run.events.x_o, run.events.x_h]) - states).max() < 1e-9
+    np.testing.assert_allclose(run.y, run.x @ PLANT.C.T)  # what is recorded is what is there, not what is read
+
+
+def test_a_bias_leans_the_plant_as_statics_says() -> None:
+    A, B, C = driven()
+    run = simulate(PLANT, continuous(), settings(20.0, disturbance=(Bias("angle", 0.01),)))
+    assert run.y[-1] == pytest.approx(-C @ np.linalg.solve(A, B @ [0, 0.01]), rel=1e-9)
+    assert not run.noisy
+
+
+def test_variance_under_low_pass_noise_solves_a_lyapunov_equation() -> None:
+    corner = 1.0
+    A, B, C = driven()
+    # each noise is a first-order filter of white noise, a state more
+    filters = 2 * np.pi * corner * np.eye(2)
+    F = np.block([[A, B], [np.zeros((2, 4)), -filters]])
+    Q = np.zeros((6, 6))
+    Q[4:, 4:] = 2 * filters * np.array([0.02, 0.004]) ** 2
+    exact = (C @ solve_continuous_lyapunov(F, -Q)[:4, :4] @ C.T).item()
+    # the power beyond the spectrum's end is spread over what is within it, and the pendulum sways little beyond
+    assert_rms(np.sqrt(exact * (np.pi / 2) / np.arctan(LOW_PASS_END)), {"corner": corner})
+
+
+def test_variance_under_flat_noise_is_an_integral_over_frequency() -> None:
+    bandwidth = 2.0
+    A, B, C = driven()
+    sizes = np.array([0.02, 0.004])
+
+    def density(f: float) -> float:
+        gain = (C @ np.linalg.solve(2j * np.pi * f * np.eye(4) - A, B))[0]
+        return float(np.sum(np.abs(gain) ** 2 * sizes**2) / bandwidth)
+
+    assert_rms(np.sqrt(quad(density, 0, bandwidth, limit=200)[0]), {"bandwidth": bandwidth})
+
+
+def assert_rms(exact: float, colour: dict[str, float]) -> None:
+    """Eight runs of different seeds: their RMS agrees with the theory's, to the confidence that each claims."""
+    found = []
+    for seed in range(8):
+        run = simulate(PLANT, continuous(), settings(150.0, record_interval=0.02, disturbance=sources(seed, colour)))
+        told = statistics(run)
+        assert told is not None
+        found.append(told.rms[0])
+    within = [abs(rms.value - exact) <= rms.error for rms in found]
+    assert sum(within) >= 7, [(rms.value / exact, rms.error / exact) for rms in found]
+    assert np.sqrt(np.mean([rms.value**2 for rms in found])) == pytest.approx(exact, rel=0.03)
+    assert max(rms.error for rms in found) < 0.25 * exact
+
+
+RUN = """
+import hashlib, sys
+sys.path.insert(0, {tests!r})
+from linear_cases import PENDULUM, event_controller, pendulum_design, settings
+from icmj.linear.run import simulate
+from icmj.simulation.settings import Noise
+chosen = settings(8.0, timestep={timestep}, disturbance=(
+    Noise(input="torque", size=0.02, corner=0.5, seed=1, terms=200),
+    Noise(output="angle", size=1e-3, bandwidth=3.0, seed=2)
+))
+run = simulate(PENDULUM.scaled(0.9), event_controller(pendulum_design()), chosen, x0=[0.01, 0.0])
+print(hashlib.sha256(run.x.tobytes() + run.t.tobytes() + run.events.t.tobytes()).hexdigest())
+"""
+
+
+def test_one_seed_gives_the_same_bits_whatever_step_and_threads() -> None:
+    tests = str(Path(__file__).parents[1])
+    found = set()
+    for threads, timestep in (("1", 1e-3), ("1", 5e-3), ("2", 1e-3), ("4", 1e-3)):
+        text = RUN.format(tests=tests, timestep=timestep)
+        path = os.pathsep.join(p for p in sys.path if p)
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads, "PYTHONPATH": path}
+        done = subprocess.run([sys.executable, "-c", text], env=environment, capture_output=True, text=True, check=True)
+        found.add(done.stdout)
+    assert len(found) == 1

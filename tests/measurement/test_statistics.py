@@ -1,0 +1,139 @@
+"""Statistics of runs under noise: their confidence covers the truth, and uneven rows do not show in a spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_cases import PENDULUM, event_controller, pendulum_design, settings
+from scipy.signal import lfilter, welch
+
+from icmj.linear.run import simulate
+from icmj.measurement.blocks import Estimate, deviation, mean
+from icmj.measurement.measurement import measure
+from icmj.measurement.spectrum import evenly, spectrum
+from icmj.measurement.statistics import Statistics, statistics
+from icmj.simulation.ending import Outcome
+from icmj.simulation.settings import Noise
+from icmj.simulation.simulation import Events, Simulation
+
+PHI = 0.9
+
+
+def autoregressive(runs: int, length: int, seed: int = 0) -> np.ndarray:
+    """Sequences y_i = φ y_{i−1} + ξ_i in their stationary state, shape (runs, length)."""
+    white = np.random.default_rng(seed).standard_normal((runs, length + 500))
+    return np.asarray(lfilter([1.0], [1.0, -PHI], white, axis=1)[:, 500:])
+
+
+def covered(found: list[Estimate], truth: float) -> float:
+    return float(np.mean([abs(estimate.value - truth) <= estimate.error for estimate in found]))
+
+
+def test_block_confidence_covers_the_truth_of_a_correlated_sequence() -> None:
+    sequences = autoregressive(1000, 4000)
+    assert 0.93 <= covered([mean(y) for y in sequences], 0.0) <= 0.97
+    assert 0.93 <= covered([deviation(y) for y in sequences], 1 / np.sqrt(1 - PHI**2)) <= 0.97
+    # taken for independent, successive values would claim far too much
+    naive = [Estimate(float(y.mean()), 1.96 * y.std() / np.sqrt(len(y))) for y in sequences]
+    assert covered(naive, 0.0) < 0.5
+
+
+def test_too_short_a_sequence_has_no_confidence() -> None:
+    assert np.isnan(mean(np.array([1.0, 2.0])).error)
+    assert mean(np.array([1.0, 2.0])).value == 1.5
+    assert deviation(np.ones(40)) == Estimate(0.0, 0.0)
+    assert np.isfinite(mean(np.arange(4.0)).error)
+
+
+def test_spectrum_is_welch_s_and_its_confidence_covers_the_known_one() -> None:
+    t = np.arange(8000) * 0.01
+    inside = []
+    for y in autoregressive(40, 8000, seed=1):
+        found = spectrum(t, y[:, None], segments=16)
+        frequency, power = welch(y, 100.0, "hann", 500, detrend="constant")
+        np.testing.assert_allclose(found.frequency, frequency, atol=1e-9)
+        np.testing.assert_allclose(found.power[:, 0], power, rtol=1e-6)
+        known = 2 * 0.01 / np.abs(1 - PHI * np.exp(-2j * np.pi * frequency * 0.01)) ** 2
+        mid = slice(3, -3)  # the ends hold half the power, and what the mean took
+        inside.append((found.low[mid, 0] <= known[mid]) & (known[mid] <= found.high[mid, 0]))
+    assert 0.93 <= np.mean(inside) <= 0.97
+
+
+def test_uneven_rows_do_not_show() -> None:
+    random = np.random.default_rng(0)
+    even = np.arange(6001) * 0.01
+    events = np.sort(random.uniform(0, 60, 150))
+    events[::3] = even[np.searchsorted(even, events[::3])] + 1e-11  # an event just after a row
+    t = np.unique(np.concatenate([even, events]))
+
+    def signal(t: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.sin(2 * np.pi * 0.7 * t), np.cos(2 * np.pi * 3.1 * t + 1)])
+
+    times, values = evenly(t, signal(t))
+    assert len(times) == 6001
+    np.testing.assert_allclose(values, signal(times), atol=2e-5)
+    assert np.abs(values - signal(times))[100:-100].max() < 1e-6  # but for the spline's ends
+    known = spectrum(even, signal(even))
+    found = spectrum(t, signal(t))
+    np.testing.assert_allclose(found.power, known.power, rtol=1e-3, atol=1e-8 * known.power.max())
+
+
+def hand_made(intervals: np.ndarray, least: float) -> Simulation:
+    t = np.arange(0, intervals.sum(), 0.01)
+    y = np.column_stack([np.sin(t), 0.3 + np.cos(t)])
+    at, K = np.cumsum(intervals), len(intervals)
+    states, extremes = np.zeros((K, 2)), np.zeros((K, 2))
+    none = np.zeros((len(t), 2))
+    return Simulation(
+        "linear", "event", t, none, y, none, none, none, np.zeros(len(t)),
+        Events(at, states, states, states, extremes, extremes), Outcome("completed", float(t[-1]), "ran"),
+        least=least, noisy=True,
+    )  # fmt: skip
+
+
+def test_numbers_of_a_run_known_by_construction() -> None:
+    random = np.random.default_rng(2)
+    intervals = np.maximum(random.normal(0.4, 0.2, 2000), 0.3)
+    told = statistics(hand_made(intervals, 0.3))
+    assert isinstance(told, Statistics)
+    counted = intervals[np.cumsum(intervals) >= 0.1 * intervals.sum()]
+    assert told.events == pytest.approx(len(counted), abs=1)
+    assert told.interval is not None
+    assert told.interval_deviation is not None
+    assert told.binding is not None
+    assert told.interval.value == pytest.approx(counted.mean(), rel=1e-3)
+    assert told.interval_deviation.value == pytest.approx(counted.std(), rel=1e-3)
+    assert told.binding.value == pytest.approx(np.mean(counted == 0.3), abs=2e-3)
+    assert told.counts.sum() == told.events
+    assert told.edges[0] == pytest.approx(0.3)
+    assert [rms.value for rms in told.rms] == pytest.approx([np.sqrt(0.5)] * 2, rel=0.01)
+    assert told.mean[1].value == pytest.approx(0.3, abs=0.01)
+    assert "at the least of 0.3 s in" in told.words
+
+
+def test_a_noisy_run_is_told_by_its_statistics() -> None:
+    noise = Noise(input="torque", size=0.02, corner=0.5, seed=1)
+    plant, controller = PENDULUM.scaled(0.8), event_controller(pendulum_design(), delta_min=0.25)
+    run = simulate(plant, controller, settings(60.0, disturbance=(noise,)))
+    told, motion = statistics(run), measure(run, T_hat=np.eye(2))
+    assert told is not None
+    assert told.interval is not None
+    assert run.noisy
+    assert run.least == 0.25
+    assert (motion.kind, motion.p, motion.interval) == ("noisy", None, told.interval.value)
+    assert motion.words == told.words
+    quiet = measure(simulate(plant, controller, settings(60.0), x0=[0.01, 0]), T_hat=np.eye(2))
+    assert quiet.kind != "noisy"
+
+
+def test_a_run_that_fell_or_hardly_began_has_none() -> None:
+    run = hand_made(np.full(50, 0.4), 0.3)
+    assert statistics(Simulation(**{**vars(run), "outcome": Outcome("fell", 1.0, "fell")})) is None
+    assert statistics(hand_made(np.full(1, 0.1), 0.0)) is None
+    alone = statistics(
+        Simulation(**{**vars(run), "control": "continuous", "events": hand_made(np.full(1, 20.0), 0.0).events})
+    )
+    assert alone is not None
+    assert alone.interval is None
+    assert alone.binding is None
+    assert alone.words.startswith("Driven by noise: RMS of the outputs")
