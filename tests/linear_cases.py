@@ -8,7 +8,7 @@ from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import EventTrigger, as_weight
 from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.schema import SimulationTable
+from icmj.runfile.simulation_tables import SimulationTable
 from icmj.simulation.settings import Settings
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))

@@ -20,7 +20,8 @@ from icmj.engine.plant import MujocoPlant
 from icmj.errors import DesignError, IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Notice, permitted
-from icmj.runfile.schema import RunFile, Weights
+from icmj.runfile.control_tables import Weights
+from icmj.runfile.schema import RunFile
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation

@@ -1,4 +1,4 @@
-"""What a run file may say: its tables, keys and ranges, and the plain data that each table stands for."""
+"""The run file as a whole: its tables, its text, and what may be changed in it."""
 
 from __future__ import annotations
 
@@ -9,39 +9,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.base.text import one_line
-from icmj.controller.design import Design
-from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
-from icmj.errors import ModelError, RunFileError, SimulationError
-from icmj.plant.change import Change, What
-from icmj.plant.notice import Kind
-from icmj.plant.operating import OperatingKind, OperatingRule
-from icmj.plant.selection import Selection
+from icmj.errors import RunFileError
+from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.messages import in_words
+from icmj.runfile.plant_tables import Actual, Assumed
+from icmj.runfile.simulation_tables import SimulationTable, StudyTable
+from icmj.runfile.table import (
+    Line,
+    Positive,
+    TomlTable,
+)
 from icmj.runfile.writing import to_toml
-from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, Settings, Source, Step
-
-# far beyond anything physical, and near enough to 1 for squares and products to be numbers
-SMALLEST, LARGEST = 1e-15, 1e12
-MOST = 200  # entries of a list: more states, inputs or thresholds than can be computed with
-Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST)]
-Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST)]
-Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST)]
-Weight = Literal["output", "identity"] | Numbers | Matrix
-Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
-Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
-
-
-class TomlTable(BaseModel):
-    """Base of all tables: unknown keys are errors, values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Paper(TomlTable):
@@ -66,250 +47,6 @@ class Identity(TomlTable):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
     title: Line
     paper: Paper = Paper()
-
-
-class PlantTable(TomlTable):
-    """What both plants have: operating point, inputs, outputs and states, by name."""
-
-    keyframe: str | None = None
-    operating_point: OperatingKind | None = None
-    free: list[str] = []
-    pose: dict[str, Finite] = {}
-    inputs: list[str] | None = None
-    outputs: list[str] | Literal["joints"] | None = None
-    states: list[str] | None = None
-    drop: list[str] = []
-
-    @property
-    def operating(self) -> OperatingRule:
-        """The rule for the operating point that it stands for."""
-        return OperatingRule(self.operating_point or "as given", tuple(self.free), self.pose)
-
-    @model_validator(mode="after")
-    def _only_balance_frees(self) -> PlantTable:
-        if self.free and self.operating_point != "balance":
-            raise ValueError('free needs operating_point = "balance"')
-        return self
-
-    @property
-    def selection(self) -> Selection:
-        """The selection that it stands for."""
-        outputs = self.outputs if isinstance(self.outputs, str) else _names(self.outputs)
-        return Selection(_names(self.inputs), outputs, _names(self.states), tuple(self.drop))
-
-
-class Assumed(PlantTable):
-    """The plant that the controller believes in."""
-
-    model: str
-    delay: NonNegative = 0.0
-
-
-class ChangeTable(TomlTable):
-    """One named change; see :mod:`icmj.plant.change` for what there is."""
-
-    what: What
-    of: str | None = None
-    factor: Finite | None = None
-    value: Finite | list[Finite] | None = None
-
-    def change(self) -> Change:
-        """The change that it stands for.
-
-        Raises:
-            ModelError: if it is not one.
-        """
-        value = tuple(self.value) if isinstance(self.value, list) else self.value
-        return Change(self.what, self.of, self.factor, value)
-
-    @model_validator(mode="after")
-    def _is_one(self) -> ChangeTable:
-        try:
-            self.change()
-        except ModelError as error:
-            raise ValueError(str(error)) from error
-        return self
-
-
-class Actual(PlantTable):
-    """The plant that is really there: another model, or the same one, with or without changes.
-
-    Where it names no inputs or outputs they are those of the assumed plant, by name; where it has no operating point it
-    finds its own by the assumed plant's rule, from where the assumed plant rests.
-    """
-
-    model: str | None = None
-    gain: Finite | Numbers = 1.0
-    dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps
-    change: list[ChangeTable] = []
-    rho: Finite = 1.0
-    delay: NonNegative | None = None
-
-
-def _names(given: list[str] | None) -> tuple[str, ...] | None:
-    return None if given is None else tuple(given)
-
-
-class Weights(TomlTable):
-    """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o)."""
-
-    Q_c: Weight = "output"
-    R_c: Positive | Positives = 1.0
-    Q_o: Literal["input", "identity"] | Numbers | Matrix = "input"
-    R_o: Positive | Positives = 1.0
-
-
-class Control(TomlTable):
-    """Hold and event rule: ``quadratic`` by Q_t and q_t, or ``box`` by a threshold for each output or state.
-
-    ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
-    """
-
-    hold: Literal["system-matched", "zero-order"] = "system-matched"
-    rule: Literal["quadratic", "box"] = "quadratic"
-    Q_t: Weight = "output"
-    q_t: Positive | None = None
-    on: Literal["output", "state"] = "output"
-    threshold: Positive | Positives | None = None
-    delta_min: NonNegative = 1e-3
-
-    def trigger(self, design: Design) -> EventRule:
-        """The event rule for a controller of this design.
-
-        Raises:
-            AnalysisError: if it does not fit the design.
-        """
-        if self.rule == "box":
-            assert self.threshold is not None
-            return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
-        assert self.q_t is not None
-        return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
-
-    @model_validator(mode="after")
-    def _keys_are_those_of_the_rule(self) -> Control:
-        needed, others = ("threshold", ("Q_t", "q_t")) if self.rule == "box" else ("q_t", ("on", "threshold"))
-        if getattr(self, needed) is None:
-            raise ValueError(f"the {self.rule} rule needs {needed}")
-        foreign = [name for name in others if name in self.model_fields_set]
-        if foreign:
-            raise ValueError(f"the {self.rule} rule has no {foreign[0]}")
-        return self
-
-
-class Analysis(TomlTable):
-    """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
-
-    delta_max: Interval = 3.0
-    allow: list[Kind] = []
-
-
-class ImpulseTable(TomlTable):
-    """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
-
-    kind: Literal["impulse"]
-    input: str
-    size: Finite
-    start: NonNegative = 0.0
-    duration: Positive = 0.05
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Impulse(self.input, self.size, self.start, self.duration)
-
-
-class StepTable(TomlTable):
-    """A torque step on one input: ``size`` [N m] from ``start`` [s] on."""
-
-    kind: Literal["step"]
-    input: str
-    size: Finite
-    start: NonNegative = 0.0
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Step(self.input, self.size, self.start)
-
-
-class NoiseTable(TomlTable):
-    """Coloured noise on one input, or on one output as the observer reads it.
-
-    Standard deviation ``size``, flat up to ``bandwidth`` [Hz] or a first-order low-pass with its ``corner`` [Hz], from
-    ``seed``; see :class:`icmj.simulation.settings.Noise`.
-    """
-
-    kind: Literal["noise"]
-    input: str | None = None
-    size: Positive
-    bandwidth: Positive | None = None
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
-    start: NonNegative = 0.0
-    output: str | None = None
-    corner: Positive | None = None
-    terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Noise(self.input, self.size, self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms)
-
-
-class BiasTable(TomlTable):
-    """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
-
-    kind: Literal["bias"]
-    output: str
-    size: Finite
-    start: NonNegative = 0.0
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Bias(self.output, self.size, self.start)
-
-
-SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field(discriminator="kind")]
-
-
-class SimulationTable(TomlTable):
-    """How long, from where, and how finely; see :class:`icmj.simulation.Settings`."""
-
-    duration: Positive = 30.0
-    initial: dict[str, Finite] = {}
-    observer: dict[str, Finite] = {}
-    timestep: Positive | None = None
-    integrator: Integrator | None = None
-    record_interval: Positive = 0.01
-    limit: Positive = 1.0
-    disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
-    native: bool = True
-
-    def settings(self) -> Settings:
-        """The settings that it stands for.
-
-        Raises:
-            SimulationError: if they do not fit together.
-        """
-        plain = {name: getattr(self, name) for name in type(self).model_fields}
-        return Settings(**plain | {"disturbance": tuple(table.source() for table in self.disturbance)})
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> SimulationTable:
-        try:
-            self.settings()
-        except SimulationError as error:
-            raise ValueError(str(error)) from error
-        return self
-
-
-class StudyTable(TomlTable):
-    """What the study adds to one run.
-
-    Clock-driven points for panel (a), thresholds for the amplitude law, random starts in search of attractors.
-    """
-
-    growth_points: Annotated[int, Field(ge=0, le=200)] = 8
-    law_q_t: Annotated[list[Positive], Field(max_length=MOST)] = []
-    attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    magnification: Positive = 10.0
 
 
 class RunFile(TomlTable):

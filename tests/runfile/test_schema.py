@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from icmj.errors import RunFileError
+from icmj.runfile.plant_tables import Actual
 from icmj.runfile.reading import load_run, parse_run
-from icmj.runfile.schema import Actual
 from icmj.runfile.writing import to_toml
 
 

@@ -9,7 +9,7 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design
 
 from icmj.errors import SimulationError
-from icmj.runfile.schema import BiasTable, ImpulseTable, NoiseTable, SimulationTable, StepTable
+from icmj.runfile.simulation_tables import BiasTable, ImpulseTable, NoiseTable, SimulationTable, StepTable
 from icmj.simulation import ending
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.start import start_states

@@ -1,0 +1,26 @@
+"""What all tables of a run file share: unknown keys are errors, and numbers lie where they can be computed with."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+# far beyond anything physical, and near enough to 1 for squares and products to be numbers
+SMALLEST, LARGEST = 1e-15, 1e12
+MOST = 200  # entries of a list: more states, inputs or thresholds than can be computed with
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST)]
+Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST)]
+Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST)]
+Weight = Literal["output", "identity"] | Numbers | Matrix
+Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
+Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+
+
+class TomlTable(BaseModel):
+    """Base of all tables: unknown keys are errors, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
