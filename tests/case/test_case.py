@@ -156,7 +156,7 @@ def test_changes_by_name_reach_the_actual_plant(tmp_path):
     assert model.dof_damping.ravel()[0] == pytest.approx(0.9)
     with pytest.raises(ModelError, match="no body 'poll' to change; it has cart, pole"):
         prepare(parse_run(run.text.replace('of = "pole"', 'of = "poll"'), run.path))
-    with pytest.raises(RunFileError, match=r"actual.change.0: .*either a factor or a value"):
+    with pytest.raises(RunFileError, match=r"actual.change\[0\]: .*either a factor or a value"):
         parse_run(run.text.replace("factor = 1.2\n", ""), run.path)
 
 
