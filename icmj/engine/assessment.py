@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.linearisation import EPS, Differences, Linearisation, differences
+from icmj.engine.linearisation import EPS, Differences, Linearisation, differences, step_of
 from icmj.engine.model import input_names, state_names
 from icmj.engine.units import state_units
 from icmj.plant import modes
@@ -24,7 +24,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         ModelError: if a derivative is not finite.
     """
     point, plant, ports = linearisation.point, linearisation.plant, linearisation.ports
-    whole, half = (differences(model, point, eps) for eps in (EPS, EPS / 2))
+    step = step_of(model, point)
+    whole, half = (differences(model, point, eps) for eps in (step, step / 2))
     kept, rows, columns = ports.states, ports.entries, ports.actuators
     pairs = [
         (getattr(whole, letter)[np.ix_(*at)], getattr(half, letter)[np.ix_(*at)])
