@@ -17,6 +17,7 @@ from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
 from icmj.errors import ModelError
 from icmj.plant.operating import OperatingRule
+from icmj.plant.person import Person
 from icmj.plant.quality import Quality
 from icmj.plant.selection import Selection
 
@@ -59,6 +60,7 @@ def load_plant(
     selection: Selection | None = None,
     operating: OperatingRule | None = None,
     start: OperatingPoint | None = None,
+    person: Person | None = None,
 ) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
@@ -69,13 +71,14 @@ def load_plant(
         selection: its inputs, outputs and states; all of the model's if ``None``.
         operating: how its operating point follows from the keyframe; it is the keyframe's if ``None``.
         start: instead of a keyframe.
+        person: whose measures the model gets.
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
             :func:`icmj.engine.equilibrium.equilibrium` and :func:`icmj.engine.linearisation.linearise`.
     """
     path = Path(path)
-    spec = load_spec(path, deviation)
+    spec = load_spec(path, deviation, person)
     selection = sensed(spec, selection or Selection())
     model = spec.compile()
     ports = ports_of(model, selection, deviation)

@@ -17,7 +17,9 @@ from icmj.errors import ModelError, RunFileError, SimulationError
 from icmj.plant.change import Change, What
 from icmj.plant.notice import Kind
 from icmj.plant.operating import OperatingKind, OperatingRule
+from icmj.plant.person import Person
 from icmj.plant.selection import Selection
+from icmj.runfile.person import PersonTable
 from icmj.runfile.writing import to_toml
 from icmj.simulation.settings import Impulse, Integrator, Noise, Settings, Source, Step
 
@@ -68,6 +70,12 @@ class PlantTable(TomlTable):
     outputs: list[str] | Literal["joints"] | None = None
     states: list[str] | None = None
     drop: list[str] = []
+    person: PersonTable | None = None
+
+    @property
+    def measures(self) -> Person | None:
+        """Whose measures the model gets, if anyone's."""
+        return self.person.person() if self.person else None
 
     @property
     def operating(self) -> OperatingRule:
@@ -360,6 +368,12 @@ class RunFile(TomlTable):
     def path(self) -> Path:
         """Where it was read from; model files are relative to its folder."""
         return self._path
+
+    @property
+    def actual_measures(self) -> Person | None:
+        """Whose measures the actual plant gets: by default, of the same model, those of the assumed one."""
+        own = self.actual.measures
+        return own if own or self.actual.model else self.assumed.measures
 
     @property
     def assumed_path(self) -> Path:
