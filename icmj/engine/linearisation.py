@@ -147,7 +147,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
 
     slopes = np.zeros((n + model.nsensordata, n + nu))
     gap, size = np.zeros(n + nu), np.zeros(n + nu)
-    with installed(act_dyn=second_order_lag), _solved_to_the_end(model):
+    with installed(act_dyn=second_order_lag), solved_to_the_end(model):
         rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
             step = np.zeros(n + nu)
@@ -172,7 +172,7 @@ def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
 
 
 @contextmanager
-def _solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
+def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
     """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
     before = model.opt.tolerance, model.opt.iterations
     model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
