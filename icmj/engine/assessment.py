@@ -81,6 +81,8 @@ def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> s
     if model.actuator_ctrllimited[i] and (ctrl <= low + EPS or ctrl >= high - EPS):
         return f"its control {ctrl:g} is at an end of its ctrlrange {low:g} to {high:g}; operate it inside"
     if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
+        if 0 < ctrl < 1 and model.actuator_dynprm[i, 2] == 0:
+            return f"a muscle at excitation {ctrl:g} rises and falls at different rates; give it a tausmooth"
         return f"a muscle at excitation {ctrl:g} can only go one way; give it a tonic excitation within 0 to 1"
     return "its force is at a limit, or its law has a corner there; operate it elsewhere"
 
