@@ -8,11 +8,22 @@ import pytest
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("own_plant.py", "Settled on a mirrored period-2 cycle of 2.24252 s"), ("disturbed_stance.py", "0.759203 s")],
+    [
+        ("own_plant.py", "Settled on a mirrored period-2 cycle of 2.24252 s"),
+        ("disturbed_stance.py", "0.759203 s"),
+        ("lean.py", "-26.95 N m hold the lean"),
+        ("backpack.py", "Settled on a period-1 cycle of 0.362"),
+        ("gymnasium_model.py", "Settled on a period-1 cycle of 0.61371"),
+        ("dm_control_model.py", "Settled on a period-1 cycle of 0.65768"),
+        ("ball_joint.py", "mujoco  first interval 0.3204"),
+        ("muscle.py", "Settled on a period-1 cycle of 1.16"),
+    ],
 )
 def test_example_runs(root, name, words):
     done = subprocess.run(
         [sys.executable, f"examples/{name}"], cwd=root, capture_output=True, text=True, check=False, timeout=120
     )
+    if "is not installed" in done.stderr:
+        pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stderr
     assert words in done.stdout
