@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from icmj.engine.accuracy import choose_timestep
     from icmj.engine.deviation import Deviation
     from icmj.engine.plant import MujocoPlant, load_plant
+    from icmj.engine.pressure import centre_of_pressure
     from icmj.errors import IcmjError
     from icmj.experiment.amplitude_law import measure_law
     from icmj.experiment.attractors import attractors
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from icmj.plant.linear_plant import LinearPlant
     from icmj.plant.notice import Notice
     from icmj.plant.operating import OperatingRule
+    from icmj.plant.person import Person
     from icmj.plant.quality import Quality
     from icmj.plant.selection import Selection
     from icmj.report import build_report
@@ -94,6 +96,7 @@ _HOMES = {
         "MujocoPlant",
         "load_plant",
     ),
+    "icmj.engine.pressure": ("centre_of_pressure",),
     "icmj.errors": ("IcmjError",),
     "icmj.experiment.amplitude_law": ("measure_law",),
     "icmj.experiment.attractors": ("attractors",),
@@ -110,6 +113,7 @@ _HOMES = {
     "icmj.plant.linear_plant": ("LinearPlant",),
     "icmj.plant.notice": ("Notice",),
     "icmj.plant.operating": ("OperatingRule",),
+    "icmj.plant.person": ("Person",),
     "icmj.plant.quality": ("Quality",),
     "icmj.plant.selection": ("Selection",),
     "icmj.report": ("build_report",),
@@ -186,6 +190,7 @@ __all__ = [
     "OpenLoop",
     "OpenLoopInterval",
     "OperatingRule",
+    "Person",
     "Prediction",
     "Quality",
     "Result",
@@ -196,6 +201,7 @@ __all__ = [
     "Step",
     "attractors",
     "build_report",
+    "centre_of_pressure",
     "choose_timestep",
     "compare",
     "continuous_limit",

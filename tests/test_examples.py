@@ -12,6 +12,12 @@ import pytest
         ("own_plant.py", "Settled on a mirrored period-2 cycle of 2.24252 s"),
         ("disturbed_stance.py", "0.759203 s"),
         ("delay.py --points 2", "simple-0.8      1.8065 1.7719"),
+        ("lean.py", "-26.95 N m hold the lean"),
+        ("backpack.py", "Settled on a period-1 cycle of 0.362"),
+        ("gymnasium_model.py", "Settled on a period-1 cycle of 0.61371"),
+        ("dm_control_model.py", "Settled on a period-1 cycle of 0.65768"),
+        ("ball_joint.py", "mujoco  first interval 0.3204"),
+        ("muscle.py", "Settled on a period-1 cycle of 1.16"),
     ],
 )
 def test_example_runs(root, command, words):
@@ -23,5 +29,7 @@ def test_example_runs(root, command, words):
         check=False,
         timeout=120,
     )
+    if "is not installed" in done.stderr:
+        pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stderr
     assert words in done.stdout

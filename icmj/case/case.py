@@ -19,6 +19,7 @@ from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import DesignError, IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.modes import uncontrollable
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.control_tables import Weights
 from icmj.runfile.schema import RunFile
@@ -188,6 +189,9 @@ def _design(plant: LinearPlant, weights: Weights) -> Design:
             return 1.0
         return named if isinstance(weight, str) else weight
 
+    # rounding may make a Riccati equation solvable that has no solution
+    if any(not mode.stable for mode in uncontrollable(plant)):
+        raise DesignError("no LQ design for this plant, which has a mode that the inputs do not reach")
     return design_lq(
         plant,
         Q_c=square(weights.Q_c, plant.C.T @ plant.C),

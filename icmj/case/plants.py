@@ -22,7 +22,13 @@ def assumed_plant(run: RunFile) -> MujocoPlant:
         ModelError: if it cannot be loaded.
     """
     table = run.assumed
-    return load_plant(run.assumed_path, keyframe=table.keyframe, selection=table.selection, operating=table.operating)
+    return load_plant(
+        run.assumed_path,
+        keyframe=table.keyframe,
+        selection=table.selection,
+        operating=table.operating,
+        person=run.assumed.measures,
+    )
 
 
 def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
@@ -53,8 +59,10 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
         start, operating = assumed.linearisation.point, replace(operating, pose=table.pose)
 
     def load(selection: Selection) -> MujocoPlant:
-        path = run.actual_path
-        return load_plant(path, deviation, keyframe, selection=selection, operating=operating, start=start)
+        path, person = run.actual_path, run.actual_measures
+        return load_plant(
+            path, deviation, keyframe, selection=selection, operating=operating, start=start, person=person
+        )
 
     actual = load(selection)
     _check_ports(run, assumed.linearisation.plant, actual.linearisation.plant)

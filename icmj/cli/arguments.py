@@ -107,6 +107,23 @@ class Linearise:
     """Print JSON instead of tables."""
 
 
+@dataclass(frozen=True)
+class Person:
+    """Write the three-link model of a person of another height and mass.
+
+    Example: icmj person models/three_link.xml --height 1.65 --mass 60 --out person.xml
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file with bodies shank, thigh and trunk."""
+    height: float = 1.80
+    """[m]"""
+    mass: float = 80.0
+    """[kg]"""
+    out: Path = Path("person.xml")
+    """MJCF file to write."""
+
+
 Command = (
     Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[Analyse, tyro.conf.subcommand("analyse")]
@@ -114,6 +131,7 @@ Command = (
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]
+    | Annotated[Person, tyro.conf.subcommand("person")]
 )
 
 DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the

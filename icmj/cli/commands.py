@@ -156,6 +156,21 @@ def replay(command: arguments.Replay) -> None:
 
 
 @execute.register
+def person(command: arguments.Person) -> None:
+    """Write a person's model and say what it is."""
+    from icmj.base.files import write_text
+    from icmj.engine.model import load_spec
+    from icmj.plant.person import Person
+
+    measures = Person(command.height, command.mass)
+    spec = load_spec(command.model, person=measures)
+    write_text(command.out, spec.to_xml())
+    G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
+    OUT.print(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
+    OUT.print(f"model    {escape(str(command.out))}", highlight=False)
+
+
+@execute.register
 def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.cli.records import plain_linearisation

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.linearisation import EPS, Differences, Linearisation, differences
+from icmj.engine.linearisation import EPS, Differences, Linearisation, differences, step_of
 from icmj.engine.model import input_names, state_names
 from icmj.engine.units import state_units
 from icmj.plant import modes
@@ -24,7 +24,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         ModelError: if a derivative is not finite.
     """
     point, plant, ports = linearisation.point, linearisation.plant, linearisation.ports
-    whole, half = (differences(model, point, eps) for eps in (EPS, EPS / 2))
+    step = step_of(model, point)
+    whole, half = (differences(model, point, eps) for eps in (step, step / 2))
     kept, rows, columns = ports.states, ports.entries, ports.actuators
     pairs = [
         (getattr(whole, letter)[np.ix_(*at)], getattr(half, letter)[np.ix_(*at)])
@@ -80,6 +81,8 @@ def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> s
     if model.actuator_ctrllimited[i] and (ctrl <= low + EPS or ctrl >= high - EPS):
         return f"its control {ctrl:g} is at an end of its ctrlrange {low:g} to {high:g}; operate it inside"
     if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
+        if 0 < ctrl < 1 and model.actuator_dynprm[i, 2] == 0:
+            return f"a muscle at excitation {ctrl:g} rises and falls at different rates; give it a tausmooth"
         return f"a muscle at excitation {ctrl:g} can only go one way; give it a tonic excitation within 0 to 1"
     return "its force is at a limit, or its law has a corner there; operate it elsewhere"
 

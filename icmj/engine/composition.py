@@ -55,15 +55,22 @@ def compose(
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
     spec.compiler.discardvisual = not (ranging or bare.opt.density or bare.opt.viscosity)
+    # what contacts leave unsolved is an error of every step that falls neither with the step nor with the threshold
+    spec.option.tolerance, spec.option.iterations = 0.0, max(200, spec.option.iterations)
     for key in spec.keys:
         # a keyframe that lists controls or activations must list those of the controller, too
         if len(key.ctrl):
             key.ctrl = [*key.ctrl, 0.0]
         if len(key.act):
             key.act = [*key.act, *np.zeros(size)]
+    never = mujoco.mjtLimited.mjLIMITED_FALSE
+    # every law and limit is named, for a model's own defaults would give it a servo's bias or a muscle's force
     spec.add_actuator(
         name=NAME, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=spec.joints[0].name or _named(spec.joints[0]),
-        dyntype=mujoco.mjtDyn.mjDYN_USER, actdim=size, gainprm=np.zeros(10),
+        dyntype=mujoco.mjtDyn.mjDYN_USER, actdim=size, dynprm=np.zeros(10),
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED, gainprm=np.zeros(10),
+        biastype=mujoco.mjtBias.mjBIAS_NONE, biasprm=np.zeros(10), damping=np.zeros(3), armature=0.0,
+        ctrllimited=never, forcelimited=never, actlimited=never, inheritrange=0.0, nsample=0, delay=0.0,
     )  # fmt: skip
     spec.add_numeric(name=NAME, data=data, size=len(data))
     try:

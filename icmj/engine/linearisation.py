@@ -19,6 +19,7 @@ from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
 EPS = 1e-5  # balances truncation (eps²) against rounding (1/eps): 2e-9 on the three-link model
+EPS_TOUCHING = 1e-6  # the same where something touches: contacts give way over tenths of a millimetre
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class Linearisation:
 def linearise(
     model: mujoco.MjModel,
     keyframe: str | None = None,
-    eps: float = EPS,
+    eps: float | None = None,
     *,
     ports: Ports | None = None,
     point: OperatingPoint | None = None,
@@ -80,7 +81,7 @@ def linearise(
     Args:
         model: the model.
         keyframe: operating point, where no ``point`` is given.
-        eps: half the distance of a difference.
+        eps: half the distance of a difference; that of :func:`step_of` if ``None``.
         ports: which inputs, outputs and states; all of the model's if ``None``.
         point: operating point instead of a keyframe's.
 
@@ -90,7 +91,7 @@ def linearise(
     """
     ports = ports or ports_of(model)
     point = point or operating_point(model, keyframe)
-    found = differences(model, point, eps)
+    found = differences(model, point, step_of(model, point) if eps is None else eps)
     rows, columns, kept = ports.entries, ports.actuators, ports.states
     plant = LinearPlant(
         found.A[np.ix_(kept, kept)],
@@ -107,6 +108,14 @@ def linearise(
     D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
     y = ports.read(found.sensordata)
     return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)
+
+
+def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
+    """Half the distance of a difference that is right for the model at ``point``."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = point.qpos
+    mujoco.mj_fwdPosition(model, data)
+    return EPS_TOUCHING if data.nefc else EPS
 
 
 def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) -> Differences:
@@ -138,7 +147,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
 
     slopes = np.zeros((n + model.nsensordata, n + nu))
     gap, size = np.zeros(n + nu), np.zeros(n + nu)
-    with installed(act_dyn=second_order_lag), _solved_to_the_end(model):
+    with installed(act_dyn=second_order_lag), solved_to_the_end(model):
         rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
             step = np.zeros(n + nu)
@@ -163,7 +172,7 @@ def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
 
 
 @contextmanager
-def _solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
+def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
     """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
     before = model.opt.tolerance, model.opt.iterations
     model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)

@@ -9,7 +9,9 @@ import mujoco
 
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation
+from icmj.engine.person import shape
 from icmj.errors import ModelError
+from icmj.plant.person import Person
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +24,15 @@ class OperatingPoint:
     ctrl: Array
 
 
-def load_spec(path: Path, deviation: Deviation | None = None) -> mujoco.MjSpec:
-    """The model of an MJCF file, with what ``deviation`` changes in it; the file itself is not touched.
+def load_spec(path: Path, deviation: Deviation | None = None, person: Person | None = None) -> mujoco.MjSpec:
+    """The model of an MJCF file with the measures of ``person`` and then what ``deviation`` changes in it.
+
+    The file itself is not touched.
 
     Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
 
     Raises:
-        ModelError: if the file is missing, is not MJCF, does not compile, or the deviation names what it does not have.
+        ModelError: if the file is missing, is not MJCF, does not compile, or person or deviation do not fit it.
     """
     path = Path(path)
     if not path.is_file():
@@ -39,6 +43,8 @@ def load_spec(path: Path, deviation: Deviation | None = None) -> mujoco.MjSpec:
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path}: not a usable MJCF model: {reason}") from error
+    if person is not None:
+        shape(spec, person, path.name)
     if deviation is not None:
         deviation.apply(spec, path.name)
     return spec

@@ -18,6 +18,7 @@ from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.errors import ModelError
 from icmj.plant.operating import OperatingRule
+from icmj.plant.person import Person
 from icmj.plant.quality import Quality
 from icmj.plant.selection import Selection
 
@@ -60,6 +61,7 @@ def load_plant(
     selection: Selection | None = None,
     operating: OperatingRule | None = None,
     start: OperatingPoint | None = None,
+    person: Person | None = None,
 ) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
@@ -70,6 +72,7 @@ def load_plant(
         selection: its inputs, outputs and states; all of the model's if ``None``.
         operating: how its operating point follows from the keyframe; it is the keyframe's if ``None``.
         start: instead of a keyframe.
+        person: whose measures the model gets.
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
@@ -78,7 +81,7 @@ def load_plant(
     """
     path = Path(path)
     with sound(path):
-        spec = load_spec(path, deviation)
+        spec = load_spec(path, deviation, person)
         check_names(path, spec)
         selection = sensed(spec, selection or Selection())
         model = spec.compile()

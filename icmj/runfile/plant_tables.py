@@ -9,7 +9,9 @@ from pydantic import Field, model_validator
 from icmj.errors import ModelError
 from icmj.plant.change import Change, What
 from icmj.plant.operating import OperatingKind, OperatingRule
+from icmj.plant.person import Person
 from icmj.plant.selection import Selection
+from icmj.runfile.person import PersonTable
 from icmj.runfile.table import (
     Finite,
     NonNegative,
@@ -29,6 +31,12 @@ class PlantTable(TomlTable):
     outputs: list[str] | Literal["joints"] | None = None
     states: list[str] | None = None
     drop: list[str] = []
+    person: PersonTable | None = None
+
+    @property
+    def measures(self) -> Person | None:
+        """Whose measures the model gets, if anyone's."""
+        return self.person.person() if self.person else None
 
     @property
     def operating(self) -> OperatingRule:

@@ -148,6 +148,12 @@ class RunFile(TomlTable):
         return self._path
 
     @property
+    def actual_measures(self) -> Person | None:
+        """Whose measures the actual plant gets: by default, of the same model, those of the assumed one."""
+        own = self.actual.measures
+        return own if own or self.actual.model else self.assumed.measures
+
+    @property
     def assumed_path(self) -> Path:
         """The assumed plant's MJCF file."""
         return self._path.parent / self.assumed.model

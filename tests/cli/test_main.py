@@ -8,7 +8,7 @@ import pytest
 
 from icmj.cli.main import main
 
-COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise")
+COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -12,6 +12,7 @@ from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
+from icmj.engine.linearisation import step_of
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.plant.operating import OperatingRule
 from icmj.plant.selection import Selection
@@ -52,7 +53,7 @@ def brought(package: str, name: str) -> Path:
     return Path(found.origin).parent / FOLDERS[package] / name
 
 
-def transition(plant: MujocoPlant, eps: float = 1e-5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def transition(plant: MujocoPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and C of the whole model from ``mjd_transitionFD``.
 
     Explicit Euler takes velocities and activations to v + h a: these rows of (A_d − I)/h and B_d/h are those of A and B
@@ -64,6 +65,7 @@ def transition(plant: MujocoPlant, eps: float = 1e-5) -> tuple[np.ndarray, np.nd
     model.opt.tolerance, model.opt.iterations = 0.0, 200
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = point.qpos, point.qvel, point.act, point.ctrl
+    eps = step_of(model, point)
     n, nv, h = 2 * model.nv + model.na, model.nv, model.opt.timestep
     A, B = np.zeros((n, n)), np.zeros((n, model.nu))
     C, D = np.zeros((model.nsensordata, n)), np.zeros((model.nsensordata, model.nu))

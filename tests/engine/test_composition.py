@@ -10,11 +10,12 @@ import mujoco.rollout
 import numpy as np
 import pytest
 from engine_cases import MODELS, controller, design, plant
+from model_cases import pendulum, written
 
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
-from icmj.controller.trigger import Continuous, EventTrigger
+from icmj.controller.trigger import Continuous, EventTrigger, output_weight
 from icmj.engine import reference
 from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
@@ -24,6 +25,7 @@ from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.plant.operating import OperatingRule
 from icmj.simulation.disturbance import no_disturbance
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
@@ -224,3 +226,34 @@ def test_header_is_as_documented() -> None:
     assert block.header[Slot.PHASE] == -1
     assert block.act == slice(2, 6)
     assert transformation(design("pendulum").plant, plant("pendulum_neglected").linearisation.plant).shape == (2, 4)
+
+
+@pytest.mark.parametrize(
+    "default",
+    [
+        '<position kp="100" kv="3" ctrlrange="-1 1" forcerange="-2 2"/>',
+        '<muscle ctrllimited="true" ctrlrange="0 1" force="1500" range="0.75 1.05" timeconst="0.02 0.04"/>',
+        '<general biastype="affine" biasprm="5 -30 -4" gainprm="7" actlimited="true" actrange="-1e-3 1e-3"/>',
+    ],
+)
+def test_a_model_s_defaults_give_the_controller_no_force_and_no_limit(tmp_path, default):
+    motor = (
+        '<general name="ankle" joint="lean" gaintype="fixed" gainprm="1" biastype="none" dyntype="none" '
+        'ctrllimited="false" forcelimited="false" actlimited="false" armature="0"/>'
+    )
+    text = pendulum(motor, key='qpos="0.1"').replace("<option", f"<default>{default}</default><option", 1)
+    path = written(tmp_path, text)
+    plant = load_plant(path, keyframe="stand", operating=OperatingRule("static control"))
+    gains = design_lq(plant.linearisation.plant)
+    controller = Controller(gains, system_matched(gains), EventTrigger(output_weight(gains), 0.01))
+    composed, bare = compose(plant, controller, no_disturbance(1)), plant.spec.compile()
+    rate = []
+    for model in (bare, composed):
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[0] = 0.3, 0.5
+        mujoco.mj_forward(model, data)
+        rate.append(data.qacc[0])
+        if model is composed:
+            assert data.actuator_force[-1] == 0
+            assert not model.actuator_actlimited[-1]
+    assert rate[1] == pytest.approx(rate[0], rel=1e-12)

@@ -1,0 +1,50 @@
+"""Put on a backpack that the controller does not know of: mass, balance and inertia of the trunk are wrong.
+
+Run from the folder of the checkout: python examples/backpack.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import icmj
+
+TRUNK, COM, INERTIA = 54.24, np.array([0.0, 0.0, 0.32452]), 3.58602  # kg, m, kg m²
+WHERE = np.array([-0.15, 0.0, 0.35])  # of the backpack above the hip: behind the back
+
+RUN = """
+case = { name = "backpack", title = "A backpack that the controller does not know of" }
+[assumed]
+model = "models/three_link.xml"
+keyframe = "upright"
+[actual]
+operating_point = "balance"     # the ankle finds where the load is balanced; knee and hip are held
+free = ["ankle"]
+[design]
+R_c = 5e-7
+R_o = 2e-7
+[controller]
+q_t = 0.005
+[simulation]
+initial = { ankle = 0.005 }
+"""
+
+
+def backpack(load: float) -> str:
+    """The trunk with ``load`` kg more, as changes of the actual plant."""
+    mass = TRUNK + load
+    com = (TRUNK * COM + load * WHERE) / mass
+    inertia = INERTIA + TRUNK * np.sum((COM - com) ** 2) + load * np.sum((WHERE - com) ** 2)
+    changes = {"mass": mass, "centre_of_mass": com.tolist(), "inertia": [float(inertia), float(inertia), 0.5]}
+    return "".join(
+        f'[[actual.change]]\nwhat = "{what}"\nof = "trunk"\nvalue = {value}\n' for what, value in changes.items()
+    )
+
+
+for load in (5.0, 10.0, 15.0):
+    case = icmj.prepare(icmj.parse_run(RUN + backpack(load), Path("backpack.toml")))
+    lean = np.degrees(case.actual.linearisation.point.qpos[0])
+    prediction = case.prediction
+    print(f"{load:4.0f} kg: leans {lean:.2f}°, predicted {prediction.delta_crit:.4f} s, {prediction.verdict}")
+run = icmj.simulate(case, "mujoco")
+print(icmj.measure(run, T_hat=case.system.T_hat).words)

@@ -1,0 +1,29 @@
+"""Balance the cart-pole of dm_control: its file as it is, and what its actuator lets through."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import icmj
+
+found = importlib.util.find_spec("dm_control")
+if found is None:
+    sys.exit("dm_control is not installed: pip install dm_control brings its models")
+folder = Path(found.origin).parent / "suite"
+
+RUN = """
+case = { name = "dm_control", title = "The cart-pole of dm_control" }
+assumed = { model = "cartpole.xml", outputs = "joints" }
+actual = { gain = 0.9 }
+design = { Q_c = "identity", R_c = 0.1, R_o = 0.01 }
+controller = { q_t = 1e-3 }
+simulation = { duration = 40.0, initial = { hinge_1 = 1e-3 }, integrator = "RK4", timestep = 0.005 }
+"""
+case = icmj.prepare(icmj.parse_run(RUN, folder / "run.toml"))
+print(f"predicted interval {case.prediction.delta_crit:.6f} s, {case.prediction.verdict}")
+run = icmj.simulate(case, "mujoco")
+print(icmj.measure(run, T_hat=case.system.T_hat).words)
+saturated = run.precision["saturated_share"]
+print(f"control up to {np.abs(run.applied).max():.4f} of a range of 1, saturated {saturated:.0%}")

@@ -1,0 +1,29 @@
+"""Stand with a lean: the operating point is a pose, and the torques that hold it are found.
+
+Run from the folder of the checkout: python examples/lean.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import icmj
+
+LEAN = """
+case = { name = "lean", title = "Leaning forwards by 2 degrees" }
+assumed = { model = "models/three_link.xml", operating_point = "static control", pose = { ankle = 0.035 } }
+actual = { gain = 0.9 }
+design = { R_c = 5e-7, R_o = 2e-7 }
+controller = { q_t = 0.002 }
+"""
+case = icmj.prepare(icmj.parse_run(LEAN, Path("lean.toml")))
+point = case.actual.linearisation
+for name, torque in zip(point.plant.inputs, point.point.ctrl, strict=True):
+    print(f"{name:13s} {torque:8.2f} N m hold the lean")
+print(f"predicted interval {case.prediction.delta_crit:.4f} s, {case.prediction.verdict}")
+orbit = case.prediction.orbit
+start = case.system.to_original(case.system.T_bar @ orbit.x_bar)
+run = icmj.simulate(case, "mujoco", start=(start[:6], start[6:12]))
+print(icmj.measure(run, T_hat=case.system.T_hat).words)
+ankle = run.applied[:, 0]
+print(f"about it the ankle's torque moves from {np.min(ankle):+.2f} to {np.max(ankle):+.2f} N m")

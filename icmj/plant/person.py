@@ -1,0 +1,133 @@
+"""A standing person by height and mass: segments after Winter, and passive torque at the joints.
+
+Segments are fractions of height and mass (Winter 2009, *Biomechanics and Motor Control of Human Movement*, table 4.1,
+after Dempster), both legs in one. With G_j = g · (moment of the mass above joint j), the toppling stiffness, passive
+stiffness and damping are shares of G_j. These shares are this project's calibration to the published critical intervals
+of a man of 80 kg and 1.80 m; that they are the same for every person is an assumption.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import ModelError
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A segment of a standing person, as fractions.
+
+    Attributes:
+        mass: of the body's mass, both sides together.
+        length: of the body's height.
+        com: where the centre of mass is, from the lower end, of the segment's length.
+        gyration: radius of gyration about the centre of mass, of the segment's length.
+
+    Raises:
+        ModelError: on construction, if one of them is not positive.
+    """
+
+    mass: float
+    length: float
+    com: float
+    gyration: float
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (np.isfinite(value) and value > 0):
+                raise ModelError(f"a segment's {item.name} must be positive, got {value}")
+
+
+SEGMENTS: Mapping[str, Segment] = {
+    "shank": Segment(mass=2 * 0.0465, length=0.246, com=0.567, gyration=0.302),
+    "thigh": Segment(mass=2 * 0.100, length=0.245, com=0.567, gyration=0.323),
+    "trunk": Segment(mass=0.678, length=0.288, com=0.626, gyration=0.496),
+}
+"""From the ankle upwards; the trunk is head, arms and trunk."""
+FOOT = Segment(mass=2 * 0.0145, length=0.152, com=0.5, gyration=0.475)
+"""Its length is along the floor."""
+ANKLE_HEIGHT = 0.039
+"""Of the ankle above the floor, of the body's height."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """A standing person.
+
+    Attributes:
+        height: [m].
+        mass: [kg].
+        stiffness: passive, of ankle, knee and hip, as shares of the toppling stiffness.
+        damping: passive, of every joint, in seconds times the toppling stiffness [s].
+        segments: instead of Winter's, by name (shank, thigh, trunk, foot).
+
+    Raises:
+        ModelError: on construction, if height or mass is not positive, a share is negative, or a segment not known.
+    """
+
+    height: float = 1.80
+    mass: float = 80.0
+    stiffness: tuple[float, float, float] = (0.0, 0.8, 0.8)
+    damping: float = 0.005
+    segments: Mapping[str, Segment] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("height", "mass"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ModelError(f"a person's {name} must be positive, got {value}")
+        if len(self.stiffness) != 3 or not all(np.isfinite(part) and part >= 0 for part in self.stiffness):
+            raise ModelError(f"a person's stiffness: expected three shares, none negative, got {self.stiffness}")
+        if not (np.isfinite(self.damping) and self.damping >= 0):
+            raise ModelError(f"a person's damping must not be negative, got {self.damping}")
+        unknown = [name for name in self.segments if name not in (*SEGMENTS, "foot")]
+        if unknown:
+            raise ModelError(f"a person has no segment {unknown[0]!r}; it has {', '.join(SEGMENTS)}, foot")
+
+    def __getitem__(self, name: str) -> Segment:
+        """The segment of this name, as fractions."""
+        return self.segments.get(name, FOOT if name == "foot" else SEGMENTS[name])
+
+    def with_segment(self, name: str, **fractions: float) -> Person:
+        """The same person with some fractions of a segment changed.
+
+        Raises:
+            ModelError: if there is no such segment.
+        """
+        if name not in (*SEGMENTS, "foot"):
+            raise ModelError(f"a person has no segment {name!r}; it has {', '.join(SEGMENTS)}, foot")
+        return replace(self, segments={**self.segments, name: replace(self[name], **fractions)})
+
+    def mass_of(self, name: str) -> float:
+        """[kg]"""
+        return self[name].mass * self.mass
+
+    def length_of(self, name: str) -> float:
+        """[m]"""
+        return self[name].length * self.height
+
+    def com_of(self, name: str) -> float:
+        """Above the segment's lower end [m]."""
+        return self[name].com * self.length_of(name)
+
+    def inertia_of(self, name: str) -> float:
+        """About the centre of mass, in the plane of sway [kg m²]."""
+        return self.mass_of(name) * (self[name].gyration * self.length_of(name)) ** 2
+
+    def toppling_stiffness(self, g: float = GRAVITY) -> Array:
+        """G_j of ankle, knee and hip: g · (moment of the mass above the joint) [N m/rad], shape (3,)."""
+        names = list(SEGMENTS)
+        G = np.zeros(3)
+        for j in range(3):
+            base = 0.0
+            for name in names[j:]:
+                G[j] += g * self.mass_of(name) * (base + self.com_of(name))
+                base += self.length_of(name)
+        return G

@@ -1,0 +1,155 @@
+"""Models of gymnasium and dm_control from run files of five lines: they do what is predicted, or stop for a reason.
+
+On the orbit that the theory predicts the linear plant's interval is the predicted one to rounding, and MuJoCo's departs
+from it with the square of the threshold where the model is its own mirror image, and in proportion to it where it is
+not (knees bend one way only).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from icmj.case.case import Case, open_loop, prepare
+from icmj.case.plants import assumed_plant
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import IcmjError
+from icmj.runfile.reading import parse_run
+from icmj.runfile.schema import RunFile
+
+FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
+JOINTS = 'outputs = "joints"'
+BALANCE = f'{JOINTS}, operating_point = "balance"'
+PLANAR = 'operating_point = "balance", drop = ["rootx"]'
+HOPPER = (
+    f"{PLANAR}, pose = {{ thigh_joint = -0.2, leg_joint = -0.4, foot_joint = 0.2 }}, "
+    'outputs = ["rootz", "rooty", "thigh_joint", "leg_joint", "foot_joint"]'
+)
+SUITE_HOPPER = (
+    f"{PLANAR}, pose = {{ waist = 0.2, hip = -0.6, knee = 1.2, ankle = -0.6 }}, "
+    'outputs = ["rootz", "rooty", "waist", "hip", "knee", "ankle"]'
+)
+
+
+def legs(angles: dict[str, float], right: str, left: str) -> str:
+    """Two bent legs, and what is seen of them."""
+    joints = [name.format(side) for side in (right, left) for name in angles]
+    pose = ", ".join(f"{name} = {angle}" for name, angle in zip(joints, 2 * list(angles.values()), strict=True))
+    outputs = ", ".join(f'"{name}"' for name in ("rootz", "rooty", *joints))
+    return f"{PLANAR}, pose = {{ {pose} }}, outputs = [{outputs}]"
+
+
+WALKER = legs({"thigh{}_joint": -0.3, "leg{}_joint": -0.6, "foot{}_joint": 0.3}, "", "_left")
+SUITE_WALKER = legs({"{}_hip": 0.3, "{}_knee": -0.6, "{}_ankle": 0.3}, "right", "left")
+
+# package, file, what [assumed] says beside the model, and the power of q_t with which MuJoCo departs from the theory
+RUNNING = [
+    ("gymnasium", "inverted_pendulum.xml", BALANCE, 2),
+    ("gymnasium", "inverted_double_pendulum.xml", BALANCE, 2),
+    ("gymnasium", "hopper.xml", HOPPER, 1),
+    ("gymnasium", "walker2d_v5.xml", WALKER, 1),
+    ("dm_control", "cartpole.xml", JOINTS, 2),
+    ("dm_control", "acrobot.xml", JOINTS, 2),
+    ("dm_control", "pendulum.xml", JOINTS, 2),
+    ("dm_control", "hopper.xml", SUITE_HOPPER, 1),
+    ("dm_control", "walker.xml", SUITE_WALKER, 1),
+]
+
+# package, file, [assumed], and the reason of nature why there is nothing to predict
+REFUSED = [
+    # its mass lies beside the pole's axis, as the environment is known for
+    ("gymnasium", "inverted_pendulum.xml", JOINTS, r"^\S+: not at rest: hinge accelerates by 0.0498 rad/s²"),
+    ("gymnasium", "inverted_pendulum.xml", f'{JOINTS}, operating_point = "static control"', "on hinge 0.0246 N m"),
+    # in the air a body falls
+    ("gymnasium", "hopper.xml", JOINTS, "not at rest: rootz accelerates by 9.81 m/s², 1 of gravity"),
+    ("dm_control", "walker.xml", JOINTS, "not at rest: rootz accelerates by 9.81 m/s², 1 of gravity"),
+    ("dm_control", "humanoid.xml", f'{JOINTS}, operating_point = "static control"', "on root.2 401 N are missing"),
+    ("gymnasium", "humanoid.xml", f'{JOINTS}, operating_point = "static control"', "on root.2 413 N are missing"),
+    # straight legs stand at the ends of their joints' ranges
+    ("gymnasium", "hopper.xml", BALANCE, "kink: .*'thigh_joint': a joint limit"),
+    ("gymnasium", "walker2d_v5.xml", BALANCE, "kink: .*'thigh_joint': a joint limit"),
+    # the ankle is too weak for the foot that the file stands on
+    ("dm_control", "hopper.xml", BALANCE, "kink: .*'ankle': its control -1 is at an end of its ctrlrange -1 to 1"),
+    # on a level floor no joint moves the whole
+    ("dm_control", "walker.xml", BALANCE, r"no input moves rootx.*drop = \[\"rootx\"\]"),
+    pytest.param("gymnasium", "humanoid.xml", BALANCE, r"no input moves root\.0", marks=pytest.mark.slow),
+    pytest.param("dm_control", "humanoid.xml", BALANCE, r"no input moves root\.0", marks=pytest.mark.slow),
+]
+
+
+def five_lines(package: str, name: str, assumed: str) -> RunFile:
+    """The run file, beside the model in its package."""
+    found = importlib.util.find_spec(package)
+    if found is None or found.origin is None:
+        pytest.skip(f"{package} is not installed")
+    text = f"""
+    case = {{ name = "foreign", title = "A model of others" }}
+    assumed = {{ model = "{name}", {assumed} }}
+    actual = {{ gain = 0.9 }}
+    controller = {{ q_t = 1e-4 }}
+    simulation = {{ integrator = "RK4", timestep = 0.001 }}
+    analysis = {{ delta_max = 1.0 }}"""
+    if name == "walker.xml" and "pose" in assumed:
+        text = text.replace("delta_max = 1.0", "delta_max = 0.3")  # poles of 13 rad/s: the search takes long beyond
+    return parse_run(text, Path(found.origin).parent / FOLDERS[package] / "run.toml")
+
+
+def departure(case: Case, plant: str, q_t: float) -> float:
+    """Relative error of the interval of ``plant``, from the state that the theory predicts at an event."""
+    orbit, n, n_hat = case.prediction.orbit, case.system.n, case.system.n_hat
+    assert orbit is not None
+    assert orbit.admissible, orbit.reason
+    X = case.system.to_original(case.system.T_bar @ orbit.x_bar) * (q_t / case.rule.size)
+    flown = open_loop(case, plant, trigger=case.rule.resized(q_t))(X[:n], X[n : n + n_hat])
+    assert flown.outcome is None, flown.outcome
+    return abs(flown.length / orbit.delta - 1)
+
+
+@pytest.mark.parametrize(("package", "name", "assumed", "power"), RUNNING)
+def test_a_model_of_others_does_what_is_predicted(package, name, assumed, power):
+    case = prepare(five_lines(package, name, assumed))
+    assert departure(case, "linear", 1e-4) < 1e-9
+    large, small = (departure(case, "mujoco", q_t) for q_t in (1e-3, 1e-4))
+    assert small < (1e-6 if power == 2 else 2e-4)
+    assert np.log10(large / small) == pytest.approx(power, abs=0.1)
+
+
+@pytest.mark.parametrize(("package", "name", "assumed", "reason"), REFUSED)
+def test_a_model_of_others_stops_with_one_line_that_names_the_reason(package, name, assumed, reason):
+    with pytest.raises(IcmjError, match=reason) as caught:
+        prepare(five_lines(package, name, assumed))
+    assert "\n" not in str(caught.value)
+
+
+def transition(plant: MujocoPlant, timestep: float) -> np.ndarray:
+    """A of one step of the engine's implicit integrator, of the states that the plant has; no callback is installed."""
+    model, point = plant.spec.compile(), plant.linearisation.point
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_IMPLICIT, timestep
+    model.opt.tolerance, model.opt.iterations = 0.0, 200
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = point.qpos, point.ctrl
+    A = np.zeros((2 * model.nv, 2 * model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mjd_transitionFD(model, data, 1e-6, True, A, None, None, None)
+    kept = plant.linearisation.ports.states
+    return A[np.ix_(kept, kept)]
+
+
+@pytest.mark.parametrize(("package", "name", "assumed"), [case[:3] for case in RUNNING])
+def test_the_engine_s_own_step_tends_to_the_exponential_of_the_linearisation(package, name, assumed):
+    """(A_d − e^{Ah})/h vanishes with h: to first order for one step, and beyond it when two are extrapolated."""
+    plant = assumed_plant(five_lines(package, name, assumed))
+    A, h = plant.linearisation.plant.A, 2e-5
+
+    def error(h: float) -> np.ndarray:
+        return (transition(plant, h) - expm(A * h)) / h
+
+    size = np.abs(A).max()
+    whole, half = error(h), error(h / 2)
+    assert np.abs(2 * half - whole).max() < 2e-5 * size
+    assert np.abs(whole).max() < 10 * h * np.abs(A @ A).max() + 2e-5 * size
