@@ -109,12 +109,13 @@ def run(command: arguments.Run) -> None:
     from icmj.log import write_log
     from icmj.runfile.reading import load_run
     from icmj.simulation.remarks import relative_error
-    from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
+    from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
     from icmj.study.study import open_folder, run_case
 
     run_file = load_run(command.run)
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)
+        startable(case, command.plant)
         seconds = estimate(case, command.plant)
         refuse_long(case, command.plant, seconds, None if command.yes else LONGEST)
         if seconds > TOLD:

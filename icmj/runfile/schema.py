@@ -13,6 +13,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
+from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import Actual, Assumed

@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.case.case import Case, PlantKind
+from icmj.engine.closed_loop import close_loop, timestep_of
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.errors import SimulationError, StudyError
+from icmj.linear.closed_loop import closed_loop
 from icmj.linear.run import simulate as simulate_linear
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
@@ -20,6 +22,18 @@ STEPS, BLOCKS, ROWS = 1e6, 2e4, 2e5  # up to these a run takes a few seconds at 
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
+
+
+def startable(case: Case, plant: PlantKind) -> None:
+    """See that a run of the case can start, before anything is written for it.
+
+    Raises:
+        ModelError, SimulationError: if it cannot.
+    """
+    if plant == "mujoco":
+        timestep_of(close_loop(case.actual, case.controller, case.settings), case.settings)
+    else:
+        closed_loop(case.actual.linearisation.plant, case.controller)
 
 
 def estimate(case: Case, plant: PlantKind) -> float:
@@ -33,12 +47,7 @@ def estimate(case: Case, plant: PlantKind) -> float:
         repeats += len(study.law_q_t)
     growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
     simulated = repeats * settings.duration + growth
-    if plant == "linear":
-        loop = case.controller.design
-        rate = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, loop.A_c, loop.A_o))
-        plenty = simulated * rate / 128 > BLOCKS
-    else:
-        plenty = simulated / _timestep(case) > STEPS
+    plenty = simulated * _rate(case) / 128 > BLOCKS if plant == "linear" else simulated / _timestep(case) > STEPS
     seconds = _PER_ROW * rows
     if plenty or rows > ROWS:
         seconds += simulated * _pace(case, plant)
@@ -73,6 +82,12 @@ def in_words(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
+def _rate(case: Case) -> float:
+    """About how fast the closed loop is [1/s]: the exact simulation's blocks are 128 times as long as its inverse."""
+    design = case.controller.design
+    return max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
+
+
 def _timestep(case: Case) -> float:
     return float(case.settings.timestep or case.actual.spec.option.timestep)
 
@@ -80,7 +95,7 @@ def _timestep(case: Case) -> float:
 def _pace(case: Case, plant: PlantKind) -> float:
     """Seconds of work for one second of simulation, from ever longer beginnings of the run."""
     end = case.settings.duration
-    length = max(20 * _timestep(case) if plant == "mujoco" else 0.0, 1e-7 * end)
+    length = min(50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9), end)
     try:
         _timed(case, plant, length)  # compiles, and loads what is loaded once
         first, least = length, _timed(case, plant, length)

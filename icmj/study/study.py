@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.files import clear_leftovers, ready, write_text
-from icmj.errors import LogError, ReportError, RunFileError
+from icmj.errors import LogError, ReportError, RunFileError, SimulationError
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.study.workers import Task, Tell, Workers
@@ -105,7 +105,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     if not interrupted:
         growth = measure_growth(case, plant, run.study.growth_points)
         report(0.75)
-        found = _attractors(case) if plant == "linear" else ()
+        found = _attractors(case, lambda done: report(0.75 + 0.15 * done)) if plant == "linear" else ()
         law = measure_law(case, run.study.law_q_t) if plant == "mujoco" else None
     report(0.9)
     return Result(
@@ -134,24 +134,36 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
     return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
 
 
-def _attractors(case: Case) -> tuple[Attractor, ...]:
+def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
     from icmj.experiment.attractors import attractors
 
     study = case.run.study
     if study.attractor_starts == 0:
         return ()
     plant, settings = case.actual.linearisation.plant, case.settings
-    return attractors(plant, case.controller, settings, starts=study.attractor_starts, seed=study.seed)
+    try:
+        return attractors(
+            plant,
+            case.controller,
+            settings,
+            starts=study.attractor_starts,
+            seed=study.seed,
+            progress=lambda count: progress(count / study.attractor_starts),
+        )
+    except SimulationError:  # the run stays at zero, which is no scale to draw starts from
+        return ()
 
 
 def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:
     """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
     from icmj.case.case import prepare
-    from icmj.study.estimate import estimate, refuse_long
+    from icmj.study.estimate import estimate, refuse_long, startable
 
     case = prepare(run)
-    for plant in PLANTS if longest is not None else ():
-        refuse_long(case, plant, estimate(case, plant), longest)
+    for plant in PLANTS:
+        startable(case, plant)
+        if longest is not None:
+            refuse_long(case, plant, estimate(case, plant), longest)
 
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:

@@ -51,7 +51,7 @@ def written(folder: Path, text: str) -> Path:
 
 @pytest.mark.parametrize("native", [True, False])
 def test_a_run_in_which_mujoco_gives_up_keeps_what_was_before(tmp_path: Path, native: bool) -> None:
-    actual = load_plant(written(tmp_path, CROWDED.format(memory="160K")), Deviation(gain=0.0), "upright")
+    actual = load_plant(written(tmp_path, CROWDED.format(memory="60K")), Deviation(gain=0.0), "upright")
     loose = controller("pendulum").triggered_by(Continuous())
     settings = Settings(duration=2.0, initial={"hinge": 0.5}, limit=9.0, native=native, record_interval=0.05)
     run = simulate(actual, loose, settings)

@@ -28,27 +28,31 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", mount], check=False)
 
 
-def refused(arguments: list[str | Path], capfd: pytest.CaptureFixture[str]) -> str:
+def refused(*arguments: str | Path) -> str:
     """The one line of a command that is refused."""
-    assert main([str(argument) for argument in arguments]) == 2
-    (line,) = [line for line in capfd.readouterr().err.splitlines() if " after " not in line]
+    process = start(*arguments)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 2
+    return the_line(err)
+
+
+def the_line(err: str) -> str:
+    (line,) = [line for line in err.splitlines() if " after " not in line]
     assert line.startswith("icmj: ")
     return line
 
 
-def test_a_full_disk_is_one_line_and_leaves_nothing(
-    tmp_path: Path, small_disk: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, small_disk: Path) -> None:
     run = short_run(tmp_path, duration=100.0)
-    assert "cannot be written" in refused(["run", run, "--plant", "linear", "--out", small_disk], capfd)
+    assert "cannot be written" in refused("run", run, "--plant", "linear", "--out", small_disk)
     assert list(small_disk.iterdir()) == []
-    refused(["study", run, "--jobs", "2", "--out", small_disk], capfd)
+    refused("study", run, "--jobs", "2", "--out", small_disk)
     assert not [path for path in small_disk.iterdir() if path.name.startswith(".")]
     check_folder(small_disk)
     (small_disk / "fill").write_bytes(b"0" * (os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize))
     # before anything is simulated
-    assert "cannot be written to: No space left" in refused(["run", run, "--out", small_disk], capfd)
-    assert "cannot be written to: No space left" in refused(["study", run, "--out", small_disk], capfd)
+    assert "cannot be written to: No space left" in refused("run", run, "--out", small_disk)
+    assert "cannot be written to: No space left" in refused("study", run, "--out", small_disk)
     assert [path.name for path in small_disk.iterdir()] == ["fill"]
 
 
@@ -64,12 +68,13 @@ def test_a_writer_that_fails_leaves_what_was_there(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("icmj.base.files.os.replace", full)
-    assert "No space left" in refused(["run", run, "--plant", "linear", "--out", out], capfd)
+    assert main(["run", str(run), "--plant", "linear", "--out", str(out)]) == 2
+    assert "No space left" in the_line(capfd.readouterr().err)
     assert [path.name for path in out.iterdir()] == ["short.linear.rrd"]
     assert (out / "short.linear.rrd").read_bytes() == before
 
 
-def test_a_folder_that_is_a_file_or_read_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_is_a_file_or_read_only(tmp_path: Path) -> None:
     run = short_run(tmp_path, duration=5.0)
     (tmp_path / "file").write_text("mine")
     (tmp_path / "locked").mkdir()
@@ -79,7 +84,7 @@ def test_a_folder_that_is_a_file_or_read_only(tmp_path: Path, capfd: pytest.Capt
         places.append(tmp_path / "locked")
     for command in ("run", "study"):
         for place in places:
-            assert "cannot be written to" in refused([command, run, "--out", place], capfd)
+            assert "cannot be written to" in refused(command, run, "--out", place)
     assert (tmp_path / "file").read_text() == "mine"
     assert {path.name for path in tmp_path.iterdir()} == {"short.toml", "file", "locked"}
 

@@ -118,6 +118,7 @@ CORPUS = (
     *("[actual.dynprm]\ntorque = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]", "[actual.dynprm]\nnobody = [1]"),
     *("[analysis]\ndelta_max = 1e-6", "[analysis]\ndelta_max = 1e4"),
     *("[simulation]\ninitial = { hinge = 1e12 }", "[simulation]\ninitial = { knee = 1 }"),
+    *("[simulation]\nduration = 1e-12\ntimestep = 2", "[study]\nattractor_starts = 2\ngrowth_points = 0"),
     *("[simulation]\nduration = 1e-12", "[simulation]\nduration = 1e12\nrecord_interval = 1e12"),
 )
 
@@ -130,13 +131,17 @@ def test_the_corpus(
     monkeypatch.chdir(tmp_path)
     text = RUN.format(root=root) + more + ("" if "[study]" in more else "\n[study]\ngrowth_points = 0")
     (tmp_path / "a.toml").write_text(text, encoding="utf-8")
-    for command in (["analyse", "a.toml", "--json"], ["run", "a.toml", "--plant", "linear", "--out", "out"]):
+    for command in (
+        ["analyse", "a.toml", "--json"],
+        ["run", "a.toml", "--plant", "linear", "--out", "out"],
+        ["run", "a.toml", "--out", "mujoco"],
+    ):
         status, err = main(command), capfd.readouterr().err
         lines = [line for line in err.splitlines() if " after " not in line and "icmj: about " not in line]
         assert "Traceback" not in err
         assert (status, len(lines)) in ((0, 0), (2, 1)), err
         if status == 2:
-            assert not (tmp_path / "out").exists()
+            assert not (tmp_path / command[-1]).exists()
 
 
 def test_hostile_values_are_what_they_are_meant_to_be() -> None:
