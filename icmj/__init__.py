@@ -40,13 +40,14 @@ if TYPE_CHECKING:
     from icmj.experiment.growth import measure_growth
     from icmj.log import read_log, write_log
     from icmj.measurement.measurement import Measurement, measure
+    from icmj.measurement.statistics import Statistics, statistics
     from icmj.plant.linear_plant import LinearPlant
     from icmj.report import build_report
     from icmj.result.result import Result
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
     from icmj.simulation.interval import OpenLoop, OpenLoopInterval
-    from icmj.simulation.settings import Impulse, Noise, Settings, Step
+    from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
     from icmj.simulation.simulation import Simulation
     from icmj.study.study import run_case, run_study
     from icmj.theory.error_system import ErrorSystem, error_system
@@ -99,6 +100,10 @@ _HOMES = {
         "Measurement",
         "measure",
     ),
+    "icmj.measurement.statistics": (
+        "Statistics",
+        "statistics",
+    ),
     "icmj.plant.linear_plant": ("LinearPlant",),
     "icmj.report": ("build_report",),
     "icmj.result.result": ("Result",),
@@ -112,6 +117,7 @@ _HOMES = {
         "OpenLoopInterval",
     ),
     "icmj.simulation.settings": (
+        "Bias",
         "Impulse",
         "Noise",
         "Settings",
@@ -151,6 +157,7 @@ def __dir__() -> list[str]:
 
 
 __all__ = [
+    "Bias",
     "Case",
     "ClockTrigger",
     "Comparison",
@@ -175,6 +182,7 @@ __all__ = [
     "RunFile",
     "Settings",
     "Simulation",
+    "Statistics",
     "Step",
     "attractors",
     "build_report",
@@ -198,6 +206,7 @@ __all__ = [
     "run_study",
     "simulate",
     "simulate_plant",
+    "statistics",
     "system_matched",
     "write_log",
     "zero_order",
