@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from icmj.experiment.growth import measure_growth
     from icmj.log import read_log, write_log
     from icmj.measurement.measurement import Measurement, measure
+    from icmj.measurement.statistics import Statistics, statistics
     from icmj.plant.change import Change
     from icmj.plant.linear_plant import LinearPlant
     from icmj.plant.notice import Notice
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
     from icmj.simulation.interval import OpenLoop, OpenLoopInterval
-    from icmj.simulation.settings import Impulse, Noise, Settings, Step
+    from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
     from icmj.simulation.simulation import Simulation
     from icmj.study.study import run_case, run_study
     from icmj.theory.error_system import ErrorSystem, error_system
@@ -109,6 +110,10 @@ _HOMES = {
         "Measurement",
         "measure",
     ),
+    "icmj.measurement.statistics": (
+        "Statistics",
+        "statistics",
+    ),
     "icmj.plant.change": ("Change",),
     "icmj.plant.linear_plant": ("LinearPlant",),
     "icmj.plant.notice": ("Notice",),
@@ -128,6 +133,7 @@ _HOMES = {
         "OpenLoopInterval",
     ),
     "icmj.simulation.settings": (
+        "Bias",
         "Impulse",
         "Noise",
         "Settings",
@@ -167,6 +173,7 @@ def __dir__() -> list[str]:
 
 
 __all__ = [
+    "Bias",
     "Case",
     "Change",
     "ClockTrigger",
@@ -198,6 +205,7 @@ __all__ = [
     "Selection",
     "Settings",
     "Simulation",
+    "Statistics",
     "Step",
     "attractors",
     "build_report",
@@ -222,6 +230,7 @@ __all__ = [
     "run_study",
     "simulate",
     "simulate_plant",
+    "statistics",
     "system_matched",
     "write_log",
     "zero_order",

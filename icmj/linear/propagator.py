@@ -47,7 +47,7 @@ class Propagator:
         W = np.zeros((n, 0)) if drive is None else np.asarray(drive, dtype=float)
         self.size = n + 2 * len(self._omega)
         balanced = matrix_balance(self.M, permute=False)[0]
-        fastest = max(float(np.linalg.norm(balanced, 2)), self._omega.max(initial=0.0), 1e-300)
+        fastest = max(float(np.linalg.norm(balanced, 2)), float(self._omega.max(initial=0.0)), 1e-300)
         self.h = min(_STEP_NORM / fastest, longest)
         self._generator, self._drive, self._angle = self.M * self.h, W * self.h, self._omega * self.h
         series = [np.eye(n, self.size)]

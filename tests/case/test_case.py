@@ -68,6 +68,11 @@ def test_refinement_divides_the_timestep(root):
             '[[simulation.disturbance]]\nkind = "step"\ninput = "x"\nsize = 1.0\n[study]',
             "no 'x' in the model",
         ),
+        (
+            "[study]",
+            '[[simulation.disturbance]]\nkind = "noise"\noutput = "torque"\nsize = 1.0\ncorner = 1\nseed = 1\n[study]',
+            "simulation.disturbance: no 'torque' in the model; expected one of angle",
+        ),
     ],
 )
 def test_names_the_model_does_not_have_are_refused_first(root, old, new, words):

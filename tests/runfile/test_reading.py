@@ -26,16 +26,19 @@ def test_defaults_fill_what_is_not_said():
     assert run.text == GOOD
 
 
-def test_shipped_run_files_are_the_eight_cases(root):
+def test_shipped_run_files_are_the_eleven_cases(root):
     runs = [load_run(path) for path in sorted((root / "runs").glob("*.toml"))]
     assert [(r.path.stem, r.actual.gain, r.actual.dynprm.get("torque")) for r in runs] == [
         ("neglected-0.1", 1.0, [10.0, 0.1]),
         ("neglected-0.5", 1.0, [10.0, 0.5]),
+        ("quiet-standing", 0.9, None),
         ("simple-0.8", 0.8, None),
         ("simple-1.2", 1.2, None),
         ("simple-1.7", 1.7, None),
         ("simple-exact", 1.0, None),
+        ("three-link-0.9-delay", 0.9, None),
         ("three-link-0.9", 0.9, None),
+        ("three-link-1.1-delay", 1.1, None),
         ("three-link-1.1", 1.1, None),
     ]
     assert all(r.path.stem == r.case.name for r in runs)
@@ -46,6 +49,9 @@ def test_values_the_paper_does_not_print_are_marked(root):
         for line in path.read_text(encoding="utf-8").splitlines():
             if line.split("=")[0].strip() in ("Q_t", "q_t", "delta_min", "duration", "initial", "timestep"):
                 assert "# ours" in line, f"{path.name}: {line}"
+
+
+NOISE = '[[simulation.disturbance]]\nkind = "noise"\nsize = 1.0\nseed = 1\n'
 
 
 @pytest.mark.parametrize(
@@ -60,6 +66,13 @@ def test_values_the_paper_does_not_print_are_marked(root):
         (GOOD + "[study]\nlaw_q_t = [1e-2]", ["law_q_t", "two"]),
         (GOOD + "[simulation]\nduration = 1e6", ["simulation", "record_interval", "1e+08"]),
         (GOOD + '[[simulation.disturbance]]\nkind = "storm"\ninput = "u"', ["disturbance", "storm"]),
+        (GOOD + NOISE + 'input = "u"\noutput = "y"\ncorner = 1.0', ["simulation", "one of input and output"]),
+        (GOOD + NOISE + "corner = 1.0", ["simulation", "one of input and output"]),
+        (GOOD + NOISE + 'output = "y"\ncorner = 1.0\nbandwidth = 2.0', ["simulation", "one of bandwidth and corner"]),
+        (GOOD + NOISE + 'output = "y"', ["simulation", "one of bandwidth and corner"]),
+        (GOOD + NOISE + 'output = "y"\ncorner = -1.0', ["corner", "greater than 0"]),
+        (GOOD + NOISE + 'output = "y"\ncorner = inf', ["corner", "finite"]),
+        (GOOD + '[[simulation.disturbance]]\nkind = "bias"\noutput = "y"\nsize = nan', ["size", "finite"]),
     ],
 )
 def test_errors_are_one_line_that_names_file_and_key(text, words):

@@ -1,0 +1,88 @@
+"""A case under noise in comparison, archive, summary and page."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from log_cases import assert_same
+from report_cases import result
+
+from icmj.comparison.comparison import compare, to_json
+from icmj.linear.run import simulate
+from icmj.log.archive import pack, unpack
+from icmj.log.summary import properties
+from icmj.measurement.measurement import measure
+from icmj.measurement.statistics import statistics
+from icmj.plant.linear_plant import transformation
+from icmj.report import build_report, sections
+from icmj.report.pairing import paired
+from icmj.report.sections.noise import estimate
+from icmj.result.result import Result
+from icmj.runfile.reading import parse_run
+
+NOISE = """
+[[simulation.disturbance]]
+kind = "noise"
+input = "torque"
+size = 0.02
+corner = 0.5
+seed = 1
+"""
+
+
+@cache
+def noisy() -> Result:
+    """The pendulum of b = 0.8 under noise, in a case of its own."""
+    quiet = result("b0.8")
+    run = parse_run(quiet.run.text.replace('name = "b0.8"', 'name = "noisy"') + NOISE)
+    simulation = simulate(quiet.actual, quiet.controller, run.simulation.settings())
+    motion = measure(simulation, T_hat=transformation(quiet.assumed, quiet.actual))
+    return replace(quiet, run=run, simulation=simulation, measurement=motion, statistics=statistics(simulation))
+
+
+def test_it_comes_back_from_the_archive_bit_for_bit() -> None:
+    assert_same(noisy(), unpack(*pack(noisy())))
+
+
+def test_it_is_compared_in_distribution() -> None:
+    compared = compare(noisy())
+    assert (compared.measured.kind, compared.measured.converged) == ("noisy", False)
+    assert "where the predicted cycle has 1.807 s" in compared.words
+    assert to_json(compared)["measured"]["kind"] == "noisy"
+
+
+def test_the_summary_has_every_number_with_its_confidence() -> None:
+    found, told = properties(noisy(), compare(noisy()))["statistics"], noisy().statistics
+    assert told is not None
+    assert told.interval is not None
+    assert (found["interval"], found["interval_error"]) == (told.interval.value, told.interval.error)
+    assert found["rms_angle"] == told.rms[0].value
+    quiet = result("b0.8")
+    assert properties(quiet, compare(quiet))["statistics"] == {}
+
+
+def test_a_noisy_case_is_not_counted_among_the_cycles() -> None:
+    both = paired([result("b0.8"), noisy()])
+    assert "Of the 1 case without noise below, the linear eigen-analysis predicts a limit cycle for 1." in (
+        sections.abstract(both)
+    )
+    quiet, row = sections.summary(both).context["rows"]
+    assert (quiet["runs"]["linear"]["mark"], row["runs"]["linear"]["mark"]) == ("✓", "–")
+    assert row["runs"]["linear"]["error"] == ""
+    assert [error["title"] for error in sections.summary(both).context["errors"]] == [quiet["title"]]
+
+
+def test_without_noise_there_is_no_section() -> None:
+    assert sections.noise(paired([result("b0.8")]), {}, 1) is None
+    assert estimate(None) == "–"
+
+
+@pytest.mark.slow
+def test_the_page_shows_histogram_and_spectra(tmp_path) -> None:
+    build_report([result("b0.8"), noisy()], tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "Under noise" in page
+    assert page.count("histogram of intervals") == 1
+    assert {"noisy_intervals.svg", "noisy_spectra.pdf"} <= {path.name for path in (tmp_path / "r_figures").iterdir()}
