@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from fuzz_cases import KINDS, Job, hunt, put
+from fuzz_cases import KINDS, hunt
 
 
 def main() -> int:
@@ -25,9 +25,6 @@ def main() -> int:
     kinds, failed = given.kind or KINDS, 0
     print(f"seeds from {given.seed} on")
     for kind in kinds:
-        if given.mutants == 1:
-            print(*put(Job(kind, given.seed)))
-            continue
         tally = hunt(kind, range(given.seed, given.seed + given.mutants), 60 * given.minutes / len(kinds))
         print(f"{kind}: {tally}", flush=True)
         for words in (*tally.failures, *tally.long):

@@ -29,6 +29,8 @@ BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``icmj``; returns the exit status."""
     os.environ.setdefault("RUST_LOG", "off")  # rerun's own words, in colour; what they mean comes as an error
+    # no pictures are drawn by MuJoCo here; else it loads a window library, in a process that a signal finds talking
+    os.environ.setdefault("MUJOCO_GL", "disable")
     asked = Asked()
     try:
         with terminable() as asked:

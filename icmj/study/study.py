@@ -218,8 +218,10 @@ def run_study(
     done = [0.0] * len(work)
     try:
         with Workers(jobs) as workers:
+            checked = [0.0] * len(runs)
             for news in workers.run(checks):
-                tell(f"checking {runs[news.index].case.name}", 0.1 * (news.index + news.done) / len(runs))
+                checked[news.index] = news.done
+                tell(f"checking {runs[news.index].case.name}", 0.1 * sum(checked) / len(runs))
             tell("inputs checked", 0.1)
             open_folder(out)
             for news in workers.run(work):
