@@ -35,6 +35,7 @@ def validate(result: Result) -> None:
     _measurement(result)
     _prediction(result, result.prediction)
     _experiments(result)
+    _statistics(result)
 
 
 def _plants(result: Result) -> None:
@@ -86,7 +87,7 @@ def _measurement(result: Result) -> None:
 
 
 def _prediction(result: Result, prediction: Prediction) -> None:
-    size = result.actual.n + result.assumed.n
+    size = _at_events(result)
     for key in ("delta_crit", "period", "delta_max"):
         _positive(f"prediction.{key}", getattr(prediction, key))
     for i, crossing in enumerate(prediction.crossings):
@@ -108,11 +109,11 @@ def _prediction(result: Result, prediction: Prediction) -> None:
 
 def _orbit(result: Result, orbit: Orbit) -> None:
     n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
-    M = _rising("prediction.orbit.t", orbit.t, least=2)
+    M = _rising("prediction.orbit.t", orbit.t, least=2, twice=1 if result.controller.delay else 0)  # the action
     _positive("prediction.orbit.delta", orbit.delta)
     _positive("prediction.orbit.period", orbit.period)
     _require(orbit.sign in (1, -1), "prediction.orbit.sign", f"is {orbit.sign}; expected 1 or -1")
-    _shape("prediction.orbit.x_bar", orbit.x_bar, n + m)
+    _shape("prediction.orbit.x_bar", orbit.x_bar, _at_events(result))
     for key, width in (("X", n + 2 * m), ("y", n_y), ("u", n_u), ("e_hp", m)):
         _shape(f"prediction.orbit.{key}", getattr(orbit, key), M, width)
     _shape("prediction.orbit.E", orbit.E, M)
@@ -136,16 +137,39 @@ def _experiments(result: Result) -> None:
         _shape("law.amplitude_error", law.amplitude_error, len(law.q_t))
     for i, attractor in enumerate(result.attractors):
         where = f"attractors.{i}"
-        _shape(f"{where}.states", attractor.states, None, n + m)
+        _shape(f"{where}.states", attractor.states, None, _at_events(result))
         _shape(f"{where}.x0", attractor.x0, n)
         _shape(f"{where}.x_o0", attractor.x_o0, m)
         _require(attractor.count >= 1 and 0 <= attractor.share <= 1, where, "has no sensible count or share")
 
 
-def _rising(where: str, t: Array, least: int) -> int:
-    """The number of times in ``t``, which rise from zero or later."""
+def _statistics(result: Result) -> None:
+    told, n_y = result.statistics, result.actual.n_y
+    if told is None:
+        return
+    _require(0 <= told.start <= told.end, "statistics.start", f"is {told.start:g} s, the end {told.end:g} s")
+    bins = len(told.counts)
+    _shape("statistics.counts", told.counts, bins)
+    _shape("statistics.edges", told.edges, bins + 1 if bins else 0)
+    for key in ("mean", "rms"):
+        found = len(getattr(told, key))
+        _require(found == n_y, f"statistics.{key}", f"has {found} numbers for {n_y} outputs")
+    F = _rising("statistics.spectrum.frequency", told.spectrum.frequency, least=2)
+    for key in ("power", "low", "high"):
+        _shape(f"statistics.spectrum.{key}", getattr(told.spectrum, key), F, n_y)
+
+
+def _at_events(result: Result) -> int:
+    """Length of the state between which the map from event to event goes; with a delay the hold belongs to it."""
+    n, m = result.actual.n, result.assumed.n
+    return n + 2 * m if result.controller.delay else n + m
+
+
+def _rising(where: str, t: Array, least: int, twice: int = 0) -> int:
+    """The number of times in ``t``, which rise from zero or later; so many may stand there twice, for a jump."""
     _require(t.ndim == 1 and len(t) >= least, where, f"has shape {t.shape}; expected at least {least} times")
-    good = np.isfinite(t).all() and (t[:1] >= 0).all() and (np.diff(t) > 0).all()
+    gaps = np.diff(t)
+    good = np.isfinite(t).all() and (t[:1] >= 0).all() and (gaps >= 0).all() and (gaps == 0).sum() <= twice
     _require(bool(good), where, "does not rise, or holds what is no time")
     return len(t)
 

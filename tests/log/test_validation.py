@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from icmj.errors import LogError
 from icmj.log.archive import pack, unpack
 from icmj.log.validation import validate
 from icmj.result.result import Result
+from icmj.runfile.reading import parse_run
+from icmj.study.study import run_case
 
 Change = Callable[[Result], Result]
 
@@ -83,6 +86,18 @@ def test_what_is_no_run_is_refused_in_one_line(change: Change, words: str) -> No
     with pytest.raises(LogError, match=words) as caught:
         unpack(*pack(result))
     assert "\n" not in str(caught.value)
+
+
+def test_a_run_with_a_delay_has_the_hold_in_its_state_at_events(root: Path) -> None:
+    path = root / "runs" / "three-link-0.9-delay.toml"
+    text = path.read_text(encoding="utf-8").replace("duration = 50.0", "duration = 2.0")
+    text = text.replace("growth_points = 9", "growth_points = 0").replace(
+        "attractor_starts = 24", "attractor_starts = 1"
+    )
+    result = run_case(parse_run(text, path), "linear")
+    assert result.prediction.V_inv is not None
+    assert result.prediction.V_inv.shape == (18, 18)
+    validate(result)
 
 
 def test_a_run_that_diverged_is_a_run() -> None:

@@ -10,6 +10,7 @@ from log_cases import assert_same
 from report_cases import result
 
 from icmj.comparison.comparison import compare, to_json
+from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
 from icmj.log.summary import properties
@@ -44,6 +45,18 @@ def noisy() -> Result:
 
 def test_it_comes_back_from_the_archive_bit_for_bit() -> None:
     assert_same(noisy(), unpack(*pack(noisy())))
+
+
+def test_damaged_statistics_are_refused() -> None:
+    told = noisy().statistics
+    assert told is not None
+    for damaged, words in (
+        (replace(told, rms=()), r"statistics\.rms has 0 numbers for 1 outputs"),
+        (replace(told, edges=told.edges[1:]), r"statistics\.edges has shape"),
+        (replace(told, spectrum=replace(told.spectrum, low=told.spectrum.low[1:])), r"statistics\.spectrum\.low"),
+    ):
+        with pytest.raises(LogError, match=words):
+            unpack(*pack(replace(noisy(), statistics=damaged)))
 
 
 def test_it_is_compared_in_distribution() -> None:
