@@ -180,6 +180,8 @@ def _expected(annotation: Any) -> str:
         elif get_origin(member) is list:
             inner = get_args(member)[0]
             parts.append("a list of lists of numbers" if _is_list(inner) else f"a list of {_plural(inner)}")
+        elif get_origin(member) is tuple:
+            parts.append(f"a list of {len(get_args(member))} {_plural(get_args(member)[0])}")
         elif get_origin(member) is dict:
             parts.append("a table of names and values")
         elif isinstance(member, type) and issubclass(member, BaseModel):
@@ -220,7 +222,7 @@ def _members(annotation: Any) -> tuple[Any, ...]:
 
 
 def _element(annotation: Any) -> Any:
-    lists = [get_args(member)[0] for member in _members(annotation) if get_origin(member) is list]
+    lists = [get_args(member)[0] for member in _members(annotation) if get_origin(member) in (list, tuple)]
     return Union[tuple(lists)] if lists else annotation  # noqa: UP007
 
 

@@ -102,6 +102,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (GOOD + "[design]\nQ_c = 'outputs'", "design.Q_c: expected 'output', 'identity', a list of numbers or"),
         (GOOD + "[design]\nQ_c = [[1, 2], [1, 'a']]", "design.Q_c[1][1]: expected a number, got 'a'"),
         (GOOD + "[simulation]\nq_t = 3", "simulation.q_t: no such key; it belongs in [controller]"),
+        (GOOD + "[actual]\nperson = { stiffness = 0.8 }", "actual.person.stiffness: expected a list of 3 numbers, got"),
+        (GOOD + "[actual]\nperson = { stiffness = [0, 'a', 1] }", "person.stiffness[1]: expected a number, got 'a'"),
         (GOOD + "[analyis]\ndelta_max = 3", "analyis: no such key; did you mean analysis?"),
         (GOOD + "[simulation]\nintegrator = 'rk4'", "got 'rk4'; did you mean RK4?"),
         (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
