@@ -27,6 +27,15 @@ def test_summary_has_all_four_columns_side_by_side():
     assert row["runs"]["mujoco"]["mark"] == "✓"
 
 
+def test_what_was_told_of_a_run_stands_below_its_case():
+    linear, engine = result("b0.8"), result("b0.8", "mujoco")
+    both = "kink: <b>the limits</b> of the actuator"
+    told = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
+    verdicts = sections.summary(paired(told)).context["rows"][0]["verdicts"]
+    assert verdicts[-2:] == [f"To note: {both}.", "To note (MuJoCo): large step: 0.1 s is long."]
+    assert not any("To note" in words for row in rows().values() for words in row["verdicts"])
+
+
 @pytest.mark.parametrize(
     ("name", "agrees"),
     [

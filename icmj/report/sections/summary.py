@@ -101,7 +101,7 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "agrees": agrees_with_paper(case),
         },
         "runs": cells,
-        "verdicts": [*_departures(case), *verdicts(case)],
+        "verdicts": [*_departures(case), *verdicts(case), *_notices(case)],
     }
 
 
@@ -111,6 +111,17 @@ def _departures(case: CaseRuns) -> list[str]:
         return []
     computed = "undefined" if prediction.delta_crit is None else f"{numbers.number(prediction.delta_crit)} s"
     return [f"Departs from the paper: Δ_crit is {computed}, not {paper.delta_crit:g} s."]
+
+
+def _notices(case: CaseRuns) -> list[str]:
+    """What was told of plants and runs, each once; said of which plant where it does not hold of every run."""
+    told = {plant: comparison.notices for plant, comparison in case.comparisons.items()}
+    every = list(dict.fromkeys(notice for notices in told.values() for notice in notices))
+    words = []
+    for notice in every:
+        where = [plant for plant, notices in told.items() if notice in notices]
+        words.append(f"To note{'' if len(where) == len(told) else f' ({NAME[where[0]]})'}: {notice}.")
+    return words
 
 
 def _shown_error(comparison: Comparison | None) -> str:
