@@ -215,11 +215,12 @@ def run_study(
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
     checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
     work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in cases]
-    done = [0.0] * len(work)
+    checked, done = [0.0] * len(runs), [0.0] * len(work)  # in any order: processes overtake each other
     try:
         with Workers(jobs) as workers:
             for news in workers.run(checks):
-                tell(f"checking {runs[news.index].case.name}", 0.1 * (news.index + news.done) / len(runs))
+                checked[news.index] = news.done
+                tell(f"checking {runs[news.index].case.name}", 0.1 * sum(checked) / len(runs))
             tell("inputs checked", 0.1)
             open_folder(out)
             for news in workers.run(work):
