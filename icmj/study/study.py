@@ -215,7 +215,7 @@ def run_study(
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
     checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
     work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in cases]
-    done = [0.0] * len(work)
+    checked, done = [0.0] * len(runs), [0.0] * len(work)  # in any order: processes overtake each other
     try:
         with Workers(jobs) as workers:
             checked = [0.0] * len(runs)
