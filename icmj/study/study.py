@@ -218,7 +218,6 @@ def run_study(
     checked, done = [0.0] * len(runs), [0.0] * len(work)  # in any order: processes overtake each other
     try:
         with Workers(jobs) as workers:
-            checked = [0.0] * len(runs)
             for news in workers.run(checks):
                 checked[news.index] = news.done
                 tell(f"checking {runs[news.index].case.name}", 0.1 * sum(checked) / len(runs))
