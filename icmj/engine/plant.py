@@ -11,6 +11,7 @@ import mujoco
 from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibrium
+from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
@@ -38,14 +39,21 @@ class MujocoPlant:
     linearisation: Linearisation
 
     @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The model that steps; copy before editing (``copy.copy``)."""
+        # from a copy, for compiling changes the spec, and threads that share the plant may ask at once
+        with hushed():
+            return self.spec.copy().compile()
+
+    @cached_property
     def quality(self) -> Quality:
         """How good its operating point is."""
-        return assess(self.spec.compile(), self.linearisation)
+        return assess(self.model, self.linearisation)
 
     @property
     def states(self) -> tuple[str, ...]:
         """All states that the model has, also those that the plant leaves out."""
-        return state_names(self.spec.compile())
+        return state_names(self.model)
 
     @property
     def xml(self) -> str:

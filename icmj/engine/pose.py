@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.hush import hushed
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
 from icmj.simulation.scene import Geom, Scene
@@ -25,8 +24,7 @@ def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.
     Raises:
         ModelError: if the simulation is not of this plant.
     """
-    with hushed():
-        model = plant.spec.compile()
+    model = plant.model
     qpos_0, nv = plant.linearisation.point.qpos, model.nv
     if simulation.qpos.size:
         if simulation.qpos.shape != (len(simulation.t), model.nq):

@@ -63,7 +63,7 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation) -> Pressure:
     Raises:
         ModelError: if the simulation is not of this plant, or the plant does not stand on anything at rest.
     """
-    model, ports, point = plant.spec.compile(), plant.linearisation.ports, plant.linearisation.point
+    model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
     if simulation.x.shape[1] != len(ports.states):
         raise ModelError(f"{plant.path}: the simulation has {simulation.x.shape[1]} states, not {len(ports.states)}")
     data, x = mujoco.MjData(model), ports.whole(simulation.x)

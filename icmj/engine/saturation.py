@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -36,7 +37,7 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
         rows: recorded (t, qpos, qvel, act, ...), shape (N, ...).
         u: commands, shape (N, n_u).
     """
-    model, ports, point = plant.spec.compile(), plant.linearisation.ports, plant.linearisation.point
+    model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
     wanted = u + disturbance(rows[:, 0])
     if not limited(model):
         return wanted, np.zeros(wanted.shape, dtype=bool)
@@ -45,7 +46,7 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
     passed = np.clip(ctrl, *_range(model))
     cut = np.abs(passed - ctrl) > 1e-12 * (1 + np.abs(ctrl))
     if model.actuator_forcelimited.any() or model.jnt_actfrclimited.any():
-        passed, beyond = _within_force(model, rows, passed)
+        passed, beyond = _within_force(copy(model), rows, passed)
         cut |= beyond
     b = np.where(ports.b == 0, 1.0, ports.b)
     acting = (passed - point.ctrl)[:, ports.actuators] / b
@@ -71,7 +72,7 @@ def _range(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Array, np.ndarray]:
-    """Controls less what limits of force cut off, and which they are."""
+    """Controls less what limits of force cut off, and which they are; the model's limits are lifted on the way."""
     data, nq, nv, na = mujoco.MjData(model), model.nq, model.nv, model.na
     passed, cut = ctrl.copy(), np.zeros(ctrl.shape, dtype=bool)
     forced, joints = model.actuator_forcelimited.astype(bool), model.jnt_actfrclimited.astype(bool)
