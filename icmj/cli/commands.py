@@ -60,7 +60,8 @@ def analyse(command: arguments.Analyse) -> None:
     run = load_run(command.run)
     with Working(f"analysing {run.case.name}", ERR):
         case = prepare(run)
-    prediction, outputs = case.prediction, case.assumed.linearisation.plant.outputs
+    prediction, plant = case.prediction, case.assumed.linearisation.plant
+    outputs, units = plant.outputs, plant.output_units or ("",) * plant.n_y
     if command.json:
         print(json.dumps(plain_prediction(prediction, outputs, case.notices), indent=2, allow_nan=False))
         return
@@ -74,8 +75,8 @@ def analyse(command: arguments.Analyse) -> None:
     ]
     if prediction.amplitude is not None:
         rows += [
-            (f"peak of {name}", f"{peak:.6g} rad ({np.degrees(peak):.3f}°)")
-            for name, peak in zip(outputs, prediction.amplitude, strict=True)
+            (f"peak of {name}", _amount(peak, unit))
+            for name, peak, unit in zip(outputs, prediction.amplitude, units, strict=True)
         ]
     if prediction.multipliers is not None:
         rows.append(("largest multiplier of the event-driven orbit", f"{abs(prediction.multipliers[0]):.4g}"))
@@ -131,7 +132,7 @@ def run(command: arguments.Run) -> None:
     OUT.print(escape(result.measurement.words), highlight=False)
     error = relative_error(result.simulation)
     if np.isfinite(error):
-        OUT.print(f"The step errs by {error:.1g} of an interval.", highlight=False)
+        OUT.print(f"Relative error by the step: {error:.1g}.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
     if outcome.kind == "interrupted":
         raise KeyboardInterrupt
@@ -242,6 +243,10 @@ def _number(value: float | None) -> str:
 
 def _seconds(value: float | None) -> str:
     return "–" if value is None else f"{value:.6f} s"
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.3f}°)" if unit == "rad" else "")
 
 
 def _error(value: float | None) -> str:

@@ -73,8 +73,10 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
         return _nothing(loop)
     coarse, fine = flights
     size = max(float(np.abs([flight.y_max, flight.y_min]).max()) for flight in flights)
-    # a clock's interval has no error
-    interval = float("nan") if np.isfinite(schedule.clock) else abs(coarse.length - fine.length)
+    # neither a clock's interval has an error, nor one that Δ_min or the delay ends: E had been passed long before
+    least = loop.controller.least
+    given = np.isfinite(schedule.clock) or min(coarse.length, fine.length) <= least * (1 + 1e-9) + 1e-12
+    interval = float("nan") if given else abs(coarse.length - fine.length)
     return _scaled(loop, interval, coarse.y - fine.y, size, stretch)
 
 

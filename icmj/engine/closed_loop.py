@@ -204,7 +204,7 @@ class ComposedLoop:
         if status == Status.WARNED:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
             return ending.diverged(t, f"the engine warned ({', '.join(names)})")
-        return ending.ran(t, np.diff(events, prepend=0.0), schedule.delta_min)
+        return ending.ran(t, np.diff(events, prepend=0.0), self.controller.least)
 
     @contextmanager
     def lent(self) -> Iterator[None]:

@@ -80,4 +80,4 @@ def _run(prepared: Stage, history: History, progress: Callable[[float], None] | 
             history.event()
             if (took := pace.stalled(t)) is not None:
                 return ending.stalled(t, took)
-    return ending.ran(duration, history.intervals(), prepared.loop.controller.trigger.delta_min)
+    return ending.ran(duration, history.intervals(), prepared.loop.controller.least)

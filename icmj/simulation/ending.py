@@ -80,7 +80,7 @@ def ran(duration: float, intervals: Array, delta_min: float) -> Outcome:
     Args:
         duration: [s].
         intervals: open-loop intervals of the whole run [s], shape (K,).
-        delta_min: Δ_min [s]; 0 if there is none.
+        delta_min: the least interval, Δ_min or a longer delay [s]; 0 if there is none.
     """
     longer = np.flatnonzero(intervals > delta_min * (1 + 1e-9) + 1e-12)
     collapsed = len(intervals) - (int(longer[-1]) + 1 if len(longer) else 0)

@@ -67,6 +67,17 @@ def test_runs_without_events_are_estimated_by_their_outputs() -> None:
         assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.7)
 
 
+def test_an_interval_that_the_refractory_period_ends_has_no_error_of_its_own() -> None:
+    # the same at any step, it would say 0 where only the outputs can tell
+    trigger = replace(controller("three_link").trigger, delta_min=0.5, q_t=1e-9)
+    run = simulate(
+        plant("three_link", 0.9), controller("three_link").triggered_by(trigger), Settings(duration=4.0), x0=X
+    )
+    assert np.allclose(np.diff(run.events.t)[-3:], 0.5)
+    assert np.isnan(float(run.precision["interval_error"]))
+    assert 0 < float(run.precision["output_error"]) < 1e-6
+
+
 def test_short_runs_are_not_estimated() -> None:
     run = simulate(plant("three_link", 0.9), controller("three_link"), Settings(duration=0.004), x0=X)
     assert np.isnan(float(run.precision["output_error"]))
