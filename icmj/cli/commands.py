@@ -131,7 +131,7 @@ def run(command: arguments.Run) -> None:
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
     error = relative_error(result.simulation)
-    if np.isfinite(error):
+    if error > 0:
         OUT.print(f"Relative error by the step: {error:.1g}.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
     if outcome.kind == "interrupted":
