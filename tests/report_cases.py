@@ -25,7 +25,7 @@ from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
 MODELS = Path(__file__).parents[1] / "models"
-NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",)}
+NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",), "output_units": ("rad",)}
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], **NAMES)
 
 # case: title, the paper's figure, its Δ_crit, λ and cycle
@@ -44,7 +44,7 @@ def neglected(zeta: float) -> LinearPlant:
     """The pendulum behind ω_n²/(s² + 2ζω_n s + ω_n²), ω_n = 10, in closed form."""
     A = [[0, 1, 0, 0], [1, 0, 0, 1], [0, 0, -20 * zeta, -100], [0, 0, 1, 0]]
     states = (*NAMES["states"], "torque_act0", "torque_act1")
-    return LinearPlant(A, [[0], [0], [100], [0]], [[1, 0, 0, 0]], states, NAMES["inputs"], NAMES["outputs"])
+    return LinearPlant(A, [[0], [0], [100], [0]], [[1, 0, 0, 0]], **{**NAMES, "states": states})
 
 
 @cache

@@ -34,8 +34,8 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
     Args:
-        results: runs as read from logs; normally one of the linear plant and one of MuJoCo for each case. Their
-            outputs are taken to be angles [rad] and drawn in degrees.
+        results: runs as read from logs; normally one of the linear plant and one of MuJoCo for each case. Angles
+            are drawn in degrees, other outputs in the unit that their plant tells.
         out: the page.
         figures: folder of the single figures, ``<stem>_figures`` beside the page if ``None``.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.style import DEGREES
+from icmj.view.quantity import quantities
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,16 +42,16 @@ def spectrum_figure(case: CaseRuns) -> Figure:
     """Power spectrum of every output on each plant, confidence of the last, and the predicted cycle's frequency."""
     outputs = case.first.actual.outputs
     figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
-    for i, (axes, name) in enumerate(zip(stack, outputs, strict=True)):
+    for i, (axes, name, shown) in enumerate(zip(stack, outputs, quantities(case.first.actual), strict=True)):
         largest = 0.0
         for plant, result in case.runs.items():
             if result.statistics is None:
                 continue
             spectrum = result.statistics.spectrum
-            shown = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
-            frequency = spectrum.frequency[shown]
+            drawn = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
+            frequency = spectrum.frequency[drawn]
             power, low, high = (
-                values[shown, i] * DEGREES**2 for values in (spectrum.power, spectrum.low, spectrum.high)
+                values[drawn, i] * shown.factor**2 for values in (spectrum.power, spectrum.low, spectrum.high)
             )
             largest = max(largest, float(power.max(initial=0.0)))
             if result is case.last:
@@ -60,7 +60,7 @@ def spectrum_figure(case: CaseRuns) -> Figure:
         if case.prediction.cycle and case.prediction.period is not None:
             axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
         axes.set_ylim(bottom=LOWEST * (largest or 1.0))
-        axes.set_ylabel(f"{name} (deg²/Hz)" if len(outputs) > 1 else "power (deg²/Hz)")
+        axes.set_ylabel(shown.label(name if len(outputs) > 1 else "power", "²/Hz"))
     stack[-1].set_xlabel("frequency (Hz)")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DEGREES = 180 / np.pi
 MM = 1 / 25.4
 WIDTH = 85.0  # mm: one column of a journal page
 HEIGHT = 58.0

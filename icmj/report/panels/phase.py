@@ -9,10 +9,10 @@ import numpy as np
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
-from icmj.report.style import DEGREES
 from icmj.result.result import Result
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import output_rate
+from icmj.view.quantity import Quantity, quantities
 from icmj.view.timeline import event_rows, latter_part
 
 if TYPE_CHECKING:
@@ -27,9 +27,10 @@ def _draw(case: CaseRuns) -> Figure:
     outputs = case.last.actual.outputs
     figure, (axes,) = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT)
     prediction, laid = case.prediction, laid_orbit(case.last)
-    for i, name in enumerate(outputs):
+    units = quantities(case.last.actual)
+    for i, (name, shown) in enumerate(zip(outputs, units, strict=True)):
         if laid is not None:
-            y, v = (laid.whole(signal)[:, i] * DEGREES for signal in (laid.orbit.y, laid.rate))
+            y, v = (laid.whole(signal)[:, i] * shown.factor for signal in (laid.orbit.y, laid.rate))
             label = {"attracting": "predicted", "repelling": "repelling orbit"}.get(
                 prediction.verdict, "not admissible"
             )
@@ -38,18 +39,25 @@ def _draw(case: CaseRuns) -> Figure:
             simulation = result.simulation
             start, end = latter_part(simulation, SHOWN)
             late = (simulation.t >= start) & (simulation.t <= end)
-            v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * DEGREES
-            y = simulation.y[late, i] * DEGREES
+            v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * shown.factor
+            y = simulation.y[late, i] * shown.factor
             axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
             if result is case.last and len(outputs) > 1 and len(y):
                 _label(axes, name, float(y[np.argmax(v)]), float(v.max()))
-        _mark_events(axes, case.last, i)
-    axes.set(xlabel="position $x_2$ (deg)", ylabel="velocity $x_1$ (deg/s)")
+        _mark_events(axes, case.last, i, shown)
+    axes.set(xlabel=_label_of("position $x_2$", units), ylabel=_label_of("velocity $x_1$", units, "/s"))
     if len(outputs) > 1:
-        axes.set(xlabel="segment angle (deg)", ylabel="segment velocity (deg/s)")
+        angles = units[0].unit == "deg" and len(set(units)) == 1
+        words = ("segment angle", "segment velocity") if angles else ("output", "rate of the output")
+        axes.set(xlabel=_label_of(words[0], units), ylabel=_label_of(words[1], units, "/s"))
     axes.margins(0.08)
     style.legend(figure, axes)
     return figure
+
+
+def _label_of(words: str, units: tuple[Quantity, ...], per: str = "") -> str:
+    """With the unit of all; outputs of several units share one scale of SI numbers and degrees."""
+    return units[0].label(words, per) if len(set(units)) == 1 else f"{words} (each in its own unit)"
 
 
 def _label(axes: Axes, name: str, y: float, v: float) -> None:
@@ -59,15 +67,15 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
     )
 
 
-def _mark_events(axes: Axes, result: Result, output: int) -> None:
+def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity) -> None:
     simulation = result.simulation
     start, end = latter_part(simulation, SHOWN)
     rows = event_rows(simulation)
     rows = rows[(simulation.t[rows] >= start) & (simulation.t[rows] <= end)]
     if not len(rows):
         return
-    y = simulation.y[rows, output] * DEGREES
-    v = output_rate(result, simulation.x[rows], simulation.u[rows])[:, output] * DEGREES
+    y = simulation.y[rows, output] * shown.factor
+    v = output_rate(result, simulation.x[rows], simulation.u[rows])[:, output] * shown.factor
     if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
         for n in range(-min(result.measurement.p or 0, len(y)), 0):
             axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)

@@ -9,8 +9,8 @@ import numpy as np
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
-from icmj.report.style import DEGREES
 from icmj.view.laid_orbit import laid_orbit
+from icmj.view.quantity import quantities
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,24 +22,24 @@ def _draw_outputs(case: CaseRuns) -> Figure:
     outputs = top.actual.outputs
     figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
     laid = laid_orbit(top) if case.prediction.cycle else None
-    for i, (axes, name) in enumerate(zip(stack, outputs, strict=True)):
+    for i, (axes, name, shown) in enumerate(zip(stack, outputs, quantities(top.actual), strict=True)):
         style.event_lines(axes, top.simulation.events.t)
         if laid is not None:
-            whole = laid.whole(laid.orbit.y)[:, i] * DEGREES
+            whole = laid.whole(laid.orbit.y)[:, i] * shown.factor
             axes.axhspan(whole.min(), whole.max(), label="predicted range", **style.BAND)
         reach = 0.0
         for plant, result in case.runs.items():
-            y = result.simulation.y[:, i] * DEGREES
+            y = result.simulation.y[:, i] * shown.factor
             reach = max(reach, float(np.abs(y[np.isfinite(y)]).max(initial=0.0)))
             axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
         reach = reach or 1.0
-        y_c = top.continuous.y[:, i] * DEGREES
+        y_c = top.continuous.y[:, i] * shown.factor
         # an unstable continuous controller would flatten everything else
         inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
         axes.plot(top.continuous.t, inside, label="$y_c$", **style.CONTINUOUS)
         axes.set_ylim(-1.12 * reach, 1.12 * reach)
         axes.margins(x=0)
-        axes.set_ylabel(f"{name} (deg)" if len(outputs) > 1 else "$y$ (deg)")
+        axes.set_ylabel(shown.label(name if len(outputs) > 1 else "$y$"))
     stack[-1].set_xlabel("$t$ (s)")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])

@@ -11,6 +11,7 @@ from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
 from icmj.result.attractor import Attractor
+from icmj.view.quantity import Quantity, quantities
 
 
 def attractors(cases: Sequence[CaseRuns]) -> Section | None:
@@ -20,7 +21,7 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
             "title": case.first.run.case.title if i == 0 else "",
             "motion": motion(found),
             "intervals": _intervals(found),
-            "peak": f"{numbers.number(float(np.degrees(np.max(found.measurement.amplitude))), 3)}°",
+            "peak": _peak(found, quantities(case.first.actual)),
             "starts": f"{found.count} of {round(found.count / found.share)}",
             "mark": numbers.mark(on_predicted_cycle(case.prediction, found.measurement)),
         }
@@ -29,6 +30,14 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
         for i, found in enumerate(case.linear.attractors)
     ]
     return Section("attractors", "Coexisting attractors", "attractors.html.j2", {"rows": rows}) if rows else None
+
+
+def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
+    """Of all outputs where they have one unit, else of the first."""
+    amplitude = np.asarray(found.measurement.amplitude)
+    peak = float(np.max(amplitude if len(set(units)) == 1 else amplitude[:1])) * units[0].factor
+    unit = units[0].unit.replace("deg", "°")
+    return f"{numbers.number(peak, 3)}{unit if unit == '°' else f' {unit}'.rstrip()}"
 
 
 def motion(found: Attractor) -> str:

@@ -12,6 +12,7 @@ from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
+from icmj.view.quantity import quantities
 
 
 def is_noisy(case: CaseRuns) -> bool:
@@ -35,7 +36,10 @@ def noise(
             "title": case.first.run.case.title,
             "number": number,
             "pictures": pictures[case.name],
-            "outputs": case.first.actual.outputs,
+            "outputs": [
+                shown.label(name).replace("deg", "°")
+                for name, shown in zip(case.first.actual.outputs, quantities(case.first.actual), strict=True)
+            ],
             "rows": _rows(case),
             "cycle": _cycle(case),
         }
@@ -64,7 +68,10 @@ def _rows(case: CaseRuns) -> list[dict[str, Any]]:
                     "interval": estimate(found.interval),
                     "deviation": estimate(found.interval_deviation),
                     "binding": estimate(found.binding, 100) if found.least > 0 else numbers.MISSING,
-                    "rms": [estimate(rms, 180 / np.pi) for rms in found.rms],
+                    "rms": [
+                        estimate(rms, shown.factor)
+                        for rms, shown in zip(found.rms, quantities(result.actual), strict=True)
+                    ],
                 }
             )
     return rows

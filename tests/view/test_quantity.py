@@ -1,0 +1,30 @@
+"""Angles are shown in degrees, everything else in its own unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.plant.linear_plant import LinearPlant
+from icmj.view.quantity import quantities
+
+
+def plant(*units: str) -> LinearPlant:
+    C = np.eye(2)[: len(units)] if units else np.eye(2)
+    return LinearPlant([[0, 1], [1, 0]], [[0], [1]], C, output_units=units)
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown", "value"),
+    [("rad", "y (deg)", 180.0), ("rad/s", "y (deg/s)", 180.0), ("m", "y (m)", np.pi), ("N m", "y (N m)", np.pi)],
+)
+def test_only_angles_are_turned_into_degrees(unit: str, shown: str, value: float) -> None:
+    (quantity,) = quantities(plant(unit))
+    assert quantity.label("y") == shown
+    assert np.pi * quantity.factor == pytest.approx(value, rel=1e-15)
+
+
+def test_a_rate_is_per_second_and_what_is_not_known_has_no_unit() -> None:
+    angle, way = quantities(plant("rad", "m"))
+    assert (angle.label("v", "/s"), way.label("v", "/s")) == ("v (deg/s)", "v (m/s)")
+    assert [(q.factor, q.label("v", "/s")) for q in quantities(plant())] == [(1.0, "v")] * 2
