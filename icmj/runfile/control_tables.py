@@ -26,9 +26,13 @@ class Weights(TomlTable):
     """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o)."""
 
     Q_c: Weight = "output"
+    """On the states: ``"output"`` is ĈᵀĈ, ``"identity"`` I; or its diagonal, or the matrix."""
     R_c: Positive | Positives = 1.0
+    """On the inputs: a number for all, or one for each."""
     Q_o: Literal["input", "identity"] | Numbers | Matrix = "input"
+    """Of the process noise: ``"input"`` is B̂B̂ᵀ, ``"identity"`` I; or its diagonal, or the matrix."""
     R_o: Positive | Positives = 1.0
+    """Of the sensor noise: a number for all outputs, or one for each."""
 
 
 class Control(TomlTable):
@@ -38,12 +42,19 @@ class Control(TomlTable):
     """
 
     hold: Literal["system-matched", "zero-order"] = "system-matched"
+    """What drives the plant between events: the model under feedback, or the last control, held."""
     rule: Literal["quadratic", "box"] = "quadratic"
+    """Which event rule."""
     Q_t: Weight = "output"
+    """Weight of the hold error in the quadratic rule: as ``design.Q_c``."""
     q_t: Positive | None = None
+    """Threshold of the quadratic rule, which needs it: an event is due at √(eᵀQ_te) = q_t [unit of the outputs]."""
     on: Literal["output", "state"] = "output"
+    """Whether the box rule looks at outputs or at states."""
     threshold: Positive | Positives | None = None
+    """Threshold of the box rule, which needs it: one for all, or one for each [unit of each]."""
     delta_min: NonNegative = 1e-3
+    """Least interval between two events [s]: the refractory period."""
 
     def trigger(self, design: Design) -> EventRule:
         """The event rule for a controller of this design.
@@ -72,4 +83,6 @@ class Analysis(TomlTable):
     """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
 
     delta_max: Interval = 3.0
+    """Range of intervals searched for crossings [s]."""
     allow: list[Kind] = []
+    """Notices that are errors otherwise, and are to be told and gone on with."""

@@ -12,19 +12,28 @@ class SegmentTable(TomlTable):
     """What is not Winter's of a segment; see :class:`icmj.plant.person.Segment`."""
 
     mass: Positive | None = None
+    """As a fraction of the body's, both sides together."""
     length: Positive | None = None
+    """As a fraction of the height."""
     com: Positive | None = None
+    """Centre of mass from the lower end, as a fraction of the length."""
     gyration: Positive | None = None
+    """Radius of gyration about it, as a fraction of the length."""
 
 
 class PersonTable(TomlTable):
     """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.person.Person`."""
 
     height: Positive = 1.80
+    """Of the body [m]."""
     mass: Positive = 80.0
+    """Of the body [kg]."""
     stiffness: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.8, 0.8)
+    """Passive, of ankle, knee and hip, as shares of the toppling stiffness."""
     damping: NonNegative = 0.005
+    """Passive, of every joint, over its toppling stiffness [s]."""
     segments: dict[Literal["shank", "thigh", "trunk", "foot"], SegmentTable] = {}
+    """By name, where they are not Winter's."""
 
     def person(self) -> Person:
         """The person that it stands for."""

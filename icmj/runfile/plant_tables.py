@@ -24,14 +24,25 @@ class PlantTable(TomlTable):
     """What both plants have: operating point, inputs, outputs and states, by name."""
 
     keyframe: str | None = None
+    """Of the model, where it rests; the reference configuration if none is named."""
     operating_point: OperatingKind | None = None
+    """What follows from the pose: ``"as given"`` nothing, ``"static control"`` the controls that hold it,
+    ``"balance"`` those and the joints. By default as given; of the actual plant, as of the assumed one."""
     free: list[str] = []
+    """Joints that a balance may move; all if none is named."""
     pose: dict[str, Finite] = {}
+    """Joints by name, and where they are instead of in the keyframe [rad or m]."""
     inputs: list[str] | None = None
+    """Actuators that the controller uses, in this order; all by default."""
     outputs: list[str] | Literal["joints"] | None = None
+    """Sensors, entries ``sensor.0`` of one, or joints, in this order; ``"joints"`` takes all joints; by default all
+    sensors."""
     states: list[str] | None = None
+    """States that are kept; all by default."""
     drop: list[str] = []
+    """States that are left out."""
     person: PersonTable | None = None
+    """Measures of the person that the model is made into."""
 
     @property
     def measures(self) -> Person | None:
@@ -60,16 +71,22 @@ class Assumed(PlantTable):
     """The plant that the controller believes in."""
 
     model: str
+    """MJCF file, beside the run file."""
     delay: NonNegative = 0.0
+    """That the predictor bridges [s]."""
 
 
 class ChangeTable(TomlTable):
     """One named change; see :mod:`icmj.plant.change` for what there is."""
 
     what: What
+    """The property that is changed."""
     of: str | None = None
+    """Whose, by name; without it, of all that have it."""
     factor: Finite | None = None
+    """On it, or"""
     value: Finite | list[Finite] | None = None
+    """in its place [unit of the property]."""
 
     def change(self) -> Change:
         """The change that it stands for.
@@ -97,11 +114,17 @@ class Actual(PlantTable):
     """
 
     model: str | None = None
+    """Another MJCF file; the assumed plant's if none is named."""
     gain: Finite | Numbers = 1.0
+    """b in ctrl = ctrl₀ + b (u + d): a number for all inputs, or one for each."""
     dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps
+    """First parameters of the dynamics of actuators, by name."""
     change: list[ChangeTable] = []
+    """Whatever else is wrong with the assumed model."""
     rho: Finite = 1.0
+    """Share ρ of all changes that is applied: 0 none, 1 the whole."""
     delay: NonNegative | None = None
+    """That is there [s]; the assumed one by default."""
 
 
 def _names(given: list[str] | None) -> tuple[str, ...] | None:

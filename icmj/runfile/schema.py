@@ -34,33 +34,51 @@ class Paper(TomlTable):
     """
 
     figure: str = ""
+    """The paper's name of the figure, by which the report finds its statements."""
     delta_crit: Positive | None = None
+    """The critical interval that is printed [s]."""
     eigenvalue: Literal[1, -1] | None = None
+    """The eigenvalue there."""
     cycle: bool | None = None
+    """Whether a limit cycle is reported."""
     statements: list[str] = []
+    """What the paper says of it, in words of one's own."""
     note: str = ""
+    """What to say of the case beside the paper."""
     fingerprint: str = ""
+    """Of the run file that the block speaks of (:attr:`RunFile.fingerprint`)."""
 
 
 class Identity(TomlTable):
     """Name (also the log's file name) and title."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+    """Short, without blanks; also the name of the log."""
     title: Line
+    """For tables and figures."""
     paper: Paper = Paper()
+    """What the paper says of this case."""
 
 
 class RunFile(TomlTable):
     """A validated run file."""
 
     case: Identity
+    """What the case is called."""
     assumed: Assumed
+    """The plant that the controller believes in."""
     actual: Actual = Actual()
+    """The plant that is there: what is wrong with the belief."""
     design: Weights = Weights()
+    """Weights of the linear-quadratic design."""
     controller: Control
+    """Hold and event rule."""
     analysis: Analysis = Analysis()
+    """How far the theory is taken."""
     simulation: SimulationTable = SimulationTable()
+    """The run."""
     study: StudyTable = StudyTable()
+    """What ``icmj study`` does beside one run on each plant."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("run.toml"))

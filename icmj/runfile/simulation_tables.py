@@ -21,10 +21,15 @@ class ImpulseTable(TomlTable):
     """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
 
     kind: Literal["impulse"]
+    """Of the disturbance."""
     input: str
+    """That it acts on, by name."""
     size: Finite
+    """Of the impulse [N m s, or the input's unit times s]."""
     start: NonNegative = 0.0
+    """From when on [s]."""
     duration: Positive = 0.05
+    """Over which it is spread [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -35,9 +40,13 @@ class StepTable(TomlTable):
     """A torque step on one input: ``size`` [N m] from ``start`` [s] on."""
 
     kind: Literal["step"]
+    """Of the disturbance."""
     input: str
+    """That it acts on, by name."""
     size: Finite
+    """Of the step [unit of the input]."""
     start: NonNegative = 0.0
+    """From when on [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -52,14 +61,23 @@ class NoiseTable(TomlTable):
     """
 
     kind: Literal["noise"]
+    """Of the disturbance."""
     input: str | None = None
+    """That it acts on, by name, or"""
     size: Positive
+    """Standard deviation [unit of the input or output]."""
     bandwidth: Positive | None = None
+    """Up to which the spectrum is flat [Hz], or"""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    """Of frequencies and phases."""
     start: NonNegative = 0.0
+    """From when on [s]."""
     output: str | None = None
+    """the output that it acts on, by name."""
     corner: Positive | None = None
+    """where a low-pass spectrum has fallen to half [Hz]."""
     terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
+    """Sinusoids that it is made of."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -70,9 +88,13 @@ class BiasTable(TomlTable):
     """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
 
     kind: Literal["bias"]
+    """Of the disturbance."""
     output: str
+    """That is misread, by name."""
     size: Finite
+    """Of the error [unit of the output]."""
     start: NonNegative = 0.0
+    """From when on [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -86,14 +108,23 @@ class SimulationTable(TomlTable):
     """How long, from where, and how finely; see :class:`icmj.simulation.Settings`."""
 
     duration: Positive = 30.0
+    """Of the run [s]."""
     initial: dict[str, Finite] = {}
+    """States of the plant by name, and how far from the operating point they start; the others start at it."""
     observer: dict[str, Finite] = {}
+    """States of the observer by name; the others start at zero."""
     timestep: Positive | None = None
+    """Of the engine [s]; the model's own by default. The linear plant needs none."""
     integrator: Integrator | None = None
+    """Of the engine; the model's own by default."""
     record_interval: Positive = 0.01
+    """Between recorded rows [s]; events are always recorded."""
     limit: Positive = 1.0
+    """The run has fallen when a position departs further than this [rad or m]."""
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
+    """What acts beside the controller."""
     native: bool = True
+    """Whether the engine's loop is compiled, or the plain Python that it is tested against."""
 
     def settings(self) -> Settings:
         """The settings that it stands for.
@@ -120,7 +151,12 @@ class StudyTable(TomlTable):
     """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8
+    """Clock-driven points for panel (a) of the report."""
     law_q_t: Annotated[list[Positive], Field(max_length=MOST)] = []
+    """Thresholds for the amplitude law, two at least [unit of ``controller.q_t``]."""
     attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Random starts in search of other attractors."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Of these starts."""
     magnification: Positive = 10.0
+    """Of the sway in the second figure of the viewer."""
