@@ -21,9 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 ROOT = Path(__file__).resolve().parent.parent
-SILENCE = 10.0  # s without a word that count as a hang
+SILENCE = 10.0  # s of work without a word that count as a hang; on a busy machine they are longer on the clock
+STANDSTILL = 90.0  # s on the clock without a word that count as a hang, worked or not
 PATIENCE = 25.0  # s after which what still shows progress is ended, and counted as long
 
 NUMBERS = (
@@ -414,17 +416,18 @@ class Bench:
             theirs.close()
             self._ours.recv()  # it is ready
         tally.done += 1
-        heard, last = self._said.stat().st_size, time.monotonic()
+        heard, last, worked = self._said.stat().st_size, time.monotonic(), self._worked()
         begin = last
         self._ours.send(job)
         while not self._ours.poll(0.5):
             now = time.monotonic()
             if self._said.stat().st_size > heard:
-                heard, last = self._said.stat().st_size, now
+                heard, last, worked = self._said.stat().st_size, now, self._worked()
             if not self._process.is_alive():
                 tally.failures.append(f"{job}: the process ended with {self._process.exitcode}: {self._tail()}")
                 return self._end()
-            if now - last > SILENCE + 3:  # a loaded machine is late
+            silent = min(now - last, self._worked() - worked)
+            if silent > SILENCE + 1 or now - last > STANDSTILL:
                 tally.failures.append(f"{job}: silent for {now - last:.0f} s: {self._tail()}")
                 return self._end()
             if now - begin > PATIENCE:
@@ -442,6 +445,14 @@ class Bench:
         else:
             tally.refused += 1
         return None
+
+    def _worked(self) -> float:
+        """Seconds that the process has computed, with those that it started."""
+        try:
+            process = psutil.Process(self._process.pid)
+            return sum(sum(one.cpu_times()[:2]) for one in (process, *process.children(recursive=True)))
+        except psutil.NoSuchProcess:
+            return 0.0
 
     def _tail(self) -> str:
         return self._said.read_text(errors="replace")[-300:]
