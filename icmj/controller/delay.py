@@ -21,6 +21,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError
 
+GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
 SAME = 1e-9  # relative: a delay this close to a multiple of the clock's interval is one
 
 
@@ -85,11 +86,20 @@ def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] 
 
     Returns:
         shape (n̂, (2 + r) n̂).
+
+    Raises:
+        AnalysisError: if the model or the hold grows so much over the delay that no digit of the prediction is right.
     """
     from scipy.linalg import expm
 
     n, known = design.plant.n, 2 + len(resets)
     M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
+    fastest = float(np.linalg.eigvals(M).real.max())
+    if fastest * delay > GROWTH:
+        raise AnalysisError(
+            f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
+            "leaves no digit; assume a shorter one"
+        )
     state, now = np.eye(2 * n, known * n), 0.0
     for j, at in enumerate(resets):
         state = expm(M * (at - now)) @ state

@@ -81,6 +81,18 @@ def crossings(
     return search(system, delta_max, delta_start=delta_start, resolution=resolution, prepared=prepared).crossings
 
 
+def check_range(system: ErrorSystem, delta_max: float, delta_start: float = 0.0) -> None:
+    """Refuse a range without an interval in it, before anything is computed at its ends.
+
+    Raises:
+        AnalysisError: if ``0 ≤ delta_start < delta_max`` does not hold, or the delay is as long.
+    """
+    if not (np.isfinite(delta_max) and 0 <= delta_start < delta_max):
+        raise AnalysisError(f"crossings need 0 ≤ start < end, got {delta_start} and {delta_max} s")
+    if delta_max <= system.delay.t_d:
+        raise AnalysisError(f"no interval is shorter than the delay, {system.delay.t_d:g} s; search further than that")
+
+
 def search(
     system: ErrorSystem,
     delta_max: float,
@@ -98,10 +110,7 @@ def search(
         reduced: the system without its neutral directions, if at hand.
         progress: called now and then with the fraction done, 0–1.
     """
-    if not (np.isfinite(delta_max) and 0 <= delta_start < delta_max):
-        raise AnalysisError(f"crossings need 0 ≤ start < end, got {delta_start} and {delta_max} s")
-    if delta_max <= system.delay.t_d:
-        raise AnalysisError(f"no interval is shorter than the delay, {system.delay.t_d:g} s; search further than that")
+    check_range(system, delta_max, delta_start)
     if not resolution > 0:
         raise AnalysisError(f"the resolution must be positive, got {resolution} s")
     if reduced is None:

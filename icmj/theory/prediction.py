@@ -15,7 +15,7 @@ from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule
 from icmj.theory.clocked import is_stable
 from icmj.theory.crossing import Crossing
-from icmj.theory.crossings import search
+from icmj.theory.crossings import check_range, search
 from icmj.theory.eigenstructure import eigenstructure
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.family import Family, family, mixtures, modulo
@@ -108,9 +108,9 @@ def predict(
             can be analysed.
     """
     report = progress or (lambda _: None)
+    check_range(system, delta_max)
     prepared = flow(system.A_C)
-    if np.isfinite(delta_max):
-        prepared.demand(delta_max)
+    prepared.demand(delta_max)
     reduced = reduction(system, prepared)
     found = search(system, delta_max, reduced=reduced, progress=lambda done: report(0.9 * done))
     critical, cycle = critical_crossing(found.crossings)

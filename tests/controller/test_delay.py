@@ -88,6 +88,17 @@ def test_the_states_that_wait_are_declared_once() -> None:
     np.testing.assert_allclose(a[4:], expm(0.1 * pendulum_design().A_c) @ np.ones(2), rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("delay", [Delay(1e12), Delay(0.1, 1e12), Delay(0.1, 1e3), Delay(0.1, 50.0)])
+def test_a_delay_that_leaves_no_digit_is_refused_in_words(delay: Delay) -> None:
+    """Before anything overflows: numpy's warnings would stand on the terminal beside our line."""
+    design = paper_design()
+    with pytest.raises(AnalysisError, match=r"no interval is shorter|leaves no digit"):
+        predict(error_system(pendulum(0.8), design, delay=delay), EventTrigger(output_weight(design), 0.01))
+    growth = np.linalg.eigvals(design.plant.A).real.max() * delay.predicted
+    assert growth > -np.log(np.finfo(float).eps)
+
+
 # --- theory ----------------------------------------------------------------------------------------------------------
 
 
