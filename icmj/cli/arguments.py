@@ -8,9 +8,11 @@ from typing import Annotated, Literal
 
 import tyro
 
+from icmj.cli.overrides import Overrides
+
 
 @dataclass(frozen=True)
-class Study:
+class Study(Overrides):
     """Run every case on the linear plant and in MuJoCo, and write logs, report.html and summary.json.
 
     Example: icmj study --out runs/out
@@ -27,7 +29,7 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Analyse:
+class Analyse(Overrides):
     """Predict from the linear theory: critical interval, eigenvalue, cycle, amplitude, all crossings.
 
     Example: icmj analyse runs/simple-0.8.toml --json
@@ -40,7 +42,7 @@ class Analyse:
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Overrides):
     """Simulate one case, write its log and say what it did.
 
     Example: icmj run runs/three-link-0.9.toml --plant mujoco
@@ -135,6 +137,6 @@ Command = (
 )
 
 DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the
-linear plant and in MuJoCo, and compare.
+linear plant and in MuJoCo, and compare. --version prints the version.
 
 Example: icmj study"""

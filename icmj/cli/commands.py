@@ -40,7 +40,7 @@ def study(command: arguments.Study) -> None:
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")
-    runs = find_runs(command.runs)
+    runs = find_runs(command.runs, command.set)
     with Working("study", ERR) as working:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
@@ -55,9 +55,10 @@ def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
     from icmj.cli.records import plain_prediction
+    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
 
-    run = load_run(command.run)
+    run = overridden(load_run(command.run), command.set)
     with Working(f"analysing {run.case.name}", ERR):
         case = prepare(run)
     prediction, plant = case.prediction, case.assumed.linearisation.plant
@@ -108,12 +109,13 @@ def run(command: arguments.Run) -> None:
     from icmj.case.case import prepare
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
+    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.simulation.remarks import relative_error
     from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
     from icmj.study.study import open_folder, run_case
 
-    run_file = load_run(command.run)
+    run_file = overridden(load_run(command.run), command.set)
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)
         startable(case, command.plant)

@@ -7,19 +7,14 @@ Status 0 on success, 2 on bad input with one line on standard error, 70 where ic
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, beyond_arithmetic
-
-if TYPE_CHECKING:
-    from icmj.cli.arguments import Command
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
@@ -68,8 +63,15 @@ def entry() -> None:
 
 def _obey(arguments: list[str]) -> int:
     try:
+        if arguments[:1] == ["--version"]:
+            from icmj.base.version import VERSION
+
+            print(f"icmj {VERSION}", flush=True)
+            return 0
+        from icmj.cli.parsing import parse
+
         try:
-            command = _parse(arguments)
+            command = parse(arguments)
         except SystemExit as stop:
             return stop.code if isinstance(stop.code, int) else BAD_INPUT
         from icmj.cli import commands
@@ -107,43 +109,3 @@ def _unheard() -> None:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, sys.stdout.fileno())
         os.close(nothing)
-
-
-def _parse(arguments: list[str]) -> Command:
-    import tyro
-
-    from icmj.cli.arguments import DESCRIPTION, Command
-
-    if not arguments:
-        arguments = ["--help"]
-    command: Any = Command
-    with _one_line_errors():
-        return tyro.cli(
-            command, prog="icmj", description=DESCRIPTION, args=arguments, config=(tyro.conf.FlagCreatePairsOff,)
-        )
-
-
-@contextlib.contextmanager
-def _one_line_errors() -> Iterator[None]:
-    """Make one line of the parser's boxed message."""
-    shown = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(shown):
-            yield
-    except SystemExit as stop:
-        if stop.code not in (0, None):
-            _say(f"{_unboxed(shown.getvalue())}; see icmj --help", BAD_INPUT)
-            raise SystemExit(BAD_INPUT) from None
-        sys.stderr.write(shown.getvalue())
-        raise
-
-
-def _unboxed(text: str) -> str:
-    lines: list[str] = []
-    for line in text.splitlines():
-        inner = line.strip(" │|╭╮╰╯─+-")
-        if not inner and lines:
-            break  # a rule: what follows repeats the help
-        if inner and not line.startswith(("╭", "+")):
-            lines.append(inner)
-    return " ".join(lines).rstrip(".") or "arguments not understood"

@@ -7,11 +7,12 @@ may be, what it is, and for a key that does not exist the one that was probably 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+
+from icmj.base.nearness import did_you_mean
 
 MOST = 20  # sentences in one message; a list of a thousand wrong numbers is told by its first ones
 
@@ -134,18 +135,18 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         if isinstance(got, dict) and name not in got:
             return f"{name} is required, and not there; it is {_either([repr(tag) for tag in tags])}"
         got = got.get(name) if isinstance(got, dict) else got
-        hint = _near(str(got), [tag for tag in tags if tag])
+        hint = did_you_mean(str(got), [tag for tag in tags if tag])
         return f"{name} must be {_either([repr(tag) for tag in tags])}, got {short(got)}{hint}"
     if kind == "literal_error":
         choices = [str(choice) for choice in _choices(annotation)]
-        return f"expected {_expected(annotation)}, got {short(got)}{_near(str(got), choices)}"
+        return f"expected {_expected(annotation)}, got {short(got)}{did_you_mean(str(got), choices)}"
     return f"expected {_expected(annotation)}, got {short(got)}"
 
 
 def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
     annotation = _resolve(table, schema)[2]
     keys = [name for model in _members(annotation) for name in getattr(model, "model_fields", {})]
-    near = _near(key, keys)
+    near = did_you_mean(key, keys)
     if not near and any(key in names for names in _tables(schema).values()):
         home = next(name for name, names in _tables(schema).items() if key in names)
         near = f"; it belongs in [{home}]"
@@ -158,17 +159,6 @@ def _tables(schema: type[BaseModel]) -> dict[str, list[str]]:
         for model in _members(field.annotation):
             tables[name] = list(getattr(model, "model_fields", {}))
     return tables
-
-
-def _near(given: str, known: Sequence[str]) -> str:
-    by_lower = {name.lower(): name for name in known}
-    # a key is often written with another separator, or without one
-    bare = {name.lower().replace("_", "").replace("-", ""): name for name in known}
-    plain = given[:80].lower()
-    if plain.replace("_", "").replace("-", "") in bare:
-        return f"; did you mean {bare[plain.replace('_', '').replace('-', '')]}?"
-    found = get_close_matches(plain, list(by_lower), 1, 0.6)
-    return f"; did you mean {by_lower[found[0]]}?" if found else ""
 
 
 def _expected(annotation: Any) -> str:

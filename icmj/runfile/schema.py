@@ -6,6 +6,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,7 @@ from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
+from icmj.runfile.keys import put
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import Actual, Assumed
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
@@ -101,18 +103,18 @@ class RunFile(TomlTable):
     def with_(self, **changes: Any) -> RunFile:
         """The same run file with some values changed, by dotted keys: ``run.with_(**{"actual.gain": 0.85})``.
 
+        An entry of a list is named by its number: ``simulation.disturbance[0].size``. ``None`` takes a key out, so that
+        its default holds.
+
         Raises:
             RunFileError: if a key is unknown or a value not allowed.
         """
         data = self._data()
         for key, value in changes.items():
-            *tables, last = key.split(".")
-            table = data
-            for name in tables:
-                table = table.setdefault(name, {})
-                if not isinstance(table, dict):
-                    raise RunFileError(f"{self._path}: {key}: {name} is no table")
-            table[last] = value
+            try:
+                put(data, key, deepcopy(value))
+            except RunFileError as error:
+                raise RunFileError(f"{self._path}: {error}") from error
         return type(self).validated(data, self._path)
 
     def _data(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from icmj.base.files import clear_leftovers, ready, write_text
 from icmj.errors import LogError, ReportError, RunFileError, SimulationError
+from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.study.workers import Task, Tell, Workers
@@ -44,8 +45,12 @@ class Outputs:
     comparisons: tuple[Comparison, ...]
 
 
-def find_runs(paths: Sequence[Path]) -> tuple[RunFile, ...]:
+def find_runs(paths: Sequence[Path], changes: Sequence[str] = ()) -> tuple[RunFile, ...]:
     """Load run files; a folder stands for all ``*.toml`` in it.
+
+    Args:
+        paths: files and folders.
+        changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.overrides.overridden`.
 
     Raises:
         RunFileError: if there is none, one is not valid, or two have the same case name.
@@ -56,7 +61,7 @@ def find_runs(paths: Sequence[Path]) -> tuple[RunFile, ...]:
         if not found:
             raise RunFileError(f"{path}: no run file (*.toml) in this folder")
         files += found
-    runs = tuple(load_run(file) for file in files)
+    runs = tuple(overridden(load_run(file), changes) for file in files)
     seen: dict[str, Path] = {}
     for run in runs:
         if run.case.name in seen:

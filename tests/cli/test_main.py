@@ -91,7 +91,7 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["analyse"], "Missing"),
+        (["analyse"], "missing PATH"),
         (["analyse", "none.toml"], "none.toml: cannot be read"),
         (["analyse", "bad.toml"], "bad.toml: not TOML"),
         (["analyse", "lost.toml"], "no such model file"),

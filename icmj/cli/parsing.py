@@ -1,0 +1,115 @@
+"""From words to a command; and what is wrong with words that make none, in one line of ours."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, get_args
+
+import tyro
+
+from icmj.base.nearness import did_you_mean
+from icmj.base.text import one_line
+from icmj.cli.arguments import DESCRIPTION, Command
+from icmj.errors import IcmjError
+
+_NUMBERS = {"INT": "a whole number", "int": "a whole number", "FLOAT": "a number", "float": "a number"}
+
+
+def parse(words: list[str]) -> Command:
+    """The command that the words of a command line ask for; none ask for help.
+
+    Raises:
+        IcmjError: one line that says what is wrong with them.
+        SystemExit: with status 0, where help was asked for and shown.
+    """
+    words = words or ["--help"]
+    classes = _classes()
+    if not words[0].startswith("-") and words[0] not in classes:
+        hint = did_you_mean(words[0], classes) or f"; there are {', '.join(classes)}"
+        raise IcmjError(f"no command {words[0]!r}{hint}")
+    command: Any = Command
+    shown = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(shown):
+            return tyro.cli(
+                command, prog="icmj", description=DESCRIPTION, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+            )
+    except SystemExit as stop:
+        if stop.code in (0, None):
+            sys.stderr.write(shown.getvalue())
+            raise
+        where = f"icmj {words[0]}" if words[0] in classes else "icmj"
+        wrong = _in_words(_unboxed(shown.getvalue()), words, classes)
+        raise IcmjError(f"{wrong}; see {where} --help") from None
+
+
+def _classes() -> dict[str, type]:
+    """The arguments of each command by its name."""
+    classes = {}
+    for member in get_args(Command):
+        cls, *notes = get_args(member)
+        classes[next(note.name for note in notes if hasattr(note, "name"))] = cls
+    return classes
+
+
+def _in_words(complaint: str, words: list[str], classes: dict[str, type]) -> str:
+    """The parser's complaint as we would say it; as it is where there is no better way."""
+    if complaint.startswith("Unrecognized"):
+        return _unknown(complaint, words, classes)
+    for pattern, say in _SAYINGS:
+        if found := re.search(pattern, complaint):
+            return say(*found.groups())
+    return complaint
+
+
+def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
+    command = words[0]
+    cls: Any = classes.get(command)
+    known = (
+        ["--help", *(f"--{field.name.replace('_', '-')}" for field in fields(cls))] if cls else ["--help", "--version"]
+    )
+    for word in words:
+        name = word.partition("=")[0]
+        if name.startswith("-") and name.replace("_", "-") not in (*known, "-h"):
+            return f"{command if cls else 'icmj'} has no option {one_line(name, 80)}{did_you_mean(name, known)}"
+    return f"{command}: one argument too many: {complaint.partition(': ')[2]}"
+
+
+def _missing(command: str, what: str, purpose: str) -> str:
+    return f"{command}: missing {what}: {purpose.strip().rstrip('.')}"
+
+
+def _choice(got: str, option: str, choices: str) -> str:
+    known = re.findall(r"'([^']*)'", choices)
+    return f"{option}: expected {' or '.join(known)}, got {got!r}{did_you_mean(got, known)}"
+
+
+def _number(option: str, kind: str, got: str) -> str:
+    return f"{option}: expected {_NUMBERS.get(kind, 'another value')}, got {got!r}"
+
+
+_SAYINGS: tuple[tuple[str, Callable[..., str]], ...] = (
+    (r"^Missing from icmj (\w+): (\S+) (.*?)(?:\(required\))?$", _missing),
+    (r"^invalid choice '(.*)' for argument '(\S+)'\. Expected one of \((.*)\)", _choice),
+    (r"^Error parsing (\S+): no type matching \{None\}\|(\w+) could be instantiated from \['(.*)'\]", _number),
+    (r"^Error parsing (\S+): could not convert string to (float): '(.*)'", _number),
+    (r"^Error parsing (\S+): invalid literal for (int)\(\) with base 10: '(.*)'", _number),
+    (r"^Missing value for argument '(\S+)'", "{}: its value is missing".format),
+)
+
+
+def _unboxed(text: str) -> str:
+    """The first paragraph in the parser's box, in one line."""
+    lines: list[str] = []
+    for line in text.splitlines():
+        inner = line.strip(" │|╭╮╰╯─+-")
+        if not inner and lines:
+            break  # a rule: what follows repeats the help
+        if inner and not line.startswith(("╭", "+")):
+            lines.append(inner)
+    return " ".join(lines).rstrip(".") or "arguments not understood"
