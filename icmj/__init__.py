@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
     from icmj.simulation.interval import OpenLoop, OpenLoopInterval
+    from icmj.simulation.pressure import Pressure
     from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
     from icmj.simulation.simulation import Simulation
     from icmj.study.study import run_case, run_study
@@ -132,6 +133,7 @@ _HOMES = {
         "OpenLoop",
         "OpenLoopInterval",
     ),
+    "icmj.simulation.pressure": ("Pressure",),
     "icmj.simulation.settings": (
         "Bias",
         "Impulse",
@@ -199,6 +201,7 @@ __all__ = [
     "OperatingRule",
     "Person",
     "Prediction",
+    "Pressure",
     "Quality",
     "Result",
     "RunFile",

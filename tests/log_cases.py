@@ -25,6 +25,7 @@ from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
+from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.crossings import Crossing
 from icmj.theory.error_system import ErrorSystem, error_system
@@ -195,6 +196,23 @@ def made_up(
         {"icmj": "0.1.0", "git": "0123abc"},
     )
     return result, plant
+
+
+def standing() -> Result:
+    """The same, of a body that stands on heel and toe, with numbers of its own: the toe lifts for one row."""
+    result, _ = made_up(duration=20.0)
+    simulation = result.simulation
+    rng, events = np.random.default_rng(1), simulation.events
+    N, K = len(simulation.t), len(events)
+    load = 300 + 10 * rng.standard_normal((N + K, 2))
+    load[5] = 600, 0
+    x = (load @ [-0.07, 0.18]) / load.sum(axis=1)
+    centre = np.column_stack([x, 0 * x])
+    pressure = Pressure(
+        simulation.t, centre[:N], np.array([0.055, 0.0]), ("heel", "toe"), load[:N], np.array([300.0, 300.0]),
+        events.t, centre[N:], load[N:],
+    )  # fmt: skip
+    return replace(result, simulation=replace(simulation, pressure=pressure))
 
 
 def with_scene(result: Result, plant: MujocoPlant, magnification: float = 10.0) -> Result:

@@ -17,6 +17,7 @@ from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.pressure import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.modes import uncontrollable
@@ -109,7 +110,8 @@ def simulate(
     """
     parts = _parts(case, plant, trigger, duration, refinement)
     x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
-    return simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    return with_pressure(case.actual, parts[1], run) if plant == "linear" else run
 
 
 def simulate_plant(
@@ -140,7 +142,8 @@ def simulate_plant(
         return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     from icmj.engine.run import simulate as simulate_mujoco
 
-    return simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    run = simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    return with_pressure(plant, controller, run)
 
 
 def open_loop(

@@ -6,105 +6,128 @@ the engine's own contact forces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.controller import Controller
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
+from icmj.engine.hush import hushed
 from icmj.engine.linearisation import solved_to_the_end
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
+from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
 
 
-@dataclass(frozen=True, eq=False)
-class Pressure:
-    """The ground's reaction over time.
-
-    Attributes:
-        t: times of the rows [s], shape (N,).
-        centre: centre of pressure (x, y) in the world [m], shape (N, 2); NaN in flight.
-        at_rest: the same at the operating point, shape (2,).
-        geoms: what stands on the ground.
-        load: normal force on each of them [N], shape (N, G).
-        load_at_rest: the same at the operating point, shape (G,).
-    """
-
-    t: Array
-    centre: Array
-    at_rest: Array
-    geoms: tuple[str, ...]
-    load: Array
-    load_at_rest: Array
-
-    def since(self, t: float) -> Pressure:
-        """The rows from ``t`` on, so that a start can be left out."""
-        late = self.t >= t
-        return replace(self, t=self.t[late], centre=self.centre[late], load=self.load[late])
-
-    @property
-    def lifted(self) -> bool:
-        """Whether something that bears load at rest bears none at some row."""
-        return bool((self.load[:, self.load_at_rest > 0] <= 0).any())
-
-    @property
-    def unloading(self) -> float:
-        """How far anything is unloaded: 0 at rest, 1 where it lifts off. At small sway it grows with the threshold."""
-        bears = self.load_at_rest > 0
-        return float((1 - self.load[:, bears] / self.load_at_rest[bears]).max(initial=0.0))
+def with_pressure(plant: MujocoPlant, controller: Controller, simulation: Simulation) -> Simulation:
+    """The simulation with the ground's reaction, if the plant stands on a floor; else as it is."""
+    if not _Ground(plant).stands:
+        return simulation
+    return replace(simulation, pressure=centre_of_pressure(plant, simulation, controller))
 
 
-def centre_of_pressure(plant: MujocoPlant, simulation: Simulation) -> Pressure:
+def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Controller | None = None) -> Pressure:
     """The ground's reaction at every row of ``simulation``, from either simulator.
+
+    Args:
+        plant: the actual plant.
+        simulation: a run of it.
+        controller: of the run; with it the reaction is known right after every event, too, where torque has jumped.
 
     Raises:
         ModelError: if the simulation is not of this plant, or the plant does not stand on anything at rest.
     """
-    model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
-    if simulation.x.shape[1] != len(ports.states):
-        raise ModelError(f"{plant.path}: the simulation has {simulation.x.shape[1]} states, not {len(ports.states)}")
-    data, x = mujoco.MjData(model), ports.whole(simulation.x)
-    moved = simulation.applied if simulation.applied.size else simulation.u
-    standing = [i for i in range(model.ngeom) if model.body_weldid[model.geom_bodyid[i]] != 0]
-
-    def reaction(qpos: Array, x: Array, u: Array) -> tuple[Array, Array]:
-        """Centre (2,) and normal force on each geom that could stand."""
-        nv = model.nv
-        data.qpos[:], data.qvel[:] = qpos, point.qvel + x[nv : 2 * nv]
-        data.act[:], data.ctrl[:] = point.act + x[2 * nv :], point.ctrl
-        data.ctrl[ports.actuators] += ports.b * u
-        mujoco.mj_forward(model, data)
-        load, moment, force = np.zeros(model.ngeom), np.zeros(2), np.zeros(6)
-        for i in range(data.ncon):
-            one, other = data.contact[i].geom
-            if (one in standing) == (other in standing):
-                continue
-            mujoco.mj_contactForce(model, data, i, force)
-            load[one if one in standing else other] += force[0]
-            moment += force[0] * data.contact[i].pos[:2]
-        whole = load.sum()
-        return (moment / whole if whole > 0 else np.full(2, np.nan)), load
-
-    with installed(act_dyn=second_order_lag), solved_to_the_end(model):
-        at_rest, rest = reaction(point.qpos, 0 * x[0], 0 * moved[0])
-        if not rest.any():
-            raise ModelError(f"{plant.path}: nothing stands on the ground at the operating point")
-        rows = []
-        for i, row in enumerate(x):
-            qpos = simulation.qpos[i] if simulation.qpos.size else point.qpos.copy()
-            if not simulation.qpos.size:
-                mujoco.mj_integratePos(model, qpos, np.ascontiguousarray(row[: model.nv]), 1.0)
-            rows.append(reaction(qpos, row, moved[i]))
-    load = np.array([loads for _, loads in rows])
-    used = np.flatnonzero(rest + load.sum(axis=0))
+    n = len(plant.linearisation.ports.states)
+    if simulation.x.shape[1] != n:
+        raise ModelError(f"{plant.path}: the simulation has {simulation.x.shape[1]} states, not {n}")
+    ground = _Ground(plant)
+    if not ground.stands:
+        raise ModelError(f"{plant.path}: nothing stands on the ground at the operating point")
+    events, moved = simulation.events, simulation.applied if simulation.applied.size else simulation.u
+    centre, load = ground.reactions(simulation.x, moved, simulation.qpos)
+    after = slice(0, 0)
+    u = np.zeros((0, moved.shape[1]))
+    at = np.searchsorted(simulation.t, events.t)
+    if controller is not None and not simulation.delay and len(events):
+        after, u = slice(None), -events.x_o @ controller.design.k.T
+        if not simulation.precision.get("saturated_share"):  # else the engine's own limits say what acts
+            u = u + (moved - simulation.u)[at]
+    qpos = simulation.qpos[at][after] if simulation.qpos.size else simulation.qpos
+    centre_after, load_after = ground.reactions(events.x[after], u, qpos)
+    used = np.flatnonzero(ground.load + load.sum(axis=0) + load_after.sum(axis=0))
     return Pressure(
         t=simulation.t,
-        centre=np.array([centre for centre, _ in rows]),
-        at_rest=at_rest,
-        geoms=tuple(model.geom(i).name or f"geom{i}" for i in used),
+        centre=centre,
+        at_rest=ground.centre,
+        geoms=tuple(ground.model.geom(i).name or f"geom{i}" for i in used),
         load=load[:, used],
-        load_at_rest=rest[used],
+        load_at_rest=ground.load[used],
+        t_after=events.t[after],
+        centre_after=centre_after,
+        load_after=load_after[:, used],
     )
+
+
+class _Ground:
+    """What the ground does to a plant in given states under given inputs.
+
+    Attributes:
+        model: the plant's, to be read.
+        centre, load: the reaction at the operating point, shapes (2,), (n_geom,).
+    """
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self.model = copy(plant.model)  # its solver is set to iterate to the end meanwhile
+        self.plant, self.data = plant, mujoco.MjData(self.model)
+        self.moves = self.model.body_weldid[self.model.geom_bodyid] != 0
+        ports = plant.linearisation.ports
+        rest = self.reactions(np.zeros((1, len(ports.states))), np.zeros((1, len(ports.actuators))))
+        self.centre, self.load = rest[0][0], rest[1][0]
+
+    @property
+    def stands(self) -> bool:
+        """Whether anything bears load at rest."""
+        return bool((self.load > 0).any())
+
+    def reactions(self, x: Array, u: Array, qpos: Array | None = None) -> tuple[Array, Array]:
+        """Centre (N, 2) and normal force on each geom (N, n_geom), of states (N, n) and of what acts (N, n_u).
+
+        Positions are those of ``qpos``, shape (N, nq), where it is not empty.
+        """
+        model, data = self.model, self.data
+        point, ports = self.plant.linearisation.point, self.plant.linearisation.ports
+        nv, states = model.nv, ports.whole(x)
+        centre, load = np.full((len(x), 2), np.nan), np.zeros((len(x), model.ngeom))
+        with installed(act_dyn=second_order_lag), solved_to_the_end(model), hushed():
+            for i, row in enumerate(states):
+                if qpos is not None and qpos.size:
+                    data.qpos[:] = qpos[i]
+                else:
+                    data.qpos[:] = point.qpos
+                    mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(row[:nv]), 1.0)
+                data.qvel[:], data.act[:] = point.qvel + row[nv : 2 * nv], point.act + row[2 * nv :]
+                data.ctrl[:] = point.ctrl
+                data.ctrl[ports.actuators] += ports.b * u[i]
+                try:
+                    mujoco.mj_forward(model, data)
+                except mujoco.FatalError:  # a heap of contacts, of what fell
+                    continue
+                centre[i], load[i] = self._reaction()
+        return centre, load
+
+    def _reaction(self) -> tuple[Array, Array]:
+        load, moment, force = np.zeros(self.model.ngeom), np.zeros(2), np.zeros(6)
+        for i in range(self.data.ncon):
+            one, other = self.data.contact[i].geom
+            if min(one, other) < 0 or self.moves[one] == self.moves[other]:
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, force)
+            load[one if self.moves[one] else other] += force[0]
+            moment += force[0] * self.data.contact[i].pos[:2]
+        whole = load.sum()
+        return (moment / whole if whole > 0 else np.full(2, np.nan)), load

@@ -14,7 +14,7 @@ from icmj.linear.queue import Queue
 from icmj.linear.watch import DIVERGED, Piece, Watch
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
@@ -26,6 +26,7 @@ class Stage:
     """A closed loop prepared for flights: its propagators and bounds, one for each stretch of the disturbance."""
 
     loop: LinearLoop
+    disturbance: Disturbance
     stretches: tuple[tuple[Stretch, Watch], ...]
     duration: float
     limit: float
@@ -83,4 +84,4 @@ def stage(plant: LinearPlant, controller: Controller, settings: Settings) -> Sta
     disturbance, errors = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs)
     parts = stretches(loop, disturbance, errors, duration)
     watched = tuple((part, Watch(loop, part.propagator, settings.limit)) for part in parts)
-    return Stage(loop, watched, duration, settings.limit)
+    return Stage(loop, disturbance, watched, duration, settings.limit)

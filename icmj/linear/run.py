@@ -9,6 +9,7 @@ limit on positions and for the extremes of the outputs.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -61,7 +62,8 @@ def simulate(
         outcome = _run(prepared, history, progress)
     except KeyboardInterrupt:
         outcome = ending.interrupted(history.t, prepared.duration)
-    return history.simulation(outcome, settings.noisy)
+    run = history.simulation(outcome, settings.noisy)
+    return replace(run, applied=run.u + prepared.disturbance(run.t)) if len(prepared.disturbance) else run
 
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:

@@ -59,15 +59,31 @@ def _simulation(result: Result, name: str, simulation: Simulation) -> None:
     for key, width in (("x", n), ("y", n_y), ("u", n_u), ("x_o", m), ("x_h", m)):
         _shape(f"{name}.{key}", getattr(simulation, key), N, width)
     _shape(f"{name}.E", simulation.E, N)
+    if simulation.applied.size:
+        _shape(f"{name}.applied", simulation.applied, N, n_u)
     if simulation.qpos.size:
         _shape(f"{name}.qpos", simulation.qpos, N, None)
     _require(simulation.qpos.ndim == 2, f"{name}.qpos", f"has shape {simulation.qpos.shape}")
+    _pressure(f"{name}.pressure", simulation)
     events, end = simulation.events, simulation.outcome.t
     _require(np.isfinite(end) and end >= 0, f"{name}.outcome.t", f"is {end}; expected a time")
     K = _rising(f"{name}.events.t", events.t, least=0)
     _require(K == 0 or events.t[-1] <= simulation.t[-1] * (1 + 1e-9), f"{name}.events.t", "ends after the run")
     for key, width in (("x", n), ("x_o", m), ("x_h", m), ("y_max", n_y), ("y_min", n_y)):
         _shape(f"{name}.events.{key}", getattr(events, key), K, width if K else None)
+
+
+def _pressure(name: str, simulation: Simulation) -> None:
+    pressure, N = simulation.pressure, len(simulation.t)
+    if pressure is None:
+        return
+    K, G = len(pressure.t_after), len(pressure.geoms)
+    _require(K in (0, len(simulation.events)), f"{name}.t_after", f"has {K} times for {len(simulation.events)} events")
+    for key, *shape in (
+        *(("t", N), ("centre", N, 2), ("at_rest", 2), ("load", N, G), ("load_at_rest", G)),
+        *(("t_after", K), ("centre_after", K, 2), ("load_after", K, G)),
+    ):
+        _shape(f"{name}.{key}", getattr(pressure, key), *shape)
 
 
 def _measurement(result: Result) -> None:

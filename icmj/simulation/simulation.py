@@ -14,6 +14,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.trigger.trigger import Kind
 from icmj.simulation.ending import Outcome
+from icmj.simulation.pressure import Pressure
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,9 @@ class Simulation:
         noisy: whether noise acted, so that the motion is to be told by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
         applied: what acts of command and disturbance within the limits of the actuators, in the units of u, shape
-            (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant, which has no limits.
+            (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant where there is no disturbance,
+            for it has no limits.
+        pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -82,3 +85,4 @@ class Simulation:
     applied: Array = field(default_factory=lambda: np.zeros((0, 0)))
     least: float = 0.0
     noisy: bool = False
+    pressure: Pressure | None = None

@@ -53,7 +53,8 @@ def swaying(case: Case, q_t: float, plant: str = "mujoco", duration: float = 1.6
     X = case.system.to_original(case.system.T_bar @ orbit.x_bar) * (q_t / case.rule.size)
     trigger, start = case.rule.resized(q_t), (X[:n], X[n : n + n_hat])
     run = simulate(case, plant, trigger=trigger, start=start, duration=duration)
-    return run, centre_of_pressure(case.actual, run)
+    assert run.pressure is not None
+    return run, run.pressure
 
 
 def test_the_upright_body_has_the_poles_of_the_fixed_foot():
@@ -88,25 +89,32 @@ def test_at_rest_pressure_is_below_the_centre_of_mass():
 
 
 def test_pressure_in_sway_is_what_newton_and_euler_ask_for():
-    """Force and moment that move the whole, by inverse dynamics without contacts, act at the centre of pressure."""
+    """Force and moment that move the whole, by inverse dynamics without contacts, act at the centre of pressure.
+
+    At rows, where what acts is recorded, and right after events, where it is the reset controller's torque.
+    """
     case = standing(0.9)
     run, found = swaying(case, 0.01)
-    plant = case.actual
+    plant, k = case.actual, case.controller.design.k
     model, free, ports = plant.spec.compile(), plant.spec.compile(), plant.linearisation.ports
     free.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     data, bare = mujoco.MjData(model), mujoco.MjData(free)
     model.opt.tolerance, model.opt.iterations = 0.0, 200
-    for i in range(50, len(run.t), 97):
+    at = np.searchsorted(run.t, run.events.t)
+    places = [(i, run.applied[i], found.centre[i], found.load[i]) for i in range(50, len(run.t), 97)]
+    after = zip(at, -run.events.x_o @ k.T, found.centre_after, found.load_after, strict=True)
+    for i, acts, there, load in (*places, *after):
         data.qpos[:], data.qvel[:] = run.qpos[i], ports.whole(run.x[i])[model.nv : 2 * model.nv]
-        data.ctrl[:] = plant.linearisation.point.ctrl + ports.b * run.applied[i]
+        data.ctrl[:] = plant.linearisation.point.ctrl + ports.b * acts
         mujoco.mj_forward(model, data)
         bare.qpos[:], bare.qvel[:], bare.qacc[:] = data.qpos, data.qvel, data.qacc
         mujoco.mj_inverse(free, bare)
         along, up, moment = bare.qfrc_inverse[:3]  # M = z F_x − x F_z about the ankle
         ankle, floor = data.body("foot").xpos, data.contact[0].pos[2]
         centre = ankle[0] + ((floor - ankle[2]) * along - moment) / up
-        assert found.centre[i, 0] == pytest.approx(centre, abs=1e-5)
-        assert found.load[i].sum() == pytest.approx(up, rel=1e-9)
+        assert there[0] == pytest.approx(centre, abs=1e-5)
+        assert load.sum() == pytest.approx(up, rel=1e-9)
+    assert len(found.t_after) == len(run.events) > 1
 
 
 @pytest.mark.parametrize(("gain", "threshold"), [(0.9, 0.0250), (1.1, 0.0173)])
@@ -124,6 +132,24 @@ def test_the_foot_lifts_at_the_threshold_that_small_sway_tells(gain, threshold):
     assert above.load.min(axis=0)[0] > 0
     assert above.centre[:, 0].min() == pytest.approx(-0.07, abs=1e-3)
     assert run.outcome.kind == "completed"
+
+
+def test_a_run_has_its_pressure_and_says_what_of_it_matters():
+    run, found = swaying(standing(0.9), 1e-3, "linear")
+    alone = centre_of_pressure(standing(0.9).actual, run)
+    np.testing.assert_array_equal(alone.centre, found.centre)
+    assert not len(alone.t_after)
+    assert found.axes == ("x",)
+    facts = found.facts
+    assert set(facts) == {"x_at_rest", "x_least", "x_most", "unloading"}
+    # torque jumps at an event: that the body is unloaded most right after one, no row shows
+    assert facts["unloading"] > alone.unloading
+    assert facts["x_least"] == min(found.centre[:, 0].min(), found.centre_after[:, 0].min())
+    later = found.since(1.0)
+    assert later.t[0] >= 1.0
+    assert (later.t_after >= 1.0).all()
+    assert len(later.centre_after) == len(later.load_after) == len(later.t_after)
+    assert simulate(standing(0.9, FIXED), "linear", duration=0.1).pressure is None
 
 
 def test_far_above_it_he_falls():

@@ -7,15 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from log_cases import assert_same, awkward, made_up
+from log_cases import assert_same, awkward, made_up, standing
 
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
+from icmj.simulation.pressure import Pressure
 
 
 def test_everything_comes_back_bit_for_bit() -> None:
     result = awkward()
     assert_same(result, unpack(*pack(result)))
+
+
+def test_pressure_comes_back_bit_for_bit_and_a_log_of_before_it_is_read() -> None:
+    result = standing()
+    assert_same(result, unpack(*pack(result)))
+    assert isinstance(unpack(*pack(result)).simulation.pressure, Pressure)
+    without = replace(result, simulation=replace(result.simulation, pressure=None))
+    tree, arrays = pack(without)
+    old = json.loads(tree)
+    for simulation in ("simulation", "continuous"):
+        assert old[simulation].pop("pressure", "none") is None
+    assert_same(without, unpack(json.dumps(old), arrays))
 
 
 def test_nothing_optional_comes_back_as_nothing() -> None:

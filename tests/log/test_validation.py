@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from log_cases import awkward, made_up
+from log_cases import awkward, made_up, standing
 
 from icmj.errors import LogError
 from icmj.log.archive import pack, unpack
@@ -86,6 +86,22 @@ def test_what_is_no_run_is_refused_in_one_line(change: Change, words: str) -> No
     with pytest.raises(LogError, match=words) as caught:
         unpack(*pack(result))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (of("simulation.applied", lambda _: np.zeros((3, 1))), r"simulation\.applied has shape"),
+        (of("simulation.pressure.load", half), r"simulation\.pressure\.load has shape"),
+        (of("simulation.pressure.centre", lambda c: c[:, :1]), r"simulation\.pressure\.centre has shape"),
+        (of("simulation.pressure.geoms", lambda g: g[:1]), r"simulation\.pressure\.load has shape"),
+        (of("simulation.pressure.t_after", half), r"t_after has \d+ times for \d+ events"),
+        (of("simulation.pressure.at_rest", lambda _: "x"), r"simulation\.pressure"),
+        (of("simulation.pressure", lambda _: 1.0), r"simulation\.pressure is 1\.0; expected Pressure or nothing"),
+    ],
+)
+def test_what_is_no_pressure_is_refused_in_one_line(change: Change, words: str) -> None:
+    test_what_is_no_run_is_refused_in_one_line(lambda _: change(standing()), words)
 
 
 def test_a_run_with_a_delay_has_the_hold_in_its_state_at_events(root: Path) -> None:
