@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable
+
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
