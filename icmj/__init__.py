@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from icmj.plant.person import Person
     from icmj.plant.quality import Quality
     from icmj.plant.selection import Selection
-    from icmj.report import build_report
+    from icmj.report import build_report, plots
     from icmj.result.result import Result
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
@@ -156,6 +156,8 @@ _HOMES = {
     ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
+# a module is public as a whole
+_MODULES = {"plots": "icmj.report.plots"}
 # a rule is public by standing in its home's list of names
 _OPEN_HOME = "icmj.controller.trigger"
 
@@ -165,13 +167,15 @@ __version__ = VERSION
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if not name.startswith("_") and name in (home := import_module(_OPEN_HOME)).__all__:
         return getattr(home, name)
     raise AttributeError(f"module 'icmj' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return sorted([*globals(), *_HOME, *_MODULES])
 
 
 __all__ = [
@@ -226,6 +230,7 @@ __all__ = [
     "open_loop",
     "output_weight",
     "parse_run",
+    "plots",
     "predict",
     "prepare",
     "read_log",

@@ -10,12 +10,20 @@ from icmj.report import style
 from icmj.result.result import AmplitudeLaw
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 def law_figure(law: AmplitudeLaw) -> Figure:
-    """Relative errors of interval and amplitude against the threshold on logarithmic axes, with the fitted lines."""
+    """The figure of :func:`draw_law`."""
     figure, (axes,) = style.new_figure()
+    draw_law(axes, law)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_law(axes: Axes, law: AmplitudeLaw) -> None:
+    """Relative errors of interval and amplitude against the threshold on logarithmic axes, with the fitted lines."""
     for values, slope, name, colour, marker in (
         (law.interval_error, law.interval_slope, "interval", "#0072b2", "o"),
         (law.amplitude_error, law.amplitude_slope, "amplitude", "#d55e00", "s"),
@@ -34,5 +42,3 @@ def law_figure(law: AmplitudeLaw) -> Figure:
             label=f"{name}, slope {slope:.3f}",
         )  # fmt: skip
     axes.set(xlabel="threshold (rad)", ylabel="relative error")
-    style.legend(figure, axes)
-    return figure

@@ -11,6 +11,7 @@ from icmj.report.pairing import CaseRuns
 from icmj.view.quantity import quantities
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FASTEST = 10.0  # [Hz] drawn: a body this heavy sways no faster
@@ -18,8 +19,15 @@ LOWEST = 1e-6  # of the largest density drawn
 
 
 def histogram_figure(case: CaseRuns) -> Figure:
-    """Density of the open-loop intervals on each plant; Δ_crit dotted, the least interval dashed."""
+    """The figure of :func:`draw_histogram`."""
     figure, (axes,) = style.new_figure()
+    draw_histogram(axes, case)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_histogram(axes: Axes, case: CaseRuns) -> None:
+    """Density of the open-loop intervals on each plant; Δ_crit dotted, the least interval dashed."""
     for plant, result in case.runs.items():
         found = result.statistics
         if found is not None and len(found.counts):
@@ -34,37 +42,42 @@ def histogram_figure(case: CaseRuns) -> Figure:
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel="density (1/s)")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
-    style.legend(figure, axes)
-    return figure
 
 
 def spectrum_figure(case: CaseRuns) -> Figure:
-    """Power spectrum of every output on each plant, confidence of the last, and the predicted cycle's frequency."""
-    outputs = case.first.actual.outputs
-    figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
-    for i, (axes, name, shown) in enumerate(zip(stack, outputs, quantities(case.first.actual), strict=True)):
-        largest = 0.0
-        for plant, result in case.runs.items():
-            if result.statistics is None:
-                continue
-            spectrum = result.statistics.spectrum
-            drawn = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
-            frequency = spectrum.frequency[drawn]
-            power, low, high = (
-                values[drawn, i] * shown.factor**2 for values in (spectrum.power, spectrum.low, spectrum.high)
-            )
-            largest = max(largest, float(power.max(initial=0.0)))
-            if result is case.last:
-                axes.fill_between(frequency, low, high, label="95 %", **style.BAND)
-            axes.loglog(frequency, power, label=style.NAME[plant], **style.RUN[plant])
-        if case.prediction.cycle and case.prediction.period is not None:
-            axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
-        axes.set_ylim(bottom=LOWEST * (largest or 1.0))
-        axes.set_ylabel(shown.label(name if len(outputs) > 1 else "power", "²/Hz"))
-    stack[-1].set_xlabel("frequency (Hz)")
+    """Power spectrum of every output on each plant, one axes for each."""
+    count = case.first.actual.n_y
+    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
+    for i, axes in enumerate(stack):
+        draw_spectrum(axes, case, i)
+        axes.set_xlabel("frequency (Hz)" if axes is stack[-1] else "")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])
     return figure
+
+
+def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:
+    """Power spectrum of one output on each plant, confidence of the last, and the predicted cycle's frequency."""
+    name, shown = case.first.actual.outputs[output], quantities(case.first.actual)[output]
+    largest = 0.0
+    for plant, result in case.runs.items():
+        if result.statistics is None:
+            continue
+        spectrum = result.statistics.spectrum
+        drawn = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
+        frequency = spectrum.frequency[drawn]
+        power, low, high = (
+            values[drawn, output] * shown.factor**2 for values in (spectrum.power, spectrum.low, spectrum.high)
+        )
+        largest = max(largest, float(power.max(initial=0.0)))
+        if result is case.last:
+            axes.fill_between(frequency, low, high, label="95 %", **style.BAND)
+        axes.loglog(frequency, power, label=style.NAME[plant], **style.RUN[plant])
+    if case.prediction.cycle and case.prediction.period is not None:
+        axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
+    axes.set_ylim(bottom=LOWEST * (largest or 1.0))
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel(shown.label(name if case.first.actual.n_y > 1 else "power", "²/Hz"))
 
 
 def _line(plant: str) -> dict[str, Any]:

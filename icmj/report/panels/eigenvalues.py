@@ -26,10 +26,16 @@ REACH = 1.3  # half height of panel (b): the unit circle and its surroundings
 
 
 def _draw_modulus(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure()
+    draw_modulus(axes, case)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_modulus(axes: Axes, case: CaseRuns) -> None:
     """(a) Largest |λ| of φ against Δ_ol for ρ = 0 and ρ = 1, and the growth measured under the clock."""
     prediction = case.prediction
     actual, exact = shown_locus(case, case.first.actual), shown_locus(case, case.first.assumed)
-    figure, (axes,) = style.new_figure()
     axes.axhline(1, **style.CRITICAL)
     axes.plot(actual.delta, actual.largest, label=r"$\rho=1$", **style.ACTUAL)
     axes.plot(exact.delta, exact.largest, label=r"$\rho=0$", **style.EXACT)
@@ -51,17 +57,22 @@ def _draw_modulus(case: CaseRuns) -> Figure:
     top = max(1.15, min(1.6, 1.1 * float(actual.largest.max())))
     axes.set(xlim=(0, actual.delta[-1]), ylim=(0, top))
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel=r"$\max_j\,|\lambda_j(\varphi)|$")
+
+
+def _draw_locus(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure()
+    box = axes.get_position()
+    axes.set_position((box.x0, box.y0, box.width * 0.84, box.height))
+    draw_locus(axes, case)
+    draw_scale(figure.add_axes((box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height)), case)
     style.legend(figure, axes)
     return figure
 
 
-def _draw_locus(case: CaseRuns) -> Figure:
+def draw_locus(axes: Axes, case: CaseRuns) -> None:
     """(b) Eigenvalues of φ in the complex plane as Δ_ol grows, about the unit circle."""
     prediction = case.prediction
     shown = shown_locus(case, case.first.actual)
-    figure, (axes,) = style.new_figure()
-    box = axes.get_position()
-    axes.set_position((box.x0, box.y0, box.width * 0.84, box.height))
     shades = _shades()
     chunks = np.array_split(np.arange(len(shown.delta)), SHADES)
     for branch in shown.eigenvalues.T:
@@ -83,17 +94,12 @@ def _draw_locus(case: CaseRuns) -> Figure:
     width, height = axes.get_window_extent().size
     axes.set(xlim=(-REACH * width / height, REACH * width / height), ylim=(-REACH, REACH))
     axes.set(xlabel=r"$\mathrm{Re}\,\lambda$", ylabel=r"$\mathrm{Im}\,\lambda$", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-    _scale(figure, (box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height), shown, shades)
-    style.legend(figure, axes)
-    return figure
+    axes.set_aspect("equal")  # whatever becomes of the figure
 
 
 def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     """The eigenvalues with ``plant`` in the loop, from Δ = 0 to somewhat beyond Δ_crit."""
-    prediction, controller = case.prediction, case.first.controller
-    end = prediction.delta_max
-    if prediction.delta_crit is not None:
-        end = min(end, 1.6 * prediction.delta_crit)
+    controller, end = case.first.controller, _shown_end(case)
     system = error_system(plant, controller.design, controller.hold, delay=controller.delay)
     found = locus(system, end, points=POINTS)
     if controller.delay:
@@ -101,6 +107,13 @@ def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     # φ(0) is the identity
     eigenvalues = np.vstack([np.ones((1, found.eigenvalues.shape[1])), found.eigenvalues])
     return Locus(np.append(0.0, found.delta), eigenvalues)
+
+
+def _shown_end(case: CaseRuns) -> float:
+    prediction = case.prediction
+    if prediction.delta_crit is None:
+        return prediction.delta_max
+    return min(prediction.delta_max, 1.6 * prediction.delta_crit)
 
 
 def _eigenvalues_at(case: CaseRuns, delta: float) -> Spectrum:
@@ -115,16 +128,13 @@ def _shades() -> list[tuple[float, ...]]:
     return [tuple(shade) for shade in colormaps["cividis"](np.linspace(0.9, 0.0, SHADES))]
 
 
-def _scale(
-    figure: Figure, box: tuple[float, float, float, float], shown: Locus, shades: list[tuple[float, ...]]
-) -> None:
-    """The colour scale of Δ_ol."""
+def draw_scale(bar: Axes, case: CaseRuns) -> None:
+    """The colour scale of Δ_ol along the loci, in axes of its own."""
     from matplotlib.ticker import MaxNLocator
 
-    end = float(shown.delta[-1])
-    bar = figure.add_axes(box)
+    end = _shown_end(case)
     step = end / SHADES
-    bar.bar(0, step * 1.02, width=1, bottom=step * np.arange(SHADES), color=shades, linewidth=0)
+    bar.bar(0, step * 1.02, width=1, bottom=step * np.arange(SHADES), color=_shades(), linewidth=0)
     bar.set(xlim=(-0.5, 0.5), ylim=(0, end), xticks=[])
     bar.set_ylabel(r"$\Delta_{ol}$ (s)", labelpad=2)
     bar.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from icmj.base.array import Array
+from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
@@ -14,6 +18,7 @@ from icmj.view.motion import modes, reduced
 from icmj.view.timeline import latter_part
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SHOWN = 6  # intervals
@@ -25,50 +30,73 @@ def _draw(case: CaseRuns) -> Figure:
     Where χ is undefined (no Δ_crit), the norm of x̄ is drawn instead.
     """
     if case.prediction.V_inv is None:
-        return _draw_norm(case)
+        figure, (axes,) = style.new_figure()
+        draw_norm(axes, case)
+        style.legend(figure, axes)
+        return figure
     figure, (critical, others) = style.new_figure(rows=2)
-    top = case.last
-    start, end = latter_part(top.simulation, SHOWN)
-    for axes in (critical, others):
-        events = top.simulation.events.t
-        style.event_lines(axes, events[(events >= start) & (events <= end)])
-    laid = laid_orbit(top) if case.prediction.cycle else None
-    if laid is not None:
-        t = laid.times(start, end)
-        chi = modes(top, laid.at(t, laid.reduced))
-        critical.plot(t, chi[:, 0].real, label="predicted", **style.PREDICTED)
-        others.plot(t, np.linalg.norm(chi[:, 1:], axis=1), **style.PREDICTED)
-    for plant, result in case.runs.items():
-        simulation = result.simulation
-        late = (simulation.t >= start) & (simulation.t <= end)
-        chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late], simulation.x_h[late]))
-        critical.plot(simulation.t[late], chi[:, 0].real, label=style.NAME[plant], **style.RUN[plant])
-        others.plot(simulation.t[late], np.linalg.norm(chi[:, 1:], axis=1), **style.RUN[plant])
-    if case.prediction.gamma is not None:
-        for n, sign in enumerate((1, -1)):
-            critical.axhline(sign * case.prediction.gamma, label=r"$\pm\gamma$" if n == 0 else None, **style.CRITICAL)
-    for axes in (critical, others):
-        axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])
-    critical.set_xlim(start, end)
-    critical.set_ylabel(r"$\chi_{k_1}$")
-    others.set_ylabel(r"$\|\chi_{k\neq k_1}\|$")
-    others.set_ylim(bottom=0)
-    others.set_xlabel("$t$ (s)")
+    draw_critical(critical, case)
+    draw_others(others, case)
+    critical.set_xlabel("")
     figure.align_ylabels([critical, others])
     style.legend(figure, critical)
     return figure
 
 
-def _draw_norm(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
+def draw_critical(axes: Axes, case: CaseRuns) -> None:
+    """The critical mode χ_k1 over the latter part of the runs, its prediction, ±γ and events dotted.
+
+    Raises:
+        ReportError: if χ is undefined, because there is no Δ_crit.
+    """
+    _draw_modes(axes, case, lambda chi: chi[:, 0].real)
+    if case.prediction.gamma is not None:
+        for n, sign in enumerate((1, -1)):
+            axes.axhline(sign * case.prediction.gamma, label=r"$\pm\gamma$" if n == 0 else None, **style.CRITICAL)
+    axes.set_ylabel(r"$\chi_{k_1}$")
+
+
+def draw_others(axes: Axes, case: CaseRuns) -> None:
+    """The norm of the other modes over the latter part of the runs, its prediction, events dotted.
+
+    Raises:
+        ReportError: if χ is undefined, because there is no Δ_crit.
+    """
+    _draw_modes(axes, case, lambda chi: np.linalg.norm(chi[:, 1:], axis=1))
+    axes.set_ylabel(r"$\|\chi_{k\neq k_1}\|$")
+    axes.set_ylim(bottom=0)
+
+
+def draw_norm(axes: Axes, case: CaseRuns) -> None:
+    """The norm of x̄ on a logarithmic scale, events dotted: what is left to draw where χ is undefined."""
     style.event_lines(axes, case.last.simulation.events.t)
     for plant, result in case.runs.items():
         simulation = result.simulation
         norm = np.linalg.norm(reduced(result, simulation.x, simulation.x_o, simulation.x_h), axis=1)
         axes.semilogy(simulation.t, np.maximum(norm, 1e-300), label=style.NAME[plant], **style.RUN[plant])
     axes.set(xlim=(0, float(case.last.simulation.t[-1])), xlabel="$t$ (s)", ylabel=r"$\|\bar{x}\|$  ($\chi$ undefined)")
-    style.legend(figure, axes)
-    return figure
+
+
+def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex128]], Array]) -> None:
+    """A part of χ, shape (N, n + n̂) → (N,), for the latter part of every run."""
+    if case.prediction.V_inv is None:
+        raise ReportError(f"case {case.name!r}: χ is undefined without Δ_crit; draw the norm of x̄ instead")
+    top = case.last
+    start, end = latter_part(top.simulation, SHOWN)
+    events = top.simulation.events.t
+    style.event_lines(axes, events[(events >= start) & (events <= end)])
+    laid = laid_orbit(top) if case.prediction.cycle else None
+    if laid is not None:
+        t = laid.times(start, end)
+        axes.plot(t, part(modes(top, laid.at(t, laid.reduced))), label="predicted", **style.PREDICTED)
+    for plant, result in case.runs.items():
+        simulation = result.simulation
+        late = (simulation.t >= start) & (simulation.t <= end)
+        chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late], simulation.x_h[late]))
+        axes.plot(simulation.t[late], part(chi), label=style.NAME[plant], **style.RUN[plant])
+    axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])
+    axes.set_xlim(start, end)
+    axes.set_xlabel("$t$ (s)")
 
 
 def _caption(case: CaseRuns) -> str:

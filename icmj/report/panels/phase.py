@@ -23,9 +23,15 @@ SHOWN = 8  # intervals
 
 
 def _draw(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure(style.TALL if case.last.actual.n_y > 1 else style.HEIGHT)
+    draw_phase(axes, case)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_phase(axes: Axes, case: CaseRuns) -> None:
     """(d) Velocity against position of every output, with the states at events marked."""
     outputs = case.last.actual.outputs
-    figure, (axes,) = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT)
     prediction, laid = case.prediction, laid_orbit(case.last)
     units = quantities(case.last.actual)
     for i, (name, shown) in enumerate(zip(outputs, units, strict=True)):
@@ -51,8 +57,6 @@ def _draw(case: CaseRuns) -> Figure:
         words = ("segment angle", "segment velocity") if angles else ("output", "rate of the output")
         axes.set(xlabel=_label_of(words[0], units), ylabel=_label_of(words[1], units, "/s"))
     axes.margins(0.08)
-    style.legend(figure, axes)
-    return figure
 
 
 def _label_of(words: str, units: tuple[Quantity, ...], per: str = "") -> str:

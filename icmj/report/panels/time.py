@@ -13,42 +13,55 @@ from icmj.view.laid_orbit import laid_orbit
 from icmj.view.quantity import quantities
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 def _draw_outputs(case: CaseRuns) -> Figure:
     """(c) Outputs under the intermittent and the continuous controller against time, with events dotted."""
-    top = case.last
-    outputs = top.actual.outputs
-    figure, stack = style.new_figure(style.TALL if len(outputs) > 1 else style.HEIGHT, len(outputs))
-    laid = laid_orbit(top) if case.prediction.cycle else None
-    for i, (axes, name, shown) in enumerate(zip(stack, outputs, quantities(top.actual), strict=True)):
-        style.event_lines(axes, top.simulation.events.t)
-        if laid is not None:
-            whole = laid.whole(laid.orbit.y)[:, i] * shown.factor
-            axes.axhspan(whole.min(), whole.max(), label="predicted range", **style.BAND)
-        reach = 0.0
-        for plant, result in case.runs.items():
-            y = result.simulation.y[:, i] * shown.factor
-            reach = max(reach, float(np.abs(y[np.isfinite(y)]).max(initial=0.0)))
-            axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
-        reach = reach or 1.0
-        y_c = top.continuous.y[:, i] * shown.factor
-        # an unstable continuous controller would flatten everything else
-        inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
-        axes.plot(top.continuous.t, inside, label="$y_c$", **style.CONTINUOUS)
-        axes.set_ylim(-1.12 * reach, 1.12 * reach)
-        axes.margins(x=0)
-        axes.set_ylabel(shown.label(name if len(outputs) > 1 else "$y$"))
-    stack[-1].set_xlabel("$t$ (s)")
+    count = case.last.actual.n_y
+    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
+    for i, axes in enumerate(stack):
+        draw_output(axes, case, i)
+        axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])
     return figure
 
 
+def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
+    """One output under the intermittent and the continuous controller against time, with events dotted."""
+    top = case.last
+    name, shown = top.actual.outputs[output], quantities(top.actual)[output]
+    laid = laid_orbit(top) if case.prediction.cycle else None
+    style.event_lines(axes, top.simulation.events.t)
+    if laid is not None:
+        whole = laid.whole(laid.orbit.y)[:, output] * shown.factor
+        axes.axhspan(whole.min(), whole.max(), label="predicted range", **style.BAND)
+    reach = 0.0
+    for plant, result in case.runs.items():
+        y = result.simulation.y[:, output] * shown.factor
+        reach = max(reach, float(np.abs(y[np.isfinite(y)]).max(initial=0.0)))
+        axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
+    reach = reach or 1.0
+    y_c = top.continuous.y[:, output] * shown.factor
+    # an unstable continuous controller would flatten everything else
+    inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
+    axes.plot(top.continuous.t, inside, label="$y_c$", **style.CONTINUOUS)
+    axes.set_ylim(-1.12 * reach, 1.12 * reach)
+    axes.margins(x=0)
+    axes.set(xlabel="$t$ (s)", ylabel=shown.label(name if top.actual.n_y > 1 else "$y$"))
+
+
 def _draw_intervals(case: CaseRuns) -> Figure:
-    """(e) Open-loop interval at each event against time, Δ_crit dotted."""
     figure, (axes,) = style.new_figure()
+    draw_intervals(axes, case)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_intervals(axes: Axes, case: CaseRuns) -> None:
+    """(e) Open-loop interval at each event against time, Δ_crit dotted."""
     delta_crit = case.prediction.delta_crit
     largest = 0.0 if delta_crit is None else delta_crit
     for plant, result in case.runs.items():
@@ -67,8 +80,6 @@ def _draw_intervals(case: CaseRuns) -> Figure:
         xlabel="$t$ (s)",
         ylabel=r"$\Delta_{ol}$ (s)",
     )
-    style.legend(figure, axes)
-    return figure
 
 
 def _output_caption(case: CaseRuns) -> str:

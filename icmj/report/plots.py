@@ -1,0 +1,129 @@
+"""Every figure of the report as a function that draws into axes of yours; public as ``icmj.plots``.
+
+Each takes the axes, then the results of one case: one run, or the linear plant's and MuJoCo's. It sets labels, scales
+and limits, adds a legend unless ``legend=False``, and leaves figure, fonts and title to you. Angles are in degrees,
+other outputs in their own unit. Typical use::
+
+    figure, axes = matplotlib.pyplot.subplots()
+    icmj.plots.phase(axes, icmj.read_log("runs/out/three-link-0.9.mujoco.rrd"))
+
+Raised by all of them: ReportError, if there is no result, if two are of different cases or of the same plant, or if a
+result does not hold what is asked for.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from icmj.errors import ReportError
+from icmj.report import law, noise
+from icmj.report.pairing import CaseRuns, paired
+from icmj.report.panels import eigenvalues, modes, time
+from icmj.report.panels.phase import draw_phase
+from icmj.result.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def modulus(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """(a) Largest |λ| of φ(Δ_ol) with the true and with an exact model; points: growth measured under the clock."""
+    eigenvalues.draw_modulus(axes, _case(results))
+    _legend(axes, legend)
+
+
+def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> None:
+    """(b) Eigenvalues of φ about the unit circle as Δ_ol grows; ``scale`` adds the colour scale right of the axes."""
+    case = _case(results)
+    eigenvalues.draw_locus(axes, case)
+    if scale:
+        eigenvalues.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+    _legend(axes, legend)
+
+
+def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> None:
+    """(c) One output, by number or name, under intermittent and continuous control against time; dotted: events."""
+    case = _case(results)
+    time.draw_output(axes, case, _output(case, output))
+    _legend(axes, legend)
+
+
+def phase(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """(d) Velocity against position of every output, latter part, over the predicted orbit; circles: at events."""
+    draw_phase(axes, _case(results))
+    _legend(axes, legend)
+
+
+def intervals(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """(e) Open-loop interval that ends at each event against time; dotted: Δ_crit."""
+    time.draw_intervals(axes, _case(results))
+    _legend(axes, legend)
+
+
+def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """(f), upper part: the critical mode χ_k1 over the last intervals; dotted: events and ±γ."""
+    modes.draw_critical(axes, _case(results))
+    _legend(axes, legend)
+
+
+def other_modes(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """(f), lower part: the norm of the other modes over the last intervals, which vanishes at events of a cycle."""
+    modes.draw_others(axes, _case(results))
+    _legend(axes, legend)
+
+
+def state_norm(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """The norm of x̄ on a logarithmic scale; what (f) shows where there is no Δ_crit, hence no χ."""
+    modes.draw_norm(axes, _case(results))
+    _legend(axes, legend)
+
+
+def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the least interval."""
+    noise.draw_histogram(axes, _under_noise(_case(results)))
+    _legend(axes, legend)
+
+
+def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> None:
+    """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
+    case = _under_noise(_case(results))
+    noise.draw_spectrum(axes, case, _output(case, output))
+    _legend(axes, legend)
+
+
+def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
+    """Departures from the linear prediction against the threshold, with the fitted slopes."""
+    case = _case(results)
+    found = next((result.law for result in reversed(case.runs.values()) if result.law is not None), None)
+    if found is None:
+        raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
+    law.draw_law(axes, found)
+    _legend(axes, legend)
+
+
+def _case(results: tuple[Result, ...]) -> CaseRuns:
+    cases = paired(results)
+    if len(cases) > 1:
+        names = ", ".join(case.name for case in cases)
+        raise ReportError(f"results of different cases in one picture ({names}); draw each into axes of its own")
+    return cases[0]
+
+
+def _under_noise(case: CaseRuns) -> CaseRuns:
+    if all(result.statistics is None for result in case.runs.values()):
+        raise ReportError(f"case {case.name!r}: no statistics, which only runs under noise have; see icmj.statistics")
+    return case
+
+
+def _output(case: CaseRuns, output: int | str) -> int:
+    names = case.first.actual.outputs
+    if output in names:
+        return names.index(str(output))
+    if isinstance(output, int) and -len(names) <= output < len(names):
+        return output
+    raise ReportError(f"case {case.name!r}: no output {output!r}; expected one of {', '.join(names)}, or its number")
+
+
+def _legend(axes: Axes, wanted: bool) -> None:
+    if wanted and axes.get_legend_handles_labels()[0]:
+        axes.legend()

@@ -1,0 +1,126 @@
+"""The figures drawn into axes of one's own: the same artists as the report's, nothing else touched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from report_cases import result
+
+import icmj
+from icmj.errors import ReportError
+from icmj.linear.run import simulate
+from icmj.measurement.statistics import statistics
+from icmj.report.pairing import paired
+from icmj.report.panels import PANELS
+from icmj.simulation.settings import Noise
+
+PLOTS = icmj.plots
+BOTH = ("linear", "mujoco")
+# what is drawn, and which axes of which panel of the report it is
+OF_PANELS = {
+    "modulus": ("a", 0),
+    "locus": ("b", 0),
+    "output": ("c", 0),
+    "phase": ("d", 0),
+    "intervals": ("e", 0),
+    "critical_mode": ("f", 0),
+    "other_modes": ("f", 1),
+}
+
+
+def noisy():
+    quiet = result("b0.8")
+    settings = replace(quiet.run.simulation.settings(), disturbance=(Noise("torque", 0.02, corner=0.5, seed=1),))
+    simulation = simulate(quiet.actual, quiet.controller, settings)
+    return replace(quiet, simulation=simulation, statistics=statistics(simulation))
+
+
+def axes_of_mine():
+    """The right one of two axes, so that a function that makes or takes its own is found out."""
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    return figure, left, right
+
+
+def contents(axes):
+    """Every line, with its label, as numbers."""
+    return [(str(line.get_label()), line.get_xydata()) for line in axes.get_lines() if len(line.get_xydata())]
+
+
+@pytest.mark.parametrize("name", ["b0.8", "three-link"])
+@pytest.mark.parametrize("function", OF_PANELS)
+def test_it_draws_what_the_report_shows_and_nowhere_else(function, name):
+    results = [result(name, plant) for plant in BOTH]
+    letter, place = OF_PANELS[function]
+    expected = next(panel for panel in PANELS if panel.letter == letter).draw(paired(results)[0]).axes[place]
+    figure, left, right = axes_of_mine()
+    getattr(PLOTS, function)(right, *results)
+    assert not left.has_data()
+    assert figure.axes == [left, right]
+    assert not figure.texts
+    assert not figure.legends
+    mine, theirs = contents(right), contents(expected)
+    assert len(mine) == len(theirs) > 0
+    for (label, points), (other, others) in zip(mine, theirs, strict=True):
+        assert label.startswith("_") or label == other
+        np.testing.assert_array_equal(points, others)
+    assert right.get_xlabel()
+    assert right.get_ylabel() == expected.get_ylabel()
+    assert right.get_legend() is not None
+
+
+@pytest.mark.parametrize("function", ["interval_histogram", "spectrum"])
+def test_a_run_under_noise_is_drawn(function):
+    _, left, right = axes_of_mine()
+    getattr(PLOTS, function)(right, noisy(), legend=False)
+    assert right.has_data()
+    assert not left.has_data()
+    assert right.get_legend() is None
+    with pytest.raises(ReportError, match="only runs under noise"):
+        getattr(PLOTS, function)(right, result("b0.8"))
+
+
+def test_the_amplitude_law_and_the_norm_are_drawn():
+    _, _, axes = axes_of_mine()
+    PLOTS.amplitude_law(axes, result("three-link", "mujoco"))
+    assert axes.get_xscale() == "log"
+    _, _, axes = axes_of_mine()
+    PLOTS.state_norm(axes, result("exact"))
+    assert axes.get_yscale() == "log"
+    with pytest.raises(ReportError, match="no amplitude law"):
+        PLOTS.amplitude_law(axes, result("b0.8"))
+    with pytest.raises(ReportError, match="χ is undefined"):
+        PLOTS.critical_mode(axes, result("exact"))
+
+
+def test_an_output_is_taken_by_number_or_name():
+    found = result("three-link")
+    for wanted in (2, -1, "trunk"):
+        _, _, axes = axes_of_mine()
+        PLOTS.output(axes, found, output=wanted)
+        assert axes.get_ylabel() == "trunk (deg)"
+    for wanted in (3, "head"):
+        with pytest.raises(ReportError, match=r"expected one of shank, thigh, trunk, or its number"):
+            PLOTS.output(axes, found, output=wanted)
+
+
+def test_results_that_do_not_belong_together_are_refused():
+    _, _, axes = axes_of_mine()
+    with pytest.raises(ReportError, match="different cases"):
+        PLOTS.phase(axes, result("b0.8"), result("b1.2"))
+    with pytest.raises(ReportError, match="no results"):
+        PLOTS.phase(axes)
+
+
+def test_the_circle_stays_round_when_the_figure_changes_its_shape():
+    figure, _, axes = axes_of_mine()
+    PLOTS.locus(axes, result("b0.8"))
+    figure.set_size_inches(9, 3)
+    FigureCanvasAgg(figure).draw()
+    width, height = axes.get_window_extent().size
+    scale = [np.ptp(limits) / size for limits, size in ((axes.get_xlim(), width), (axes.get_ylim(), height))]
+    assert scale[0] == pytest.approx(scale[1], rel=1e-6)
