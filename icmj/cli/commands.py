@@ -132,6 +132,8 @@ def run(command: arguments.Run) -> None:
     outcome = result.simulation.outcome
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
+    for words in result.simulation.pressure.words if result.simulation.pressure else ():
+        OUT.print(escape(f"{words[0].upper()}{words[1:]}."), highlight=False)
     error = relative_error(result.simulation)
     if error > 0:
         OUT.print(f"Relative error by the step: {error:.1g}.", highlight=False)

@@ -6,7 +6,8 @@ run had events and Δ_crit is defined by a predicted cycle, the others only wher
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ class Comparison:
         predicted, measured, relative_error: the numbers.
         words: the verdict in one or two sentences for people.
         notices: what to tell of plants and run.
+        pressure: of a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; else empty.
     """
 
     case: str
@@ -89,6 +91,7 @@ class Comparison:
     relative_error: RelativeError
     words: str
     notices: tuple[str, ...] = ()
+    pressure: Mapping[str, float] = field(default_factory=dict)
 
 
 def compare(result: Result) -> Comparison:
@@ -132,6 +135,7 @@ def compare(result: Result) -> Comparison:
         error,
         verdict_in_words(result, converged),
         result.notices,
+        {} if result.simulation.pressure is None else result.simulation.pressure.facts,
     )
 
 
@@ -158,7 +162,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "relative_error": plain(vars(comparison.relative_error)),
         "words": comparison.words,
         "notices": list(comparison.notices),
-    }
+    } | ({"pressure": plain(dict(comparison.pressure))} if comparison.pressure else {})
 
 
 def finite(value: float | None) -> float | None:

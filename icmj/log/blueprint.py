@@ -35,6 +35,12 @@ def blueprint(result: Result) -> rrb.Blueprint:
         _plot("Inputs u [N m]", "inputs", window),
         rrb.Tabs(*states, active_tab=0),
     ]
+    if result.simulation.pressure is not None:
+        ground = [
+            _plot("Centre of pressure [m]", "pressure", window),
+            _plot("Load on the ground [N]", "load", window),
+        ]
+        middle.insert(2, rrb.Tabs(*ground, active_tab=0))
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
         right.append(_plot("Open-loop interval [s], whole run", "interval", _whole(result), rrb.Corner2D.RightBottom))

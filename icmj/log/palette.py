@@ -34,3 +34,9 @@ def dim(colour: Colour) -> Colour:
     """The same hue, held back towards the dark ground: a prediction under its measurement, the approach to a cycle."""
     r, g, b, a = colour
     return (r * 2 // 5 + 12, g * 2 // 5 + 12, b * 2 // 5 + 12, a)
+
+
+def bright(colour: Colour) -> Colour:
+    """The same hue towards white: what acts, over the command that it is made of."""
+    r, g, b, a = colour
+    return ((r + 255) // 2, (g + 255) // 2, (b + 255) // 2, a)

@@ -15,6 +15,7 @@ from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result.result import Result
+from icmj.view.acting import acting
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import modes, reduced
 from icmj.view.timeline import running_interval, with_resets
@@ -50,6 +51,8 @@ class Group:
 def groups(result: Result) -> Iterator[Group]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
     yield from _signals(result)
+    yield from _acting(result)
+    yield from _pressure(result)
     yield from _trigger(result)
     yield from _intervals(result)
     yield from _modes(result)
@@ -78,6 +81,37 @@ def _signals(result: Result) -> Iterator[Group]:
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
         yield Group(path, t, values, names, palette.series(len(names)))
+
+
+def _acting(result: Result) -> Iterator[Group]:
+    """What acts on the inputs where it is not the command: within limits, and with disturbance."""
+    inputs = acting(result)
+    if inputs:
+        names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
+        colours = tuple(palette.bright(palette.series(result.actual.n_u)[i]) for i in inputs)
+        values = np.ascontiguousarray(result.simulation.applied[:, inputs])
+        yield Group("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
+
+
+def _pressure(result: Result) -> Iterator[Group]:
+    """Centre of pressure with where it is at rest, and the load of each contact."""
+    simulation, pressure = result.simulation, result.simulation.pressure
+    if pressure is None:
+        return
+    axes = pressure.axes or ("x",)
+    there = ["xy".index(axis) for axis in axes]
+    colours = palette.series(len(axes))
+    rest = np.tile(pressure.at_rest[there], (2, 1))
+    dim = tuple(palette.dim(colour) for colour in colours)
+    yield Group("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
+    for path, values, after, names in (
+        ("pressure/centre", pressure.centre[:, there], pressure.centre_after[:, there], axes),
+        ("load/borne", pressure.load, pressure.load_after, pressure.geoms),
+    ):
+        t = simulation.t
+        if len(after):
+            t, values = with_resets(simulation, values, after)
+        yield Group(path, t, np.ascontiguousarray(values), names, palette.series(len(names)))
 
 
 def _trigger(result: Result) -> Iterator[Group]:

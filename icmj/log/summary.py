@@ -67,6 +67,7 @@ def properties(result: Result, compared: Comparison) -> Properties:
         | _each("amplitude", outputs, error.amplitude),
         "statistics": _statistics(result),
         "precision": dict(simulation.precision),
+        "pressure": {} if simulation.pressure is None else dict(simulation.pressure.facts),
         "provenance": dict(result.provenance),
         "run_file": {"path": run.path.as_posix(), "text": run.text},
     }
@@ -113,6 +114,7 @@ def markdown(result: Result, compared: Comparison) -> str:
         f"- motion: {result.measurement.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
         *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),
+        *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
         "",
         "## Provenance",
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),

@@ -104,14 +104,15 @@ def _draw(
     """Panels, amplitude laws, and figures under noise, by case."""
     from icmj.report.law import law_figure
     from icmj.report.noise import histogram_figure, spectrum_figure
-    from icmj.report.panels import PANELS
+    from icmj.report.panels import MORE, PANELS
 
     panels: dict[str, list[DrawnPanel]] = {}
     laws: dict[str, Picture] = {}
     noisy: dict[str, tuple[Picture, Picture]] = {}
     with style.applied():
         for case in cases:
-            panels[case.name] = [_drawn(panel, case, folder) for panel in PANELS]
+            more = [panel for panel in MORE if panel.there(case)]
+            panels[case.name] = [_drawn(panel, case, folder) for panel in (*PANELS, *more)]
             law = next((r.law for r in reversed(case.runs.values()) if r.law is not None), None)
             if law is not None:
                 alt = f"{case.first.run.case.title}, amplitude law"

@@ -77,6 +77,16 @@ class Pressure:
         return found
 
     @property
+    def words(self) -> tuple[str, ...]:
+        """The same for people: where the centre went, and what was unloaded."""
+        facts, said = self.facts, []
+        for axis in self.axes:
+            least, most, rest = (1e3 * facts[f"{axis}_{which}"] for which in ("least", "most", "at_rest"))
+            said.append(f"centre of pressure, {axis}: {least:.3g} to {most:.3g} mm, at rest {rest:.3g} mm")
+        lifts = "lifts for a moment" if self.lifted else f"is unloaded by {facts['unloading']:.2g} of its load at most"
+        return (*said, f"what stands on the ground ({', '.join(self.geoms)}) {lifts}")
+
+    @property
     def _borne(self) -> Array:
         """What is borne, row by row and right after events, by what bears load at rest."""
         return np.concatenate([self.load, self.load_after])[:, self.load_at_rest > 0]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from log_cases import made_up, with_scene
+from log_cases import made_up, standing, with_scene
 from rerun.chunk import RrdReader
 
 from icmj.controller.trigger import Continuous
@@ -43,6 +43,7 @@ def variants() -> dict[str, Result]:
         "with figures": with_scene(usual, plant),
         "without figures": usual,
         "no prediction": replace(usual, prediction=replace(usual.prediction, cycle=False, **nothing)),
+        "standing": standing(),
         "continuous": replace(usual, simulation=never, controller=usual.controller.triggered_by(Continuous())),
     }
 

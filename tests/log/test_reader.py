@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from log_cases import assert_same, awkward, made_up, with_scene
+from log_cases import assert_same, awkward, made_up, standing, with_scene
 
+from icmj.comparison.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.log import read_log, read_summary, write_log
 
@@ -115,3 +116,20 @@ def test_the_archive_knows_when_it_has_changed(log: Path, tmp_path: Path) -> Non
 def test_a_newer_format_is_named(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("icmj.log.reader.FORMAT", 0)
     assert "log format 1, this version of icmj reads 0" in refused(log)
+
+
+def test_the_summary_tells_of_the_ground_s_reaction(tmp_path: Path) -> None:
+    result = standing()
+    pressure = result.simulation.pressure
+    assert pressure is not None
+    write_log(result, tmp_path / "x.rrd")
+    facts = read_summary(tmp_path / "x.rrd")["pressure"]
+    assert facts == dict(pressure.facts)
+    assert facts["unloading"] == 1.0
+    assert facts["x_least"] == -0.07
+    assert pressure.words == (
+        f"centre of pressure, x: -70 to {1e3 * pressure.centre[:, 0].max():.3g} mm, at rest 55 mm",
+        "what stands on the ground (heel, toe) lifts for a moment",
+    )
+    assert to_json(compare(result))["pressure"] == facts
+    assert "pressure" not in to_json(compare(made_up(duration=20.0)[0]))

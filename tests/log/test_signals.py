@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from log_cases import made_up
+from log_cases import made_up, standing
 
 from icmj.controller.design import Design
 from icmj.controller.trigger import ClockTrigger, EventRule, Faces
@@ -98,3 +98,35 @@ def test_every_series_has_a_name_and_a_colour() -> None:
         assert len(group.t) == len(group.values), group.path
         assert group.values.shape[1] == len(group.names) == len(group.colours), group.path
         assert (np.diff(group.t) >= 0).all(), group.path
+
+
+def test_what_acts_is_drawn_where_it_is_not_the_command() -> None:
+    """An actuator that passes half of what is asked for, and one that passes all but for rounding."""
+    result, _ = made_up(*CASES["three-link"])
+    u = result.simulation.u
+    most = 0.5 * np.abs(u[:, 0]).max()
+    applied = u * (1 + 1e-15)
+    applied[:, 0] = np.clip(u[:, 0], -most, most)
+    cut = replace(result, simulation=replace(result.simulation, applied=applied))
+    group = next(group for group in groups(cut) if group.path == "inputs/what_acts")
+    assert group.names == (f"{result.actual.inputs[0]}, what acts",)
+    np.testing.assert_array_equal(group.values[:, 0], applied[:, 0])
+    for whole in (result, replace(result, simulation=replace(result.simulation, applied=u))):
+        assert "inputs/what_acts" not in {group.path for group in groups(whole)}
+
+
+def test_pressure_is_drawn_with_its_jumps_at_events() -> None:
+    result = standing()
+    simulation, pressure = result.simulation, result.simulation.pressure
+    assert pressure is not None
+    found = {group.path: group for group in groups(result)}
+    for path, before, after, names in (
+        ("pressure/centre", pressure.centre[:, :1], pressure.centre_after[:, :1], ("x",)),
+        ("load/borne", pressure.load, pressure.load_after, ("heel", "toe")),
+    ):
+        group = found[path]
+        assert group.names == names
+        np.testing.assert_array_equal(group.values[np.searchsorted(group.t, simulation.t)], before)
+        late = np.searchsorted(group.t, simulation.events.t, side="right") - 1
+        np.testing.assert_array_equal(group.values[late], after)
+    np.testing.assert_array_equal(found["pressure/at_rest"].values, [[0.055], [0.055]])

@@ -15,6 +15,7 @@ from icmj.report import panels, style
 from icmj.report.pairing import paired
 from icmj.report.panels import Panel
 from icmj.report.panels.eigenvalues import shown_locus
+from icmj.simulation.pressure import Pressure
 from icmj.view.motion import reduced
 
 DEG = np.rad2deg(1)
@@ -100,6 +101,47 @@ def test_every_panel_has_its_own_letter_and_caption(name):
 def test_the_letter_on_a_panel_is_its_own(panel):
     letters = [text.get_text() for text in panel.draw(case("b0.8", "linear")).texts]
     assert letters == [f"({panel.letter})"]
+
+
+def pressed(found):
+    """The run as of a body on heel and toe, whose pressure follows its first output."""
+    simulation = found.simulation
+    at = np.searchsorted(simulation.t, simulation.events.t)
+    x = simulation.y[:, 0]
+    load = np.column_stack([300 - 1e3 * x, 300 + 1e3 * x])
+    centre = np.column_stack([x, 0 * x])
+    pressure = Pressure(
+        simulation.t, centre, np.zeros(2), ("heel", "toe"), load, np.array([300.0, 300.0]),
+        simulation.events.t, centre[at], load[at],
+    )  # fmt: skip
+    return replace(found, simulation=replace(simulation, pressure=pressure))
+
+
+def test_a_case_has_the_further_panels_that_it_has_something_for():
+    found = result("three-link", "mujoco")
+    acting, pressure = panels.MORE
+    plain = paired([found])[0]
+    assert not acting.there(plain)
+    assert not pressure.there(plain)
+    u = found.simulation.u
+    most = np.quantile(np.abs(u), 0.9)
+    facts = {**found.simulation.precision, "saturated_share": 0.1}
+    cut = replace(found, simulation=replace(found.simulation, applied=np.clip(u, -most, most), precision=facts))
+    both = paired([pressed(result("three-link")), pressed(cut)])[0]
+    assert acting.there(both)
+    assert pressure.there(both)
+    figure = acting.draw(both)
+    assert_legible(figure)
+    assert len(figure.axes) == int((np.abs(u).max(axis=0) > most).sum())
+    drawn = line(figure.axes[0], "what acts")
+    assert drawn[:, 1].max() == pytest.approx(most)
+    assert line(figure.axes[0], "command $u$")[:, 1].max() > most
+    assert acting.caption(both) == "Command and what acts: within the limits of the actuators."
+    figure = pressure.draw(both)
+    assert_legible(figure)
+    drawn = line(figure.axes[0], "linear")
+    assert drawn[:, 1].max() == pytest.approx(1e3 * both.linear.simulation.y[:, 0].max())
+    assert "is unloaded by" in pressure.caption(both)
 
 
 def test_a_panel_without_a_caption_cannot_be():

@@ -15,17 +15,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Panel:
-    """One of the panels that are drawn of every case.
+    """One of the panels of a case.
 
     Attributes:
-        letter: the paper's.
+        letter: (a) to (f) are the paper's.
         drawing: draws it from the runs of a case, without its letter.
         caption: says in words what is to be seen.
+        there: whether a case has it; the paper's six are drawn of every case.
     """
 
     letter: str
     drawing: Callable[[CaseRuns], Figure]
     caption: Callable[[CaseRuns], str]
+    there: Callable[[CaseRuns], bool] = lambda case: True
 
     def draw(self, case: CaseRuns) -> Figure:
         """The figure, with the letter on it."""

@@ -1,4 +1,4 @@
-"""The figures: six panels a case, and the amplitude law."""
+"""The figures: the panels of each case, and the amplitude law."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from icmj.report.sections.wording import verdicts
 
 
 def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]]) -> Section:
-    """The six panels of each case."""
+    """The panels of each case."""
     return Section(
         "figures",
-        "The six panels of each case",
+        "The panels of each case",
         "figures.html.j2",
         {
             "cases": [

@@ -1,0 +1,84 @@
+"""Panels (g) and (h): what acts on the inputs where it is not the command, and the centre of pressure of who stands."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+from icmj.report.panels.panel import Panel
+from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Simulation
+from icmj.view.acting import acting
+from icmj.view.timeline import latter_part, with_resets
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MM = 1e3
+SHOWN = 8  # intervals of a run under noise
+
+
+def _inputs(case: CaseRuns) -> list[int]:
+    return sorted({i for result in case.runs.values() for i in acting(result)})
+
+
+def _draw_acting(case: CaseRuns) -> Figure:
+    """(g) Command and what acts, of every input where they differ; under noise the latter part."""
+    inputs, plant = _inputs(case), case.last.actual
+    figure, stack = style.new_figure(style.TALL if len(inputs) > 1 else style.HEIGHT, len(inputs))
+    for axes, i in zip(stack, inputs, strict=True):
+        result = next(r for r in reversed(case.runs.values()) if i in acting(r))
+        simulation, k = result.simulation, result.controller.design.k[i : i + 1]
+        t, command = with_resets(simulation, simulation.u[:, i : i + 1], -simulation.events.x_o @ k.T)
+        axes.plot(t, command, label="command $u$", **style.CONTINUOUS)
+        axes.plot(simulation.t, simulation.applied[:, i], label="what acts", **style.RUN[simulation.plant])
+        axes.margins(x=0)
+        if simulation.noisy:
+            axes.set_xlim(*latter_part(simulation, SHOWN))
+        unit = plant.input_units[i] if plant.input_units else ""
+        name = plant.inputs[i] if len(inputs) > 1 else "$u$"
+        axes.set_ylabel(f"{name} ({unit})" if unit else name)
+    stack[-1].set_xlabel("$t$ (s)")
+    figure.align_ylabels(stack)
+    style.legend(figure, stack[0])
+    return figure
+
+
+def _standing(case: CaseRuns) -> dict[str, tuple[Simulation, Pressure]]:
+    runs = {plant: result.simulation for plant, result in case.runs.items()}
+    return {plant: (run, run.pressure) for plant, run in runs.items() if run.pressure is not None}
+
+
+def _draw_pressure(case: CaseRuns) -> Figure:
+    """(h) Centre of pressure against time, its place at rest dotted."""
+    found = _standing(case)
+    names = sorted({axis for _, pressure in found.values() for axis in pressure.axes}) or ["x"]
+    figure, stack = style.new_figure(style.TALL if len(names) > 1 else style.HEIGHT, len(names))
+    for axes, name in zip(stack, names, strict=True):
+        i = "xy".index(name)
+        for plant, (run, pressure) in found.items():
+            t, centre = run.t, pressure.centre
+            if len(pressure.t_after):
+                t, centre = with_resets(run, centre, pressure.centre_after)
+            axes.plot(t, MM * centre[:, i], label=style.NAME[plant], **style.RUN[plant])
+        axes.axhline(MM * pressure.at_rest[i], label="at rest", **style.CRITICAL)
+        axes.margins(x=0)
+        axes.set_ylabel(f"centre of pressure, ${name}$ (mm)")
+    stack[-1].set_xlabel("$t$ (s)")
+    style.legend(figure, stack[0])
+    return figure
+
+
+def _acting_caption(case: CaseRuns) -> str:
+    limits = any(float(r.simulation.precision.get("saturated_share", 0.0)) > 0 for r in case.runs.values())
+    return "Command and what acts: " + ("within the limits of the actuators." if limits else "with the disturbance.")
+
+
+def _pressure_caption(case: CaseRuns) -> str:
+    *_, (_, pressure) = _standing(case).values()
+    return f"Centre of pressure; {pressure.words[-1]}."
+
+
+ACTING = Panel("g", _draw_acting, _acting_caption, lambda case: bool(_inputs(case)))
+PRESSURE = Panel("h", _draw_pressure, _pressure_caption, lambda case: bool(_standing(case)))
