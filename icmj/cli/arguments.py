@@ -18,8 +18,8 @@ class Study(Overrides):
     Example: icmj study --out runs/out
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]] = (Path("runs"),)
-    """Run files, or folders of them."""
+    runs: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Run files, folders of them, or names of shipped cases. None: the folder runs, or else all shipped cases."""
     out: Path = Path("runs/out")
     """Folder for the outputs."""
     jobs: int | None = None
@@ -32,11 +32,11 @@ class Study(Overrides):
 class Analyse(Overrides):
     """Predict from the linear theory: critical interval, eigenvalue, cycle, amplitude, all crossings.
 
-    Example: icmj analyse runs/simple-0.8.toml --json
+    Example: icmj analyse simple-0.8 --json
     """
 
     run: tyro.conf.Positional[Path]
-    """Run file."""
+    """Run file, or the name of a shipped case."""
     json: bool = False
     """Print JSON instead of a table."""
 
@@ -45,11 +45,11 @@ class Analyse(Overrides):
 class Run(Overrides):
     """Simulate one case, write its log and say what it did.
 
-    Example: icmj run runs/three-link-0.9.toml --plant mujoco
+    Example: icmj run three-link-0.9 --plant mujoco --set actual.gain=0.85
     """
 
     run: tyro.conf.Positional[Path]
-    """Run file."""
+    """Run file, or the name of a shipped case."""
     plant: Literal["linear", "mujoco"] = "mujoco"
     """Plant to simulate."""
     out: Path = Path("runs/out")
@@ -92,11 +92,11 @@ class Replay:
 class Linearise:
     """Linearise any MJCF model by centred finite differences: A, B, C, poles, names.
 
-    Example: icmj linearise models/three_link.xml --keyframe upright
+    Example: icmj linearise three_link --keyframe upright
     """
 
     model: tyro.conf.Positional[Path]
-    """MJCF file."""
+    """MJCF file, or the name of a shipped model."""
     keyframe: str | None = None
     """Operating point; the reference configuration by default."""
     operating_point: Literal["as given", "static control", "balance"] = "as given"
@@ -113,11 +113,11 @@ class Linearise:
 class Person:
     """Write the three-link model of a person of another height and mass.
 
-    Example: icmj person models/three_link.xml --height 1.65 --mass 60 --out person.xml
+    Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
     """
 
     model: tyro.conf.Positional[Path]
-    """MJCF file with bodies shank, thigh and trunk."""
+    """MJCF file with bodies shank, thigh and trunk, or the name of a shipped model."""
     height: float = 1.80
     """[m]"""
     mass: float = 80.0

@@ -167,9 +167,10 @@ def person(command: arguments.Person) -> None:
     from icmj.base.files import write_text
     from icmj.engine.model import load_spec
     from icmj.plant.person import Person
+    from icmj.runfile.shipped import model_file
 
     measures = Person(command.height, command.mass)
-    spec = load_spec(command.model, person=measures)
+    spec = load_spec(model_file(command.model), person=measures)
     write_text(command.out, spec.to_xml())
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
     OUT.print(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
@@ -183,11 +184,12 @@ def linearise(command: arguments.Linearise) -> None:
     from icmj.engine.plant import load_plant
     from icmj.plant.operating import OperatingRule
     from icmj.plant.selection import Selection
+    from icmj.runfile.shipped import model_file
 
     outputs = "joints" if command.outputs == ("joints",) else command.outputs or None
     with Working(f"linearising {command.model.name}", ERR):
         loaded = load_plant(
-            command.model,
+            model_file(command.model),
             keyframe=command.keyframe,
             selection=Selection(outputs=outputs),
             operating=OperatingRule(command.operating_point, command.free),

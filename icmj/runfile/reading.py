@@ -9,23 +9,27 @@ from typing import Any
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shipped import RUNS
 
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 
 
 def load_run(path: Path | str) -> RunFile:
-    """Read and validate a run file.
+    """Read and validate a run file; the bare name of a shipped case, such as three-link-0.9, stands for its run file.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
     path = Path(path)
     try:
+        path = RUNS.meant(path)
         if path.exists() and not path.is_file():
             # a pipe would be waited on for ever
             raise RunFileError(f"{path}: cannot be read: not a file")
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
+    except FileNotFoundError as error:
+        raise RunFileError(f"{path}: cannot be read: {error.strerror}{RUNS.near(path)}") from error
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:  # a name with a zero byte in it

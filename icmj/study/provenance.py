@@ -8,12 +8,14 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
+from icmj.base.version import VERSION
+
+PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
 
 
 def provenance(folder: Path) -> dict[str, str]:
     """Facts that let someone repeat a run; ``folder`` is where the run file lies, its git state is taken."""
-    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds")}
+    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION}
     for package in PACKAGES:
         try:
             facts[package] = version(package)

@@ -14,6 +14,7 @@ from icmj.errors import LogError, ReportError, RunFileError, SimulationError
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shipped import RUNS
 from icmj.study.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
+HERE = Path("runs")
 AFTER_INTERRUPT = 30.0  # [s] of continuous control beside a run that was interrupted: enough to see it settle
 
 
@@ -46,17 +48,17 @@ class Outputs:
 
 
 def find_runs(paths: Sequence[Path], changes: Sequence[str] = ()) -> tuple[RunFile, ...]:
-    """Load run files; a folder stands for all ``*.toml`` in it.
+    """Load run files; a folder stands for all ``*.toml`` in it, a bare name for a shipped case.
 
     Args:
-        paths: files and folders.
+        paths: files, folders and names; none stand for the folder ``runs``, or for all shipped cases where it has none.
         changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.overrides.overridden`.
 
     Raises:
         RunFileError: if there is none, one is not valid, or two have the same case name.
     """
     files: list[Path] = []
-    for path in paths:
+    for path in paths or [HERE if any(HERE.glob("*.toml")) else RUNS.folder]:
         found = sorted(path.glob("*.toml")) if path.is_dir() else [path]
         if not found:
             raise RunFileError(f"{path}: no run file (*.toml) in this folder")
