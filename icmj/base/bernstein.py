@@ -71,13 +71,28 @@ def first_root(powers: Array) -> float | None:
 
 
 def _bracketed(powers: Array, start: float, end: float) -> float:
-    from scipy.optimize import brentq
+    """The root between a negative value and a positive one, to round-off: Newton's steps, halves where these are slow.
 
+    SciPy's ``brentq`` finds the same, after an import that takes longer than a whole run.
+    """
     if evaluate(powers, start) >= 0:
         return start
     if evaluate(powers, end) <= 0:
         return end
-    return float(brentq(lambda theta: evaluate(powers, theta), start, end, xtol=1e-16, rtol=4 * np.finfo(float).eps))
+    slopes = powers[1:] * np.arange(1, len(powers))
+    theta, step = (start + end) / 2, end - start
+    while True:
+        value, slope = evaluate(powers, theta), evaluate(slopes, theta)
+        if value < 0:
+            start = theta
+        else:
+            end = theta
+        last, step = step, value / slope if slope > 0 else np.inf
+        if not start < theta - step < end or abs(2 * step) > abs(last):
+            step = theta - (start + end) / 2
+        if value == 0 or abs(step) <= 1e-16 or theta - step == theta:
+            return theta - (step if value else 0.0)
+        theta -= step
 
 
 def largest(powers: Array, end: float = 1.0) -> float:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.optimize import least_squares
 
 from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
@@ -190,6 +189,8 @@ class _Search:
             found = self.forces(z)
             strain = effort * self.size * (found.actuator - self.wanted)
             return np.concatenate([self.residual(found), strain, stay * (part - about)])
+
+        from scipy.optimize import least_squares
 
         nv, nu, tight = self.model.nv, self.model.nu, 1e-15
         low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)

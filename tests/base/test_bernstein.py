@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
+from scipy.optimize import brentq
 
 from icmj.base.bernstein import evaluate, first_root, from_powers, largest
 
@@ -81,3 +82,12 @@ def test_largest_is_that_of_a_dense_scan():
             scan = np.polyval(a[::-1], theta * end).max()
             exact = largest(a, end)
             assert scan - 1e-15 <= exact <= scan + 1e-7
+
+
+def test_a_root_is_brents_to_round_off():
+    random, rounding = np.random.default_rng(3), np.finfo(float).eps
+    for _ in range(200):
+        steep, at = 10 ** random.uniform(-3, 2), random.uniform(0, 1)
+        p = Polynomial([-at, 1.0]) * Polynomial([steep, *random.uniform(0, 1, 12)])  # rises through its only root
+        root = brentq(p, 0.0, 1.0, xtol=1e-16, rtol=4 * rounding)
+        assert first_root(p.coef) == pytest.approx(root, abs=8 * rounding * np.abs(p.coef).max() / p.deriv()(at))

@@ -28,6 +28,20 @@ def test_help_imports_nothing_heavy():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("command", "file"), [("analyse", "runs/simple-0.8.toml"), ("linearise", "models/three_link.xml")]
+)
+def test_a_command_loads_only_what_it_needs(root, command, file):
+    script = (
+        f"import sys\nfrom icmj.cli.main import main\nassert main([{command!r}, {str(root / file)!r}]) == 0\n"
+        "heavy = {'control', 'matplotlib', 'rerun', 'pyarrow', 'numba', 'jinja2'}\n"
+        "heavy |= {f'scipy.{part}' for part in ('optimize', 'signal', 'stats', 'interpolate', 'sparse')}\n"
+        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_analyse_json_is_the_contract(root, capsys):
     assert main(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -2,6 +2,7 @@
 
 import contextlib
 
+import control
 import numpy as np
 import pytest
 
@@ -29,6 +30,19 @@ def test_observer_is_the_dual_of_the_regulator():
     dual = LinearPlant(PENDULUM.A.T, PENDULUM.C.T, PENDULUM.B.T)
     one, other = design_lq(PENDULUM, R_o=0.02), design_lq(dual, R_c=0.02)
     np.testing.assert_allclose(one.L, other.k.T, rtol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gains_are_those_of_python_control_to_the_bit(seed):
+    rng = np.random.default_rng(seed)
+    n, n_u, n_y = rng.integers(1, 9), rng.integers(1, 4), rng.integers(1, 4)
+    plant = LinearPlant(rng.normal(size=(n, n)), rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n)))
+    R_c, R_o = np.diag(rng.uniform(1e-6, 2, n_u)), np.diag(rng.uniform(1e-6, 2, n_y))
+    design = design_lq(plant, R_c=R_c, R_o=R_o)
+    k, _, _ = control.lqr(plant.A, plant.B, plant.C.T @ plant.C, R_c, method="scipy")
+    L, _, _ = control.lqe(plant.A, np.eye(n), plant.C, plant.B @ plant.B.T, R_o, method="scipy")
+    assert np.array_equal(design.k, k)
+    assert np.array_equal(design.L, L)
 
 
 @pytest.mark.parametrize("seed", range(20))
