@@ -1,13 +1,17 @@
-"""Put on a backpack that the controller does not know of: mass, balance and inertia of the trunk are wrong.
+"""A backpack that the controller does not know of
+===============================================
 
-Run from the folder of the checkout: python examples/backpack.py
+Mass, balance and inertia of the trunk are wrong, and the ankle finds where the load is balanced.
 """
 
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 import icmj
+
+CHECKOUT = Path(__file__).resolve().parents[1]
 
 TRUNK, COM, INERTIA = 54.24, np.array([0.0, 0.0, 0.32452]), 3.58602  # kg, m, kg m²
 WHERE = np.array([-0.15, 0.0, 0.35])  # of the backpack above the hip: behind the back
@@ -41,10 +45,22 @@ def backpack(load: float) -> str:
     )
 
 
+predicted = {}
 for load in (5.0, 10.0, 15.0):
-    case = icmj.prepare(icmj.parse_run(RUN + backpack(load), Path("backpack.toml")))
+    case = icmj.prepare(icmj.parse_run(RUN + backpack(load), CHECKOUT / "backpack.toml"))
     lean = np.degrees(case.actual.linearisation.point.qpos[0])
     prediction = case.prediction
+    predicted[load] = prediction.delta_crit
     print(f"{load:4.0f} kg: leans {lean:.2f}°, predicted {prediction.delta_crit:.4f} s, {prediction.verdict}")
 run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
+
+# %%
+# The heavier the load, the shorter the interval; the cycle of the heaviest is seen to settle.
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
+left.plot(predicted.keys(), predicted.values(), "o-", color="#0072b2")
+left.set(xlabel="load (kg)", ylabel=r"predicted $\Delta_{crit}$ (s)")
+right.plot(run.t, np.degrees(run.y), linewidth=0.8, label=case.actual.linearisation.plant.outputs)
+right.set(xlabel="$t$ (s)", ylabel="segment angle (deg)", title=f"{load:.0f} kg", xlim=(0, 12))
+right.legend()
+plt.show()

@@ -1,9 +1,14 @@
-"""Balance a pole on a ball joint in three dimensions: arms spread, so that it falls slower sideways."""
+"""A pole on a ball joint, in three dimensions
+===========================================
+
+Its arms are spread, so that it falls slower sideways than forwards.
+"""
 
 import tempfile
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -38,6 +43,14 @@ print("poles:", np.round(np.sort(np.linalg.eigvals(case.actual.linearisation.pla
 prediction = case.prediction
 print(f"predicted interval {prediction.delta_crit:.6f} s, {prediction.verdict}")
 start = case.system.to_original(case.system.T_bar @ prediction.orbit.x_bar)
-for plant in ("linear", "mujoco"):
+figure, axes = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
+for plant, look in (("linear", {"linewidth": 4, "color": "#9bd0f0"}), ("mujoco", {"linewidth": 1, "color": "#a03c00"})):
     run = icmj.simulate(case, plant, start=(start[:6], start[6:12]), duration=10 * prediction.delta_crit)
     print(f"{plant:7s} first interval {run.events.interval[0]:.6f} s")
+    axes.plot(2 * np.degrees(run.y[:, 0]), 2 * np.degrees(run.y[:, 1]), label=plant, **look)
+
+# %%
+# Pitch against roll: the pole sways in a plane of its own choice.
+axes.set(xlabel="roll (deg)", ylabel="pitch (deg)")
+axes.legend()
+plt.show()

@@ -1,17 +1,18 @@
-"""How the critical interval moves with a neural delay, known to the controller or mistaken by a tenth.
+"""A neural delay, known or mistaken
+=================================
 
-Run from the folder of the checkout: python examples/delay.py --picture delay.png --points 25
+How the critical interval moves with a delay that the controller knows, or is wrong about by a tenth.
+
+For the picture of the page on delays: ``python examples/delay.py --picture delay.png --points 25``.
 """
 
 import argparse
+from pathlib import Path
 
-import matplotlib
 import numpy as np
+from matplotlib import pyplot as plt
 
 import icmj
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 CASES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1")
 
@@ -32,7 +33,7 @@ def unbroken(values):
 figure, stack = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 for axes, system in zip(stack, ("simple", "three-link"), strict=True):
     for name in [name for name in CASES if name.startswith(system)]:
-        case = icmj.prepare(icmj.load_run(f"runs/{name}.toml"))
+        case = icmj.prepare(icmj.load_run(Path(__file__).resolve().parents[1] / "runs" / f"{name}.toml"))
         plant, controller = case.actual.linearisation.plant, case.controller
         colour = None  # the first curve's is that of the case
         for mistake, style in ((1.0, "-"), (1.1, "--"), (0.9, ":")):
@@ -53,3 +54,4 @@ for axes, system in zip(stack, ("simple", "three-link"), strict=True):
 figure.suptitle("solid: delay known; dashed: assumed 10 % too long; dotted: 10 % too short", fontsize=9)
 if given.picture:
     figure.savefig(given.picture, dpi=150)
+plt.show()

@@ -1,13 +1,17 @@
-"""Push the standing person of a run file and watch the open-loop intervals recover.
+"""A push in mid-stance
+====================
 
-Run from the folder of the checkout: python examples/disturbed_stance.py
+A standing person is pushed at the ankle, and the open-loop intervals recover.
 """
 
 from pathlib import Path
 
+import numpy as np
+from matplotlib import pyplot as plt
+
 import icmj
 
-path = Path("runs/three-link-0.9.toml")
+path = Path(__file__).resolve().parents[1] / "runs" / "three-link-0.9.toml"
 push = """
 [[simulation.disturbance]]
 kind = "impulse"                # N m s at the ankle, spread over 50 ms
@@ -15,10 +19,21 @@ input = "ankle_torque"
 size = 0.5
 start = 15.0
 """
-run = icmj.parse_run(path.read_text(encoding="utf-8") + push, path)
-case = icmj.prepare(run)
-simulation = icmj.simulate(case, "mujoco")
-for t, interval in zip(simulation.events.t, simulation.events.interval, strict=True):
+run_file = icmj.parse_run(path.read_text(encoding="utf-8") + push, path)
+case = icmj.prepare(run_file)
+run = icmj.simulate(case, "mujoco")
+for t, interval in zip(run.events.t, run.events.interval, strict=True):
     if t > 12:
         print(f"{t:7.3f} s   interval {interval:.4f} s   {'#' * round(60 * interval)}")
-print(icmj.measure(simulation, T_hat=case.system.T_hat).words)
+print(icmj.measure(run, T_hat=case.system.T_hat).words)
+
+# %%
+# The push throws the intervals out of step; some events later they are at the critical one again.
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.4), sharex=True, layout="constrained")
+top.plot(run.t, np.degrees(run.y), linewidth=0.9, label=case.actual.linearisation.plant.outputs)
+top.set(ylabel="segment angle (deg)")
+top.legend(ncols=3)
+bottom.step(run.events.t, run.events.interval, where="pre", color="#a03c00")
+bottom.axhline(case.prediction.delta_crit, color="black", linestyle=":")
+bottom.set(xlabel="$t$ (s)", ylabel=r"$\Delta_{ol}$ (s)", xlim=(8, 30), ylim=(0, 1.2))
+plt.show()

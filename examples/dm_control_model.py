@@ -1,10 +1,15 @@
-"""Balance the cart-pole of dm_control: its file as it is, and what its actuator lets through."""
+"""The cart-pole of dm_control
+===========================
+
+Its file as it is, and what its actuator lets through.
+"""
 
 import importlib.util
 import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -27,3 +32,12 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 saturated = run.precision["saturated_share"]
 print(f"control up to {np.abs(run.applied).max():.4f} of a range of 1, saturated {saturated:.0%}")
+
+# %%
+# Cart and pole over the last four seconds.
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
+late = run.t > run.t[-1] - 4
+for axes, i, label, factor in ((left, 0, "cart (mm)", 1e3), (right, 1, "pole (mrad)", 1e3)):
+    axes.plot(run.t[late], factor * run.y[late, i], color="#a03c00")
+    axes.set(xlabel="$t$ (s)", ylabel=label)
+plt.show()

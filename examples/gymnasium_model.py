@@ -1,8 +1,14 @@
-"""Balance gymnasium's inverted pendulum: its file as it is, five lines for the rest."""
+"""The inverted pendulum of gymnasium
+==================================
+
+Its file as it is, and five lines for the rest.
+"""
 
 import importlib.util
 import sys
 from pathlib import Path
+
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -25,3 +31,12 @@ print(f"rests at a lean of {case.actual.linearisation.point.qpos[1]:.6f} rad")
 print(f"predicted interval {case.prediction.delta_crit:.6f} s, {case.prediction.verdict}")
 run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
+
+# %%
+# Growing open-loop intervals until the cycle is reached.
+figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
+axes.plot(run.events.t, run.events.interval, "o-", color="#a03c00", label="measured")
+axes.axhline(case.prediction.delta_crit, color="black", linestyle=":", label="predicted")
+axes.set(xlabel="$t$ (s)", ylabel=r"$\Delta_{ol}$ (s)", ylim=(0, None))
+axes.legend()
+plt.show()

@@ -1,11 +1,13 @@
-"""Stand with a lean: the operating point is a pose, and the torques that hold it are found.
+"""Standing with a lean
+====================
 
-Run from the folder of the checkout: python examples/lean.py
+The operating point is a pose, and the torques that hold it are found.
 """
 
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -16,7 +18,7 @@ actual = { gain = 0.9 }
 design = { R_c = 5e-7, R_o = 2e-7 }
 controller = { q_t = 0.002 }
 """
-case = icmj.prepare(icmj.parse_run(LEAN, Path("lean.toml")))
+case = icmj.prepare(icmj.parse_run(LEAN, Path(__file__).resolve().parents[1] / "lean.toml"))
 point = case.actual.linearisation
 for name, torque in zip(point.plant.inputs, point.point.ctrl, strict=True):
     print(f"{name:13s} {torque:8.2f} N m hold the lean")
@@ -27,3 +29,13 @@ run = icmj.simulate(case, "mujoco", start=(start[:6], start[6:12]))
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 ankle = run.applied[:, 0]
 print(f"about it the ankle's torque moves from {np.min(ankle):+.2f} to {np.max(ankle):+.2f} N m")
+
+# %%
+# The ankle's torque swings about what holds the lean.
+figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
+late = run.t > run.t[-1] - 4
+axes.plot(run.t[late], ankle[late], color="#a03c00")
+axes.axhline(point.point.ctrl[0], color="black", linestyle=":", label="holds the lean")
+axes.set(xlabel="$t$ (s)", ylabel="ankle torque (N m)")
+axes.legend()
+plt.show()

@@ -1,7 +1,13 @@
-"""Stand by two muscles that can only pull: their tone is the operating point, and their activation a state."""
+"""Two muscles that can only pull
+==============================
+
+Their tone is the operating point, and their activation a state.
+"""
 
 import tempfile
 from pathlib import Path
+
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -43,3 +49,12 @@ for notice in case.notices:
 print(f"predicted interval {case.prediction.delta_crit:.6f} s, {case.prediction.verdict}")
 run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
+
+# %%
+# What the two muscles are asked for: departures from their tone, of opposite sign.
+figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
+late = run.t > run.t[-1] - 5
+axes.plot(run.t[late], run.applied[late], label=plant.inputs)
+axes.set(xlabel="$t$ (s)", ylabel="excitation (1)")
+axes.legend()
+plt.show()

@@ -1,6 +1,11 @@
-"""Predict and simulate the intermittent control of a plant of your own, given as a transfer function."""
+"""A plant of your own
+===================
+
+Given as a transfer function: predicted, simulated and measured without a model file.
+"""
 
 import control
+from matplotlib import pyplot as plt
 
 import icmj
 
@@ -19,3 +24,13 @@ controller = icmj.Controller(design, icmj.system_matched(design), trigger)
 run = icmj.simulate_plant(actual, controller, icmj.Settings(duration=40.0), x0=[0.01, 0.0])
 motion = icmj.measure(run, T_hat=system.T_hat)
 print(motion.words)
+
+# %%
+# The output over the run, and the interval that it settles on.
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.2), sharex=True, layout="constrained")
+top.plot(run.t, run.y, color="#0072b2")
+top.set(ylabel="$y$")
+bottom.plot(run.events.t, run.events.interval, "o", markersize=4, color="#0072b2")
+bottom.axhline(prediction.delta_crit, color="black", linestyle=":")
+bottom.set(xlabel="$t$ (s)", ylabel=r"$\Delta_{ol}$ (s)", ylim=(0, None))
+plt.show()

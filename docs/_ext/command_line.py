@@ -1,0 +1,47 @@
+"""``{commands}``: the help of every command, as the program prints it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import get_args
+
+from docutils import nodes
+from docutils.statemachine import StringList
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+
+class Commands(SphinxDirective):
+    """A section for each command of ``icmj``."""
+
+    def run(self) -> list[nodes.Node]:
+        lines: list[str] = []
+        for name in _names():
+            lines += [f"## icmj {name}", "", "```text", *_help(name), "```", ""]
+        holder = nodes.section()
+        holder.document = self.state.document
+        self.state.nested_parse(StringList(lines, "commands"), self.content_offset, holder, match_titles=True)
+        return holder.children
+
+
+def _names() -> list[str]:
+    """The commands in the order of the program's own help."""
+    from icmj.cli import arguments
+
+    return [next(m.name for m in each.__metadata__ if getattr(m, "name", None)) for each in get_args(arguments.Command)]
+
+
+def _help(name: str) -> list[str]:
+    plain = os.environ | {"COLUMNS": "96", "NO_COLOR": "1", "TERM": "dumb", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "icmj.cli", name, "--help"], capture_output=True, text=True, check=True, env=plain
+    )
+    return [line.rstrip() for line in done.stdout.strip().splitlines()]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Offer the directive to Sphinx."""
+    app.add_directive("commands", Commands)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

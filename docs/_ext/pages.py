@@ -1,0 +1,24 @@
+"""No page is lost: one that the index does not name is listed where it says "(every other page)"."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+PLACE = "(every other page)"
+
+
+def list_the_rest(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put the pages that are not named in the place of the words."""
+    if docname == "index":
+        named = set(re.findall(r"^(\w+)$", source[0], flags=re.M)) | {"index"}
+        others = [path.stem for path in sorted(Path(app.srcdir).glob("*.md")) if path.stem not in named]
+        source[0] = source[0].replace(PLACE, "\n".join(others))
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Listen for the index being read."""
+    app.connect("source-read", list_the_rest)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
