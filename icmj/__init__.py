@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from icmj.controller.design import Design, design_lq
     from icmj.controller.hold import Hold, system_matched, zero_order
     from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, EventTrigger, output_weight
+    from icmj.cycle.cycle import Cycle, find_cycle
     from icmj.engine.accuracy import choose_timestep
     from icmj.engine.deviation import Deviation
     from icmj.engine.plant import MujocoPlant, load_plant
@@ -92,6 +93,7 @@ _HOMES = {
         "EventTrigger",
         "output_weight",
     ),
+    "icmj.cycle.cycle": ("Cycle", "find_cycle"),
     "icmj.engine.accuracy": ("choose_timestep",),
     "icmj.engine.deviation": ("Deviation",),
     "icmj.engine.plant": (
@@ -186,6 +188,7 @@ __all__ = [
     "Comparison",
     "Continuous",
     "Controller",
+    "Cycle",
     "Delay",
     "Design",
     "Deviation",
@@ -222,6 +225,7 @@ __all__ = [
     "continuous_limit",
     "design_lq",
     "error_system",
+    "find_cycle",
     "load_plant",
     "load_run",
     "measure",

@@ -34,6 +34,10 @@ class SimulationError(IcmjError):
     """A simulation cannot be started with these arguments."""
 
 
+class CycleError(IcmjError):
+    """There is no such cycle, and why, or a branch of cycles cannot be followed."""
+
+
 class LogError(IcmjError):
     """A log cannot be written or read, or does not hold what was asked of it."""
 

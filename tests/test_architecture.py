@@ -16,7 +16,7 @@ FLOORS = (
     ("theory", "simulation"),
     ("linear", "engine", "measurement", "runfile"),
     ("case", "result"),
-    ("experiment", "comparison", "view"),
+    ("cycle", "experiment", "comparison", "view"),
     ("log", "report"),
     ("study",),
     ("cli",),

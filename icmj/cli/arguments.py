@@ -59,6 +59,23 @@ class Run(Overrides):
 
 
 @dataclass(frozen=True)
+class Cycle(Overrides):
+    """Find the periodic orbit itself, attracting or not, with its multipliers, by Newton's method.
+
+    Example: icmj cycle runs/simple-1.7.toml --plant mujoco
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run file."""
+    plant: Literal["linear", "mujoco"] = "mujoco"
+    """Plant that moves."""
+    start: Literal["auto", "prediction", "simulation"] = "auto"
+    """First guess: the linear prediction (if there is an orbit, by default), or the end of the run file's run."""
+    json: bool = False
+    """Print JSON instead of a table."""
+
+
+@dataclass(frozen=True)
 class Report:
     """Build the comparison report from logs alone.
 
@@ -130,6 +147,7 @@ Command = (
     Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[Analyse, tyro.conf.subcommand("analyse")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Cycle, tyro.conf.subcommand("cycle")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]

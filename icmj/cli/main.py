@@ -74,6 +74,7 @@ def _obey(arguments: list[str]) -> int:
             command = parse(arguments)
         except SystemExit as stop:
             return stop.code if isinstance(stop.code, int) else BAD_INPUT
+        import icmj.cli.cycles  # noqa: F401, for the commands that it registers
         from icmj.cli import commands
 
         try:

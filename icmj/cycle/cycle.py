@@ -1,0 +1,240 @@
+"""A cycle of the simulated loop: found directly, attracting or not, with its multipliers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.base.array import Array
+from icmj.case.case import Case
+from icmj.cycle.guess import Guess, from_prediction, from_simulation
+from icmj.cycle.jacobian import jacobian, multipliers
+from icmj.cycle.newton import CLOSED, Closed, newton, shortest
+from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
+from icmj.errors import CycleError
+
+Start = Literal["auto", "prediction", "simulation"]
+LONGEST = 20.0  # of the first guess's intervals: a flight this long without an event does not come back
+_SAME = 1e-7  # relative: a state that closes this well after fewer events shows the shorter period
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A periodic orbit of the event-driven loop.
+
+    Attributes:
+        plant: ``linear`` or ``mujoco``.
+        events: per period; a mirrored cycle has twice those of ``intervals``.
+        mirrored: whether its second half is the first with opposite sign.
+        intervals: open-loop intervals over the period, or over its first half if it is mirrored [s], shape (p,).
+        period: after which the state repeats [s].
+        states: z = (x, x_o), with a delay (x, x_o, x_h), at the event that begins each interval, departures from the
+            operating point; shape (p, N).
+        scale: size of each state on the cycle, shape (N,); what closure and differences are relative to.
+        y_peak: largest magnitude of every output over the period, shape (n_y,).
+        y_range: peak to peak over the period, shape (n_y,).
+        J: derivative of the return map over ``intervals``, shape (N, N); −P is what returns on a mirrored cycle, the
+            derivative is that of P, as in the linear theory.
+        multipliers: its eigenvalues by falling magnitude, shape (N,).
+        multiplier_errors: how wrong each may be, shape (N,).
+        closure: largest |±P(z) − z| relative to ``scale``.
+        history: closures of Newton's iterates, the first guess first.
+        interval_error: what the step of the integrator does to the mean interval, relative; 0 on the linear plant.
+        neutral: directions in which it is not isolated, whose multipliers are ±1.
+    """
+
+    plant: PlantKind
+    events: int
+    mirrored: bool
+    intervals: Array
+    period: float
+    states: Array
+    scale: Array
+    y_peak: Array
+    y_range: Array
+    J: Array
+    multipliers: NDArray[np.complex128]
+    multiplier_errors: Array
+    closure: float
+    history: tuple[float, ...]
+    interval_error: float = 0.0
+    neutral: int = 0
+
+    @property
+    def sign(self) -> int:
+        """−1 for a mirrored cycle, else +1."""
+        return -1 if self.mirrored else 1
+
+    @property
+    def interval(self) -> float:
+        """Mean open-loop interval [s]."""
+        return float(self.intervals.mean())
+
+    @property
+    def isolated(self) -> NDArray[np.complex128]:
+        """The multipliers without those of neutral modes."""
+        if not self.neutral:
+            return self.multipliers
+        gap = np.abs(self.multipliers - self.sign)
+        return self.multipliers[np.sort(np.argsort(gap)[self.neutral :])]
+
+    @property
+    def attracting(self) -> bool:
+        """Whether every multiplier is inside the unit circle, modulo neutral modes."""
+        return bool(np.abs(self.isolated).max(initial=0.0) < 1)
+
+    @property
+    def name(self) -> str:
+        """Such as ``mirrored period-2 cycle``."""
+        return f"{'mirrored ' if self.mirrored else ''}period-{self.events} cycle"
+
+    @property
+    def words(self) -> str:
+        """One sentence for people."""
+        kind = "attracting" if self.attracting else "repelling"
+        rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
+        neutral = f", modulo {self.neutral} neutral" if self.neutral else ""
+        return (
+            f"An {kind} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest multiplier "
+            f"{abs(self.isolated[0]):.4g}{neutral}."
+        ).replace("An repelling", "A repelling")
+
+
+def find_cycle(
+    case: Case,
+    plant: PlantKind = "mujoco",
+    *,
+    start: Start | Guess = "auto",
+    size: float | None = None,
+    limit: float | None = None,
+    refinement: float = 1.0,
+    threads: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Cycle:
+    """The cycle of a case that is nearest to a first guess, by Newton on the return map.
+
+    Args:
+        case: the case.
+        plant: ``linear`` or ``mujoco``.
+        start: the first guess: the linear ``prediction``, the end of a ``simulation`` as the run file has it, a guess
+            of one's own, or ``auto``: the prediction if it has an orbit, else the simulation.
+        size: threshold instead of the case's [unit of the weighted state].
+        limit: on positions, instead of the run file's [rad or m].
+        refinement: factor on the timestep.
+        threads: that take differences at once.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        CycleError: if there is no cycle near the guess, and why, or something acts on the loop that changes in time.
+        SimulationError: if a flight cannot be prepared.
+    """
+    rule = case.rule if size is None else case.rule.resized(size)
+    settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
+    actual = case.actual.linearisation.plant if plant == "linear" else case.actual
+    loop = ReturnMap(actual, case.controller.triggered_by(rule), settings).refined(refinement)
+    orbit = case.prediction.orbit
+    if start == "auto":
+        start = "prediction" if orbit is not None and np.isfinite(orbit.gamma) else "simulation"
+    if start == "prediction":
+        guess = from_prediction(case, loop, rule.size)
+    elif start == "simulation":
+        guess = from_simulation(loop, case.system.T_hat, progress)
+    else:
+        guess = start
+    loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))
+    try:
+        return exact(loop, guess, threads=threads)
+    except CycleError as error:
+        why = f"; of the predicted orbit: {orbit.reason}" if orbit and orbit.reason and start == "prediction" else ""
+        raise CycleError(f"{case.run.path}: {error}{why}") from error
+
+
+def exact(loop: ReturnMap, guess: Guess, *, threads: int = 1, closed: float = CLOSED) -> Cycle:
+    """The cycle nearest to ``guess``, with multipliers by differences of flights.
+
+    Raises:
+        CycleError: if there is none.
+    """
+    p, sign = guess.p, guess.sign
+    scale = guess.scale
+
+    def derivative(z: Array) -> Array:
+        return jacobian(loop, z, scale, p, threads=threads).J
+
+    found = newton(loop, guess.z, scale, derivative, p=p, sign=sign, closed=closed)
+    if any(loop.collapsed(interval) for interval in found.turn.intervals):
+        least = loop.controller.least
+        raise CycleError(f"no cycle that the event rule makes: an interval has fallen to the least one, {least:g} s")
+    found, p, sign = _shortest_period(loop, found, p, sign, scale)
+    return described(loop, found, p, sign, scale, threads=threads)
+
+
+def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
+    """What there is to know of a cycle that has closed."""
+    J = jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
+    values, errors = multipliers(J, scale)
+    peak, spread = extent(found.turn, sign)
+    return Cycle(
+        plant=loop.kind,
+        events=p if sign > 0 else 2 * p,
+        mirrored=sign < 0,
+        intervals=found.turn.intervals,
+        period=float(found.turn.intervals.sum() * (1 if sign > 0 else 2)),
+        states=found.turn.states,
+        scale=scale,
+        y_peak=peak,
+        y_range=spread,
+        J=J.J,
+        multipliers=values,
+        multiplier_errors=errors,
+        closure=found.closure,
+        history=found.history,
+        interval_error=_interval_error(loop, found, p, sign, scale, J.J),
+        neutral=found.neutral,
+    )
+
+
+def extent(turn: Turn, sign: int) -> tuple[Array, Array]:
+    """Peak magnitude and peak to peak of the outputs over the whole period, shapes (n_y,)."""
+    peak = np.maximum(np.abs(turn.y_max), np.abs(turn.y_min))
+    return peak, (turn.y_max - turn.y_min if sign > 0 else 2 * peak)
+
+
+def _interval_error(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, J: Array) -> float:
+    """Relative error of the mean interval that the integrator's step makes: what half the step changes of the cycle.
+
+    The cycle at half the step is one Newton step away, with the same derivative.
+    """
+    if loop.kind == "linear":
+        return 0.0
+    finer = loop.refined(0.5)
+    try:
+        turn = finer.turn(found.z, p)
+        step, _ = shortest(
+            (sign * J - np.eye(len(J))) * (scale[None, :] / scale[:, None]), (found.z - sign * turn.end) / scale
+        )
+        turn = finer.turn(found.z + step * scale, p)
+    except Lost:
+        return float("nan")
+    return float(abs(turn.intervals.mean() / found.turn.intervals.mean() - 1) * 16 / 15)
+
+
+def _shortest_period(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array) -> tuple[Closed, int, int]:
+    """The same cycle with as few intervals as it closes after."""
+    states, mirror = found.turn.states, loop.odd(found.z, scale)
+    for q in range(1, p + 1):
+        for s in (1, -1):
+            if (q, s) == (p, sign) or p % q or (s < 0 and not mirror):
+                continue
+            if (q < p and s ** (p // q) != sign) or (q == p and not (sign > 0 > s)):
+                continue
+            closing = states[q] if q < p else found.turn.end
+            if np.abs(s * closing - found.z).max() < _SAME * np.abs(found.z).max():
+                turn = loop.turn(found.z, q)
+                closure = float((np.abs(s * turn.end - found.z) / scale).max())
+                return replace(found, turn=turn, closure=closure), q, s
+    return found, p, sign

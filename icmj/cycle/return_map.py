@@ -1,0 +1,159 @@
+"""The return map of a simulated loop: from the state at an event to the state at the next, or some events on.
+
+The state is z = (x, x_o), of plant and observer as departures from the operating point, because an event sets the hold
+to the observer; with a delay an event resets nothing yet, and z = (x, x_o, x_h). On a plant that is odd-symmetric about
+its operating point the mirror image of a motion is a motion, and a *mirrored* cycle is one with −P(z) = z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.errors import CycleError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.ending import Outcome
+from icmj.simulation.interval import OpenLoop
+from icmj.simulation.settings import Settings
+
+if TYPE_CHECKING:
+    from icmj.engine.plant import MujocoPlant
+
+PlantKind = Literal["linear", "mujoco"]
+COLLAPSED = 1e-9  # relative: an interval this close to the least one was not ended by the event function
+
+
+class Lost(CycleError):
+    """A flight did not come to an event.
+
+    Attributes:
+        outcome: how it ended instead.
+        flown: how long it was [s].
+    """
+
+    def __init__(self, outcome: Outcome, flown: float) -> None:
+        super().__init__(f"from there the motion {outcome.message}, without a further event")
+        self.outcome, self.flown = outcome, flown
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """Some successive intervals.
+
+    Attributes:
+        intervals: their lengths [s], shape (p,).
+        states: z at the event that begins each, shape (p, N).
+        end: z at the last event, shape (N,).
+        y_max, y_min: extremes of the outputs over all of them, shape (n_y,).
+    """
+
+    intervals: Array
+    states: Array
+    end: Array
+    y_max: Array
+    y_min: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ReturnMap:
+    """A loop ready to fly from event to event; one for each thread.
+
+    Attributes:
+        plant: the actual one: linear, or on the engine.
+        controller: with the event rule.
+        settings: of the flights; their duration is the longest that is flown.
+    """
+
+    plant: LinearPlant | MujocoPlant
+    controller: Controller
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        changing = [
+            s for s in self.settings.disturbance if getattr(s, "duration", None) or hasattr(s, "seed") or s.start
+        ]
+        if changing:
+            raise CycleError(
+                f"a cycle is sought of a loop that does not change in time, but {type(changing[0]).__name__.lower()} "
+                "acts; take simulation.disturbance out of the run file"
+            )
+
+    @property
+    def kind(self) -> PlantKind:
+        """Which plant it flies."""
+        return "linear" if isinstance(self.plant, LinearPlant) else "mujoco"
+
+    @property
+    def linear(self) -> LinearPlant:
+        """The plant, or its linearisation."""
+        return self.plant if isinstance(self.plant, LinearPlant) else self.plant.linearisation.plant
+
+    @cached_property
+    def fly(self) -> OpenLoop:
+        """One interval as a function."""
+        if isinstance(self.plant, LinearPlant):
+            from icmj.linear.open_loop import open_loop as linear_open_loop
+
+            return linear_open_loop(self.plant, self.controller, self.settings)
+        from icmj.engine.open_loop import open_loop
+
+        return open_loop(self.plant, self.controller, self.settings)
+
+    @property
+    def size(self) -> int:
+        """N, the length of z."""
+        n_hat = self.controller.design.plant.n
+        return self.linear.n + n_hat * (2 if self.controller.delay else 1)
+
+    def split(self, z: Array) -> tuple[Array, ...]:
+        """z as arguments of :attr:`fly`: x, x_o and, with a delay, x_h."""
+        n, n_hat = self.linear.n, self.controller.design.plant.n
+        return tuple(np.split(z, [n, n + n_hat] if self.controller.delay else [n]))
+
+    def join(self, x: Array, x_o: Array, x_h: Array) -> Array:
+        """z from its parts, shape (..., N)."""
+        return np.concatenate([x, x_o, *([x_h] if self.controller.delay else [])], axis=-1)
+
+    def turn(self, z: Array, p: int = 1) -> Turn:
+        """Fly p intervals from z.
+
+        Raises:
+            Lost: if one does not end in an event.
+        """
+        intervals, states = np.zeros(p), np.zeros((p, self.size))
+        y_max, y_min = np.full(self.linear.n_y, -np.inf), np.full(self.linear.n_y, np.inf)
+        for i in range(p):
+            states[i] = z
+            x, x_o, *x_h = self.split(z)
+            flight = self.fly(x, x_o, x_h[0] if x_h else None)
+            if flight.outcome is not None:
+                raise Lost(flight.outcome, flight.length)
+            intervals[i], z = flight.length, self.join(flight.x, flight.x_o, flight.x_h)
+            y_max, y_min = np.maximum(y_max, flight.y_max), np.minimum(y_min, flight.y_min)
+        return Turn(intervals, states, z, y_max, y_min)
+
+    def collapsed(self, interval: float) -> bool:
+        """Whether an interval ended as soon as Δ_min or the delay allowed."""
+        least = self.controller.least
+        return bool(interval <= least * (1 + COLLAPSED) + 1e-12)
+
+    def refined(self, factor: float) -> ReturnMap:
+        """The same at another timestep; the linear plant has none."""
+        if isinstance(self.plant, LinearPlant):
+            return self
+        timestep = self.settings.timestep or self.plant.spec.option.timestep
+        return replace(self, settings=replace(self.settings, timestep=factor * timestep))
+
+    def another(self) -> ReturnMap:
+        """The same for another thread."""
+        return replace(self)
+
+    def odd(self, z: Array, scale: Array, tolerance: float = 1e-8) -> bool:
+        """Whether the flight from −z is the mirror image of that from z, relative to ``scale``, shape (N,)."""
+        there, back = self.turn(z), self.turn(-z)
+        return bool((np.abs(there.end + back.end) <= tolerance * scale).all())

@@ -1,0 +1,28 @@
+"""Shipped cases, prepared once, for the tests of exact cycles."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import icmj
+from icmj.case.case import Case
+from icmj.cycle.return_map import ReturnMap
+from icmj.runfile.reading import load_run
+
+RUNS = Path(__file__).parents[1] / "runs"
+
+
+@cache
+def case(name: str, **changes: Any) -> Case:
+    """A shipped case with some run-file values changed; ``__`` in a name stands for the dot."""
+    run = load_run(RUNS / f"{name}.toml")
+    changed = {key.replace("__", "."): value for key, value in changes.items()}
+    return icmj.prepare(run.with_(**{"simulation.limit": 3.0, **changed}))
+
+
+def return_map(of: Case, plant: str = "mujoco") -> ReturnMap:
+    """Its return map."""
+    actual = of.actual.linearisation.plant if plant == "linear" else of.actual
+    return ReturnMap(actual, of.controller, of.settings)
