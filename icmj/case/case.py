@@ -20,6 +20,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import Match, matched
 from icmj.plant.modes import uncontrollable
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.control_tables import Weights
@@ -75,7 +76,9 @@ def prepare(run: RunFile) -> Case:
         design = _design(assumed.linearisation.plant, run.design)
         rule = run.controller.trigger(design)
         controller = Controller(design, HOLDS[run.controller.hold](design), rule, _delay(run))
-        system = error_system(actual.linearisation.plant, design, controller.hold, delay=controller.delay)
+        system = error_system(
+            actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
+        )
         prediction = predict(system, rule, delta_max=run.analysis.delta_max)
     except IcmjError as error:
         why = "".join(f"; {notice.words}" for notice in notices) if isinstance(error, DesignError) else ""
@@ -110,7 +113,7 @@ def simulate(
     """
     parts = _parts(case, plant, trigger, duration, refinement)
     x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
-    run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
     return with_pressure(case.actual, parts[1], run) if plant == "linear" else run
 
 
@@ -123,6 +126,7 @@ def simulate_plant(
     x_o0: ArrayLike | None = None,
     x_h0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
+    match: Match = "name",
 ) -> Simulation:
     """Simulate any plant under any controller, without a run file: a linear plant exactly, an MJCF one on the engine.
 
@@ -132,16 +136,20 @@ def simulate_plant(
         settings: duration, start, step, disturbance.
         x0, x_o0, x_h0: start of plant, observer and hold as whole vectors, instead of the named states in ``settings``.
         progress: called now and then with the fraction done, 0–1.
+        match: how inputs and outputs of plant and controller's model belong together: by name, those without names by
+            position; or all by position. ``u`` and ``y`` of the run are in the order of the controller's model.
 
     Raises:
-        SimulationError, ModelError: if plant and controller do not fit, or the start is not one.
+        SimulationError, ModelError, AnalysisError: if plant and controller do not fit, or the start is not one.
     """
     if isinstance(plant, LinearPlant):
+        plant = matched(plant, controller.design.plant, match)
         from icmj.linear.run import simulate as simulate_linear
 
         return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     from icmj.engine.run import simulate as simulate_mujoco
 
+    plant = plant.matched(controller.design.plant, match)
     run = simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     return with_pressure(plant, controller, run)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
@@ -18,6 +19,8 @@ from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.errors import ModelError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import Match, picked, ports
 from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
 from icmj.plant.quality import Quality
@@ -54,6 +57,21 @@ class MujocoPlant:
     def states(self) -> tuple[str, ...]:
         """All states that the model has, also those that the plant leaves out."""
         return state_names(self.model)
+
+    def matched(self, assumed: LinearPlant, match: Match = "name") -> MujocoPlant:
+        """The same with its inputs and outputs in the order of ``assumed``; see :func:`icmj.plant.matching.matched`.
+
+        Raises:
+            AnalysisError: if they differ in number, or in name.
+        """
+        here = self.linearisation
+        u, y = ports(here.plant, assumed, match)
+        if (u == np.arange(len(u))).all() and (y == np.arange(len(y))).all():
+            return self
+        at = here.ports
+        turned = replace(at, actuators=at.actuators[u], b=at.b[u], entries=at.entries[y], g=at.g[y], beta=at.beta[y])
+        plant, D = picked(here.plant, u, y), here.D[np.ix_(y, u)]
+        return replace(self, linearisation=replace(here, plant=plant, ports=turned, y=here.y[y], D=D))
 
     @property
     def xml(self) -> str:

@@ -13,6 +13,7 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import Measurement, event_states, measure, reduced_states
 from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.plant.matching import Match, matched
 from icmj.result.attractor import Attractor
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
@@ -31,6 +32,7 @@ def attractors(
     magnitudes: tuple[float, ...] = MAGNITUDES,
     tolerance: float = 1e-4,
     progress: Callable[[int], None] | None = None,
+    match: Match = "name",
 ) -> tuple[Attractor, ...]:
     """Every motion found from ``starts`` random starts of the linear closed loop, the most frequent first.
 
@@ -50,10 +52,14 @@ def attractors(
         magnitudes: factors on the scale, used in turn.
         tolerance: relative agreement of two cycles.
         progress: called with the number of starts done.
+        match: how inputs and outputs of plant and controller's model belong together, as for
+            :func:`icmj.case.case.simulate_plant`.
 
     Raises:
+        AnalysisError: if they do not.
         SimulationError: as :func:`icmj.linear.run.simulate`, or if the run that sets the scale stays at zero.
     """
+    plant = matched(plant, controller.design.plant, match)
     T_hat = transformation(controller.design.plant, plant)
     settings = replace(settings, limit=1e9, record_interval=settings.duration / 50)
     scale_x, scale_o = _scales(simulate(plant, controller, settings), T_hat)

@@ -127,21 +127,3 @@ def transformation(assumed: LinearPlant, actual: LinearPlant) -> Array:
     not depend on this choice of coordinates.
     """
     return np.array([[float(name == other) for other in actual.states] for name in assumed.states])
-
-
-def deviated(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPlant:
-    """The paper's family A = Â − ρÃ₁, same for B and C: ``assumed`` at ρ = 0, ``actual`` at ρ = 1.
-
-    Raises:
-        AnalysisError: if the two plants differ in size.
-    """
-    if (assumed.n, assumed.n_u, assumed.n_y) != (actual.n, actual.n_u, actual.n_y):
-        raise AnalysisError("the family in ρ needs assumed and actual plant of the same size")
-    if assumed.states != actual.states:
-        raise AnalysisError("the family in ρ needs assumed and actual plant with the same states, in the same order")
-    A, B, C = ((1 - rho) * M + rho * N for M, N in zip(_matrices(assumed), _matrices(actual), strict=True))
-    return replace(assumed, A=A, B=B, C=C)
-
-
-def _matrices(plant: LinearPlant) -> tuple[Array, Array, Array]:
-    return plant.A, plant.B, plant.C

@@ -155,6 +155,7 @@ def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attracto
             settings,
             starts=study.attractor_starts,
             seed=study.seed,
+            match="position",
             progress=lambda count: progress(count / study.attractor_starts),
         )
     except SimulationError:  # the run stays at zero, which is no scale to draw starts from

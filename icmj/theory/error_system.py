@@ -22,6 +22,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold, system_matched
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.plant.matching import Match, matched
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +152,7 @@ def error_system(
     hold: Hold | None = None,
     T_hat: Array | None = None,
     delay: Delay = NO_DELAY,
+    match: Match = "name",
 ) -> ErrorSystem:
     """Build the error system of ``actual`` under ``design``.
 
@@ -161,16 +163,14 @@ def error_system(
         T_hat: T̂, shape (n̂, n); states of the same name are matched if ``None``. The choice changes the
             coordinates, not the closed loop.
         delay: between an event and its action; none by default.
+        match: how inputs and outputs of the two plants belong together; by name, those of plants without names by
+            position (:func:`icmj.plant.matching.matched`). The system's are in the order of the assumed plant.
 
     Raises:
-        AnalysisError: if inputs and outputs of the two plants differ in number, or T̂ does not fit.
+        AnalysisError: if inputs and outputs of the two plants differ in number or name, or T̂ does not fit.
     """
     assumed = design.plant
-    if (actual.n_u, actual.n_y) != (assumed.n_u, assumed.n_y):
-        raise AnalysisError(
-            f"the actual plant has {actual.n_u} inputs and {actual.n_y} outputs, the assumed one "
-            f"{assumed.n_u} and {assumed.n_y}; they must agree"
-        )
+    actual = matched(actual, assumed, match)
     T_hat = transformation(assumed, actual) if T_hat is None else np.atleast_2d(np.asarray(T_hat, float))
     if T_hat.shape != (assumed.n, actual.n):
         raise AnalysisError(f"T̂ has shape {T_hat.shape}; expected {(assumed.n, actual.n)}")

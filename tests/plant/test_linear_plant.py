@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant, deviated, transformation
+from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.plant.matching import deviated
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("angle", "rate"), ("torque",), ("y",))
 

@@ -9,7 +9,8 @@ from theory_cases import neglected, pendulum, pendulum_design, random_systems, s
 from icmj.controller.design import Design
 from icmj.controller.hold import system_matched, zero_order
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant, deviated
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import deviated
 from icmj.theory.crossings import crossings
 from icmj.theory.error_system import error_system
 

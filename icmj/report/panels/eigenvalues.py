@@ -100,7 +100,7 @@ def draw_locus(axes: Axes, case: CaseRuns) -> None:
 def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     """The eigenvalues with ``plant`` in the loop, from Δ = 0 to somewhat beyond Δ_crit."""
     controller, end = case.first.controller, _shown_end(case)
-    system = error_system(plant, controller.design, controller.hold, delay=controller.delay)
+    system = error_system(plant, controller.design, controller.hold, delay=controller.delay, match="position")
     found = locus(system, end, points=POINTS)
     if controller.delay:
         return found  # from the delay on
@@ -118,7 +118,9 @@ def _shown_end(case: CaseRuns) -> float:
 
 def _eigenvalues_at(case: CaseRuns, delta: float) -> Spectrum:
     controller = case.first.controller
-    phi = error_system(case.first.actual, controller.design, controller.hold, delay=controller.delay).phi(delta)
+    phi = error_system(
+        case.first.actual, controller.design, controller.hold, delay=controller.delay, match="position"
+    ).phi(delta)
     return np.linalg.eigvals(phi).astype(complex)
 
 
