@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
     from icmj.simulation.simulation import Simulation
     from icmj.study.study import run_case, run_study
+    from icmj.sweeps.sweep import sweep
     from icmj.theory.error_system import ErrorSystem, error_system
     from icmj.theory.prediction import Prediction, predict
 
@@ -148,6 +149,7 @@ _HOMES = {
         "run_case",
         "run_study",
     ),
+    "icmj.sweeps.sweep": ("sweep",),
     "icmj.theory.error_system": (
         "ErrorSystem",
         "error_system",
@@ -243,6 +245,7 @@ __all__ = [
     "simulate",
     "simulate_plant",
     "statistics",
+    "sweep",
     "system_matched",
     "write_log",
     "zero_order",

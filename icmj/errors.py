@@ -48,3 +48,11 @@ class ReportError(IcmjError):
 
 class StudyError(IcmjError):
     """A study cannot be carried out, or one of its processes died."""
+
+
+class SweepError(IcmjError):
+    """A sweep cannot be carried out, or its folder holds another one or belongs to another process."""
+
+
+class IdentificationError(IcmjError):
+    """Nothing can be identified from what was given."""

@@ -11,14 +11,14 @@ PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
 # from the ground up; folders on one floor do not know each other
 FLOORS = (
     ("errors", "base"),
-    ("plant",),
+    ("plant", "work"),
     ("controller",),
     ("theory", "simulation"),
     ("linear", "engine", "measurement", "runfile"),
     ("case", "result"),
     ("cycle", "experiment", "comparison", "view"),
     ("log", "report"),
-    ("study",),
+    ("study", "sweeps"),
     ("cli",),
 )
 LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}

@@ -30,6 +30,7 @@ from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict
+from icmj.theory.scaling import scaled
 
 PlantKind = Literal["linear", "mujoco"]
 
@@ -85,6 +86,38 @@ def prepare(run: RunFile) -> Case:
         raise type(error)(f"{run.path}: {error}{why}") from error
     notices += tuple(reach(actual, prediction))
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
+
+
+def revised(case: Case, run: RunFile) -> Case:
+    """The same case under a run file that departs only in the threshold q_t, and in how it is simulated and studied.
+
+    Nothing is loaded or searched again: all that theory says of another threshold is that sizes are in proportion.
+
+    Raises:
+        RunFileError: if it departs in anything else, or names what the plants do not have.
+    """
+    known = case.run
+    same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
+    control = run.controller.model_copy(update={"q_t": known.controller.q_t})
+    if not same or control != known.controller or run.path.parent != known.path.parent:
+        raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
+    _check_names(run, case.assumed.linearisation.plant, case.actual.linearisation.plant)
+    rule = run.controller.trigger(case.controller.design)
+    prediction = case.prediction
+    notices = case.notices
+    if rule.size != case.rule.size:
+        prediction = scaled(prediction, rule.size / case.rule.size)
+        before = tuple(reach(case.actual, case.prediction))
+        notices = (*(notice for notice in notices if notice not in before), *reach(case.actual, prediction))
+    return replace(
+        case,
+        run=run,
+        controller=case.controller.triggered_by(rule),
+        rule=rule,
+        settings=run.simulation.settings(),
+        prediction=prediction,
+        notices=notices,
+    )
 
 
 def simulate(

@@ -143,6 +143,25 @@ class Person:
     """MJCF file to write."""
 
 
+@dataclass(frozen=True)
+class Sweep:
+    """Compute a case at very many points into a folder of Parquet files; one that was ended goes on where it was.
+
+    Example: icmj sweep sweeps/validity.toml --out runs/out/validity
+    """
+
+    sweep: tyro.conf.Positional[Path]
+    """Sweep file."""
+    out: Path | None = None
+    """Folder of the dataset; runs/out/NAME by default."""
+    jobs: int | None = None
+    """Local processes; as many as there are cores by default."""
+    dask: str | None = None
+    """Address of a Dask scheduler, whose workers compute instead."""
+    dry_run: bool = False
+    """Say how many points there are, how long they take and how many bytes, and compute nothing else."""
+
+
 Command = (
     Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[Analyse, tyro.conf.subcommand("analyse")]
@@ -152,6 +171,7 @@ Command = (
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]
     | Annotated[Person, tyro.conf.subcommand("person")]
+    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
 )
 
 DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the

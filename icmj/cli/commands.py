@@ -212,6 +212,14 @@ def linearise(command: arguments.Linearise) -> None:
     _tell(loaded.quality.notices)
 
 
+@execute.register
+def sweep(command: arguments.Sweep) -> None:
+    """Compute a case at very many points."""
+    from icmj.cli.sweeping import carry_out
+
+    carry_out(command, OUT, ERR)
+
+
 def _show(comparisons: Sequence[Comparison]) -> None:
     """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
     title = "Predicted and measured open-loop interval, in seconds"

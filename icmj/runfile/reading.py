@@ -20,7 +20,15 @@ def load_run(path: Path | str) -> RunFile:
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
-    path = Path(path)
+    return parse_run(read_text(Path(path)), path)
+
+
+def read_text(path: Path) -> str:
+    """The text of a small file.
+
+    Raises:
+        RunFileError: if it cannot be read, is not UTF-8 or is plainly no file that people write.
+    """
     try:
         path = RUNS.meant(path)
         if path.exists() and not path.is_file():
@@ -40,7 +48,7 @@ def load_run(path: Path | str) -> RunFile:
         text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError as error:
         raise RunFileError(f"{path}: not UTF-8 text at byte {error.start}") from error
-    return parse_run(text.replace("\r\n", "\n"), path)
+    return text.replace("\r\n", "\n")
 
 
 def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:
@@ -50,8 +58,23 @@ def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:
         RunFileError: one line that names the file and every line or key that is wrong, and what was expected.
     """
     path = Path(path)
+    data = parse_toml(text, path)
     try:
-        data: dict[str, Any] = tomllib.loads(text)
+        run = RunFile.validated(data, path)
+    except RecursionError as error:
+        raise RunFileError(f"{path}: nested too deeply") from error
+    run._text = text
+    return run
+
+
+def parse_toml(text: str, path: Path) -> dict[str, Any]:
+    """TOML as plain data.
+
+    Raises:
+        RunFileError: if it is not TOML; the message names ``path``.
+    """
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise RunFileError(f"{path}: not TOML: {one_line(error, 200)}") from error
     except RecursionError as error:
@@ -59,9 +82,3 @@ def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:
     except ValueError as error:  # an integer of thousands of digits, a date that is none
         why = "an integer of thousands of digits" if "digits" in str(error) else one_line(error, 200)
         raise RunFileError(f"{path}: not TOML that can be read: {why}") from error
-    try:
-        run = RunFile.validated(data, path)
-    except RecursionError as error:
-        raise RunFileError(f"{path}: nested too deeply") from error
-    run._text = text
-    return run

@@ -15,7 +15,7 @@ from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import RUNS
-from icmj.study.workers import Task, Tell, Workers
+from icmj.work.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
@@ -89,7 +89,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
-    from icmj.study.provenance import provenance
+    from icmj.work.provenance import provenance
 
     def report(done: float) -> None:
         if progress is not None:

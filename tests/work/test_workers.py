@@ -9,7 +9,7 @@ import time
 import pytest
 
 from icmj.errors import StudyError
-from icmj.study.workers import Task, Workers
+from icmj.work.workers import Task, Workers
 
 
 def run(*tasks: Task, jobs: int = 2) -> list[object]:

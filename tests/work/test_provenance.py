@@ -4,7 +4,7 @@ import re
 import subprocess
 from importlib.metadata import version
 
-from icmj.study.provenance import git_state, provenance
+from icmj.work.provenance import git_state, provenance
 
 
 def test_versions_are_those_installed(tmp_path):

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -27,7 +27,7 @@ from icmj.errors import IcmjError, StudyError, beyond_arithmetic
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two words on progress
 _PR_SET_PDEATHSIG = 1
-_PROGRAM = "from icmj.study.workers import serve; serve()"
+_PROGRAM = "from icmj.work.workers import serve; serve()"
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,19 @@ class Task:
 
 @dataclass(frozen=True)
 class News:
-    """What a worker has to tell: how far a task is (0–1), or that it is done, with what it returned."""
+    """What a worker has to tell: how far a task is (0–1), or that it is done, with what it returned, or that it died.
+
+    Attributes:
+        index: the task's place in the order in which they were given.
+        done: how far it is, 0–1.
+        value: what it returned, once it is done.
+        died: how its process ended, where the task died and the others go on; else empty.
+    """
 
     index: int
     done: float
     value: Any = None
+    died: str = ""
 
 
 class _Worker:
@@ -68,9 +76,10 @@ class _Worker:
             )
         self.ours = Connection(ours.detach())
         self.index: int | None = None
+        self.name = ""
 
     def give(self, index: int, task: Task) -> None:
-        self.index = index
+        self.index, self.name = index, task.name
         with suppress(OSError):  # it is dead, which shows when it is asked
             self.ours.send((task.function, task.arguments))
 
@@ -95,26 +104,37 @@ class Workers:
         while self._workers:
             self._workers.pop().end()
 
-    def run(self, tasks: Sequence[Task]) -> Iterator[News]:
+    def run(self, tasks: Iterable[Task], *, survive: bool = False) -> Iterator[News]:
         """Do all tasks, a few at a time in this order; yields news as they come.
+
+        Args:
+            tasks: taken one by one as a process is free for them, so that there may be very many.
+            survive: whether a task whose process dies is told as news, and the others go on.
 
         Raises:
             IcmjError: what a task raised, or that its process died.
         """
-        waiting = list(enumerate(tasks))[::-1]
-        while waiting or any(worker.index is not None for worker in self._workers):
-            while len(self._workers) < min(self._jobs, len(tasks)):
-                self._workers.append(_Worker())
-            for worker in self._workers:
-                if worker.index is None and waiting:
-                    worker.give(*waiting.pop())
+        source = iter(enumerate(tasks))
+        following = next(source, None)
+        while following is not None or any(worker.index is not None for worker in self._workers):
+            while following is not None and (worker := self._idle()) is not None:
+                worker.give(*following)
+                following = next(source, None)
             busy = [worker for worker in self._workers if worker.index is not None]
             spoken = wait([worker.ours for worker in busy])
             for worker in busy:
                 if worker.ours in spoken:
-                    yield self._news(worker, tasks)
+                    yield self._news(worker, survive)
 
-    def _news(self, worker: _Worker, tasks: Sequence[Task]) -> News:
+    def _idle(self) -> _Worker | None:
+        """One that has nothing to do, started if there may be one more."""
+        idle = next((worker for worker in self._workers if worker.index is None), None)
+        if idle is None and len(self._workers) < self._jobs:
+            idle = _Worker()
+            self._workers.append(idle)
+        return idle
+
+    def _news(self, worker: _Worker, survive: bool) -> News:
         index = worker.index
         assert index is not None
         try:
@@ -126,9 +146,10 @@ class Workers:
             self._workers.remove(worker)
             worker.end()
             why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
+            if survive:
+                return News(index, 1.0, died=why)
             raise StudyError(
-                f"{tasks[index].name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished "
-                "is kept"
+                f"{worker.name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished is kept"
             ) from None
         if kind == "progress":
             return News(index, value)

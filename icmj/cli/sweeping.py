@@ -1,0 +1,89 @@
+"""What ``icmj sweep`` does and shows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+
+from icmj.cli.working import Working
+from icmj.errors import SweepError
+
+if TYPE_CHECKING:
+    from icmj.cli.arguments import Sweep
+    from icmj.sweeps.plan import Plan
+    from icmj.sweeps.sweep import Progress
+
+
+def carry_out(command: Sweep, out: Console, err: Console) -> None:
+    """Carry out a sweep, or say what it would cost; what was finished stays, however it ends."""
+    from icmj.sweeps.sweep import carry_out as compute
+    from icmj.sweeps.sweep import planned
+
+    if command.jobs is not None and command.jobs < 1:
+        raise SweepError(f"--jobs {command.jobs}: expected at least 1")
+    if command.jobs is not None and command.dask is not None:
+        raise SweepError("--jobs and --dask: give one; the workers of a cluster are started with it")
+    with Working("sweep", err) as working:
+        plan = planned(command.sweep)
+        folder = command.out or Path("runs/out") / plan.file.sweep.name
+        if command.dry_run:
+            _cost(plan, out)
+            return
+
+        def tell(progress: Progress) -> None:
+            working.tell(_words(progress), progress.done / progress.points)
+
+        try:
+            done = compute(plan, folder, jobs=command.jobs, dask=command.dask, progress=tell)
+        except BaseException:
+            _left(plan, folder, err)
+            raise
+    _show(plan, folder, done, out)
+
+
+def _cost(plan: Plan, out: Console) -> None:
+    from icmj.sweeps.trial import estimate
+
+    cost = estimate(plan)
+    out.print(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}", highlight=False)
+    out.print(
+        f"about {_time(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
+        f"{cost.size / 1e6:.3g} MB",
+        highlight=False,
+    )
+
+
+def _left(plan: Plan, folder: Path, err: Console) -> None:
+    """What an end before its time leaves, if it began."""
+    count = len(list((folder / "points").glob("*.parquet")))
+    if count:
+        err.print(
+            f"icmj: {count} of {plan.chunks} chunks are finished in {escape(str(folder))}; the same command goes on",
+            highlight=False,
+        )
+
+
+def _show(plan: Plan, folder: Path, done: Progress, out: Console) -> None:
+    from icmj.sweeps.dataset import statuses
+
+    found: Counter[str] = statuses(folder)
+    bad = ", ".join(f"{count} {status}" for status, count in sorted(found.items()) if status != "ok")
+    out.print(f"{done.points} points{f', of which {bad}' if bad else ''}", highlight=False)
+    size = sum(path.stat().st_size for path in (folder / "points").iterdir()) / 1e6
+    out.print(f"dataset  {escape(str(folder / 'points'))} ({size:.3g} MB)", highlight=False)
+
+
+def _words(progress: Progress) -> str:
+    left = f", {_time(progress.left)} left" if 0 < progress.left < float("inf") else ""
+    failed = f", {progress.failed} failed" if progress.failed else ""
+    return f"{progress.done} of {progress.points} points, {progress.rate:.3g}/s{left}{failed}"
+
+
+def _time(seconds: float) -> str:
+    from icmj.study.estimate import in_words
+
+    return in_words(seconds)

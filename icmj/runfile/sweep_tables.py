@@ -1,0 +1,195 @@
+"""The sweep file: one case at very many points, of which fields, and what is asked for at each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from icmj.base.text import one_line
+from icmj.errors import RunFileError
+from icmj.plant.change import What
+from icmj.runfile.messages import in_words
+from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.schema import RunFile
+from icmj.runfile.table import Finite, Line, TomlTable
+
+MOST_POINTS = 10**9
+_TABLES = ("assumed", "actual", "design", "controller", "analysis", "simulation")
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
+_Plant = Literal["linear", "mujoco"]
+
+
+class SweepTable(TomlTable):
+    """What is swept: name and title, base run file, and how the sampled fields are drawn."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+    """Name, also of its folder."""
+    title: Line = ""
+    """For tables and figures."""
+    run: str
+    """The run file whose fields vary, relative to the sweep file."""
+    samples: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
+    """Points drawn in all fields that have only ``low`` and ``high``."""
+    method: Literal["random", "sobol"] = "sobol"
+    """How they are drawn: independent of each other, or a scrambled Sobol sequence, which fills the space evenly."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Of what is drawn."""
+    chunk: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    """Points of one task of a process; a few seconds of work by default."""
+
+
+class DeviationTable(TomlTable):
+    """A named change whose factor, or value, is what varies; see :mod:`icmj.plant.change`."""
+
+    what: What
+    """What of the model changes."""
+    of: str | None = None
+    """Whose it is, by name."""
+    by: Literal["factor", "value"] = "factor"
+    """Whether what varies is a factor on it, or its value."""
+
+
+class VaryTable(TomlTable):
+    """One thing that varies.
+
+    By ``values``, by ``count`` values from ``low`` to ``high``, or, without a count, sampled between them.
+    """
+
+    field: str | Annotated[list[str], Field(min_length=1, max_length=20)] | None = None
+    """A field of the run file by its dotted key, as ``actual.gain``; several, if they go together."""
+    change: DeviationTable | None = None
+    """Or a change of the actual plant by name."""
+    name: _Name | None = None
+    """Of its column; the last part of the key by default."""
+    values: Annotated[list[Any], Field(min_length=1, max_length=100_000)] | None = None
+    """What it may be: numbers, texts, lists, whatever the field takes."""
+    low: Finite | None = None
+    """Least value."""
+    high: Finite | None = None
+    """Largest value."""
+    count: Annotated[int, Field(ge=2, le=100_000)] | None = None
+    """Values from ``low`` to ``high``, both included."""
+    spacing: Literal["linear", "log"] = "linear"
+    """Equal differences or equal ratios; of what is drawn, too."""
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Dotted keys of the run file that get the value; none for a change."""
+        return () if self.field is None else (self.field,) if isinstance(self.field, str) else tuple(self.field)
+
+    @property
+    def column(self) -> str:
+        """Its name in the table."""
+        if self.name:
+            return self.name
+        if self.change:
+            return "_".join(part.replace(" ", "_") for part in (self.change.what, self.change.of) if part)
+        return self.fields[0].rpartition(".")[2]
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it is drawn, not listed."""
+        return self.values is None and self.count is None
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> VaryTable:
+        if (self.field is None) == (self.change is None):
+            raise ValueError("give one of field and change")
+        if (self.values is None) == (self.low is None and self.high is None):
+            raise ValueError("give either values, or low and high")
+        if self.values is not None and self.count is not None:
+            raise ValueError("values have no count")
+        if self.values is None:
+            if self.low is None or self.high is None or not self.low < self.high:
+                raise ValueError("low must be there and less than high")
+            if self.spacing == "log" and self.low <= 0:
+                raise ValueError("a log spacing needs a low greater than 0")
+        for key in self.fields:
+            table, _, rest = key.partition(".")
+            if table not in _TABLES or not rest:
+                raise ValueError(f"{key!r} is no field that varies; expected table.key of {', '.join(_TABLES)}")
+        return self
+
+
+class AskTable(TomlTable):
+    """What is asked for at each point, beside the prediction, which is always there."""
+
+    motion: Annotated[list[_Plant], Field(max_length=2)] = []
+    """Plants on which the case is run, and its motion measured; under noise, its statistics."""
+    attractors: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Random starts of the linear plant in search of coexisting motions; seed and scale are the run file's."""
+
+
+class SweepFile(TomlTable):
+    """A validated sweep file; ``base`` is the run file that it names."""
+
+    sweep: SweepTable
+    """What is swept."""
+    vary: Annotated[list[VaryTable], Field(min_length=1, max_length=20)]
+    """What varies."""
+    ask: AskTable = AskTable()
+    """What is asked for."""
+
+    _text: str = PrivateAttr(default="")
+    _path: Path = PrivateAttr(default=Path("sweep.toml"))
+    _base: RunFile = PrivateAttr()
+
+    @classmethod
+    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "", base: RunFile | None = None) -> SweepFile:
+        """A sweep file of plain data; its run file lies beside ``path``, if ``base`` is not it.
+
+        Raises:
+            RunFileError: one line that names the file, the key, and what was expected.
+        """
+        try:
+            made = cls.model_validate(data)
+        except ValidationError as error:
+            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
+        made._path, made._text = path, text
+        made._base = load_run(path.parent / made.sweep.run) if base is None else base
+        return made
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> SweepFile:
+        drawn = [vary.column for vary in self.vary if vary.sampled]
+        if drawn and self.sweep.samples is None:
+            raise ValueError(f"{drawn[0]} is drawn between low and high: sweep.samples says how often, or give a count")
+        if self.sweep.samples is not None and not drawn:
+            raise ValueError("sweep.samples: nothing is drawn; give a field low and high without a count")
+        if self.sweep.method == "sobol" and (self.sweep.samples or 0) > 2**30:
+            raise ValueError("sweep.samples: a Sobol sequence has at most 2^30 points")
+        seen: set[str] = set()
+        for name in (vary.column for vary in self.vary):
+            if name in seen:
+                raise ValueError(f"two things that vary are called {name!r}; give one a name")
+            seen.add(name)
+        return self
+
+    @property
+    def text(self) -> str:
+        """The TOML text as read."""
+        return self._text
+
+    @property
+    def path(self) -> Path:
+        """Where it was read from."""
+        return self._path
+
+    @property
+    def base(self) -> RunFile:
+        """The run file whose fields vary."""
+        return self._base
+
+
+def load_sweep(path: Path | str) -> SweepFile:
+    """Read and validate a sweep file and the run file that it names.
+
+    Raises:
+        RunFileError: one line that names the file, the line or key, and what was expected.
+    """
+    path = Path(path)
+    text = read_text(path)
+    return SweepFile.validated(parse_toml(text, path), path, text)

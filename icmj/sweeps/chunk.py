@@ -1,0 +1,201 @@
+"""One chunk of points computed: a row for each, whatever becomes of it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from icmj.base.text import one_line
+from icmj.case.case import Case, PlantKind, prepare, revised, simulate
+from icmj.comparison.comparison import finite, on_predicted_cycle
+from icmj.errors import IcmjError
+from icmj.experiment.attractors import attractors
+from icmj.measurement.measurement import measure
+from icmj.measurement.statistics import statistics
+from icmj.runfile.schema import RunFile
+from icmj.simulation.remarks import relative_error
+from icmj.sweeps import columns
+from icmj.sweeps.plan import Plan
+from icmj.theory.prediction import Prediction
+
+Tell = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Computed:
+    """What came of some points.
+
+    Attributes:
+        content: a whole Parquet file of their rows.
+        rows: how many.
+        failed: how many of them failed.
+        seconds: processor time that it took [s], and of that `simulating`.
+    """
+
+    content: bytes
+    rows: int
+    failed: int
+    seconds: float
+    simulating: float
+
+
+@dataclass
+class _Bench:
+    """What is kept from point to point of one chunk: the last case, under the threshold of the base run file.
+
+    Nothing that changes a bit: a case taken over is what would be computed again.
+    """
+
+    key: str = ""
+    case: Case | None = None
+    simulating: float = field(default=0.0)
+
+
+def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Computed:
+    """The rows of some points, by one thread of linear algebra: the same bits whoever else is at work."""
+    from threadpoolctl import threadpool_limits
+
+    bench, begin = _Bench(), time.process_time()
+    rows = []
+    with threadpool_limits(1):
+        for index, values in zip(indices, plan.points.block(indices.start, indices.stop), strict=True):
+            rows.append(_row(plan, index, values, bench))
+            if progress is not None:
+                progress(len(rows) / len(indices))
+    failed = sum(row["status"] != "ok" for row in rows)
+    return Computed(
+        parquet(columns.table(plan, rows)), len(rows), failed, time.process_time() - begin, bench.simulating
+    )
+
+
+def died(plan: Plan, index: int, why: str) -> pa.Table:
+    """The row of a point that took its process with it."""
+    words = f"its process died ({why}), twice: out of memory, or MuJoCo ended it"
+    return columns.table(plan, [columns.begun(plan, index, plan.points.at(index)) | {"status": "died", "words": words}])
+
+
+def parquet(table: pa.Table) -> bytes:
+    """A table as a whole Parquet file."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    return bytes(sink.getvalue())
+
+
+def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict[str, Any]:
+    row = columns.begun(plan, index, values)
+    try:
+        case = _case(plan, plan.run(values), bench)
+        row |= _predicted(plan, case)
+        for plant in plan.file.ask.motion:
+            begin = time.process_time()
+            row |= _motion(plan, case, plant)
+            bench.simulating += time.process_time() - begin
+        if plan.file.ask.attractors:
+            row |= _attractors(plan, case)
+    except MemoryError:
+        row |= {"status": "failed", "words": "out of memory"}
+    except IcmjError as error:
+        row |= {"status": "failed", "words": one_line(error, 500)}
+    except Exception as error:  # a row that says so, not the end of a million others
+        row |= {"status": "failed", "words": one_line(f"{type(error).__name__}: {error}", 500)}
+    return row
+
+
+def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
+    """The case of a run file; where q_t varies, theory is asked at the base run's, and scaled.
+
+    So it has the same bits whichever points were computed before it.
+    """
+    base, reference = plan.file.base, run
+    if run.controller.rule == base.controller.rule == "quadratic":
+        reference = run.with_(**{"controller.q_t": base.controller.q_t})
+    tables = {"assumed", "actual", "design", "controller", "analysis"}
+    key = json.dumps(reference.model_dump(include=tables), sort_keys=True, default=str)
+    if bench.case is None or bench.key != key:
+        bench.case, bench.key = None, key
+        bench.case = prepare(reference)
+    return revised(bench.case, run)
+
+
+def _predicted(plan: Plan, case: Case) -> dict[str, Any]:
+    found = case.prediction
+    largest = None if found.multipliers is None else np.abs(found.multipliers).max(initial=0.0)
+    row = {
+        "delta_crit": found.delta_crit,
+        "eigenvalue": _sign(found),
+        "cycle": bool(found.cycle),
+        "period": found.period,
+        "verdict": found.verdict,
+        "multiplier": finite(largest),
+        "gamma": finite(found.gamma),
+        "state_feedback_stable": bool(found.state_feedback_stable),
+        "observer_feedback_stable": bool(found.observer_feedback_stable),
+    }
+    return {f"predicted_{name}": value for name, value in row.items()} | _peaks("predicted_peak", case, found.amplitude)
+
+
+def _sign(found: Prediction) -> float | None:
+    return None if found.eigenvalue is None else float(np.sign(found.eigenvalue.real))
+
+
+def _motion(plan: Plan, case: Case, plant: PlantKind) -> dict[str, Any]:
+    run = simulate(case, plant)
+    motion = measure(run, T_hat=case.system.T_hat)
+    crit = case.prediction.delta_crit if case.prediction.cycle else None
+    row: dict[str, Any] = {
+        "outcome": run.outcome.kind,
+        "end": run.outcome.t,
+        "kind": motion.kind,
+        "on_predicted": bool(on_predicted_cycle(case.prediction, motion)),
+        "interval": finite(motion.interval),
+        "p": motion.p,
+        "mirrored": bool(motion.mirrored),
+        "period": finite(motion.period),
+        "residual": finite(motion.residual),
+        "events": len(run.events),
+    }
+    if motion.kind == "cycle" and crit and motion.interval:
+        row["error"] = finite(motion.interval / crit - 1)
+    if plant == "mujoco":
+        row["step_error"] = finite(relative_error(run))
+    told = statistics(run) if run.noisy else None
+    more = {}
+    if told is not None:
+        row["interval_error"] = finite(told.interval.error) if told.interval else None
+        row["interval_deviation"] = finite(told.interval_deviation.value) if told.interval_deviation else None
+        row["binding"] = finite(told.binding.value) if told.binding else None
+        more = _peaks(f"{plant}_rms", case, np.array([rms.value for rms in told.rms]))
+    row = {f"{plant}_{name}": value for name, value in row.items()}
+    return row | _peaks(f"{plant}_peak", case, motion.amplitude) | more
+
+
+def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
+    found = attractors(
+        case.actual.linearisation.plant,
+        case.controller,
+        case.settings,
+        starts=plan.file.ask.attractors,
+        seed=case.run.study.seed,
+    )
+    return {
+        "attractors": len(found),
+        "attractor_kind": [each.measurement.kind for each in found],
+        "attractor_p": [each.measurement.p for each in found],
+        "attractor_interval": [finite(each.measurement.interval) for each in found],
+        "attractor_share": [each.share for each in found],
+    }
+
+
+def _peaks(what: str, case: Case, values: Any) -> dict[str, Any]:
+    if values is None:
+        return {}
+    names = case.actual.linearisation.plant.outputs
+    assumed = case.assumed.linearisation.plant.outputs
+    return {f"{what}_{name}": finite(value) for name, value in zip(assumed, values, strict=False) if names}

@@ -1,0 +1,87 @@
+"""The same chunks on a Dask cluster; see docs/sweeps.md for how to start one.
+
+Workers need icmj and the models under the paths that the run file names; they write nothing. A worker that goes away
+takes nothing with it: its chunks are computed by another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from icmj.base.text import one_line
+from icmj.errors import SweepError
+from icmj.sweeps.chunk import Computed, compute
+from icmj.sweeps.plan import Plan
+
+_AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
+_PATIENCE = 15.0  # s for the scheduler to answer
+
+
+class Cluster:
+    """A scheduler and its workers."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def compute(self, plan: Plan, ranges: Iterator[range]) -> Iterator[tuple[range, Computed | None, str]]:
+        """Ranges of points, and what came of each as it comes; ``None``, and why, where it killed its workers.
+
+        Raises:
+            SweepError: if the scheduler is gone.
+        """
+        from dask.distributed import as_completed
+
+        shared = self._client.scatter(plan, broadcast=False, hash=False)
+        under_way: dict[str, range] = {}
+
+        def submit(points: range) -> Any:
+            future = self._client.submit(compute, shared, points, pure=False)
+            under_way[future.key] = points
+            return future
+
+        queue: Any = as_completed([submit(points) for points in islice(ranges, self._room())])
+        for future in queue:
+            points = under_way.pop(future.key)
+            computed, why = _outcome(future)
+            del future  # or the scheduler would keep what came of it
+            while len(under_way) < self._room() and (following := next(ranges, None)) is not None:
+                queue.add(submit(following))
+            yield points, computed, why
+
+    def _room(self) -> int:
+        return _AHEAD * max(1, sum(self._client.nthreads().values()))
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Cluster]:
+    """A cluster by the address of its scheduler.
+
+    Raises:
+        SweepError: if dask is not installed, or no scheduler answers.
+    """
+    try:
+        from dask.distributed import Client
+    except ImportError as error:
+        raise SweepError(f"--dask {address}: needs dask; install it with pip install 'icmj[dask]'") from error
+    try:
+        client = Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
+    with client:
+        yield Cluster(client)
+
+
+def _outcome(future: Any) -> tuple[Computed | None, str]:
+    from dask.distributed import KilledWorker
+
+    try:
+        return future.result(), ""
+    except KilledWorker as error:
+        return None, one_line(error, 200)
+    except Exception as error:  # of a worker that cannot compute at all: no icmj, other versions
+        raise SweepError(
+            f"a worker of the cluster cannot compute: {one_line(f'{type(error).__name__}: {error}', 300)}"
+        ) from error

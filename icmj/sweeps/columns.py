@@ -1,0 +1,104 @@
+"""The columns of a sweep's table, each with what it means; where there is nothing to say they are empty."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from icmj.sweeps.plan import Plan
+from icmj.sweeps.points import Value
+
+PREDICTED = {
+    "delta_crit": (pa.float64(), "Δ_crit [s]"),
+    "eigenvalue": (pa.float64(), "eigenvalue there, +1 or −1; empty for a complex pair or none"),
+    "cycle": (pa.bool_(), "whether a limit cycle is predicted"),
+    "period": (pa.float64(), "of the predicted cycle [s]"),
+    "verdict": (pa.string(), "on the predicted orbit: attracting, repelling, not admissible or none"),
+    "multiplier": (pa.float64(), "largest multiplier of the predicted orbit under the event rule"),
+    "gamma": (pa.float64(), "γ of the predicted orbit"),
+    "state_feedback_stable": (pa.bool_(), "whether continuous state feedback is stable on the actual plant"),
+    "observer_feedback_stable": (pa.bool_(), "whether continuous observer feedback is"),
+}
+MOTION = {
+    "outcome": (pa.string(), "completed, fell, diverged, sliding or stalled"),
+    "end": (pa.float64(), "when the run ended [s]"),
+    "kind": (pa.string(), "cycle, quasi-periodic, irregular, growth, decay, homoclinic, noisy, too short, no events"),
+    "on_predicted": (pa.bool_(), "whether it settled on the predicted cycle"),
+    "interval": (pa.float64(), "mean open-loop interval over the last period, or of the last ones [s]"),
+    "error": (pa.float64(), "relative departure of a settled interval from Δ_crit, where a cycle is predicted"),
+    "p": (pa.int32(), "events in a period"),
+    "mirrored": (pa.bool_(), "whether the second half of the cycle is the first with opposite sign"),
+    "period": (pa.float64(), "time after which the state repeats [s]"),
+    "residual": (pa.float64(), "relative closure error of the last period"),
+    "events": (pa.int64(), "events in the run"),
+}
+STEP = {"step_error": (pa.float64(), "relative error by the engine's step, estimated on the last interval")}
+PEAK = (pa.float64(), "largest magnitude of the output over a period, or of late in the run [its unit]")
+RMS = (pa.float64(), "standard deviation of the output [its unit]")
+NOISY = {
+    "interval_error": (pa.float64(), "half width of the 95 % confidence interval of the mean interval [s]"),
+    "interval_deviation": (pa.float64(), "standard deviation of the intervals [s]"),
+    "binding": (pa.float64(), "share of the intervals that end at Δ_min"),
+}
+ATTRACTORS = {
+    "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
+    "attractor_kind": (pa.list_(pa.string()), "what each is, the most frequent first"),
+    "attractor_p": (pa.list_(pa.int32()), "events in its period"),
+    "attractor_interval": (pa.list_(pa.float64()), "its mean open-loop interval [s]"),
+    "attractor_share": (pa.list_(pa.float64()), "share of the starts that led there"),
+}
+
+
+def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
+    """All columns by name: their type, and what they mean."""
+    outputs, noisy = plan.outputs, plan.file.base.simulation.settings().noisy
+    found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
+    found |= {name: (_type_of(plan, i), "what varies") for i, name in enumerate(plan.points.names)}
+    found["status"] = (pa.string(), "ok, failed, or died with its process")
+    found["words"] = (pa.string(), "why it failed; empty where it did not")
+    found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
+    found |= {f"predicted_peak_{output}": PEAK for output in outputs}
+    for plant in plan.file.ask.motion:
+        named = MOTION | (STEP if plant == "mujoco" else {}) | (NOISY if noisy else {})
+        found |= {f"{plant}_{name}": column for name, column in named.items()}
+        found |= {f"{plant}_peak_{output}": PEAK for output in outputs}
+        found |= {f"{plant}_rms_{output}": RMS for output in outputs if noisy}
+    return found | (ATTRACTORS if plan.file.ask.attractors else {})
+
+
+def schema(plan: Plan) -> pa.Schema:
+    """Names and types of all columns, and the facts of the plan as metadata."""
+    return pa.schema([(name, kind) for name, (kind, _) in meanings(plan).items()], metadata=dict(plan.facts))
+
+
+def table(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Rows as a table with all columns; what a row does not have is empty."""
+    columns = schema(plan)
+    arrays = [pa.array([row.get(field.name) for row in rows], field.type) for field in columns]
+    return pa.Table.from_arrays(arrays, schema=columns)
+
+
+def begun(plan: Plan, index: int, values: tuple[Value, ...]) -> dict[str, Any]:
+    """The beginning of a row: which point it is, and what varies there."""
+    row: dict[str, Any] = {"point": index, "status": "ok", "words": ""}
+    for i, (name, value) in enumerate(zip(plan.points.names, values, strict=True)):
+        kind = _type_of(plan, i)
+        row[name] = json.dumps(value) if kind == pa.string() and not isinstance(value, str) else value
+        if kind == pa.float64():
+            row[name] = float(value)
+    return row
+
+
+def _type_of(plan: Plan, i: int) -> pa.DataType:
+    """The type of what varies: numbers, true or false, and text for all else."""
+    listed = plan.points.lists[i]
+    if listed is None:
+        return pa.float64()
+    if all(isinstance(value, bool) for value in listed):
+        return pa.bool_()
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in listed):
+        return pa.float64()
+    return pa.string()

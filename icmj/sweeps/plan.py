@@ -1,0 +1,152 @@
+"""The plan of a sweep: what is computed where, and all that decides what comes out of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from icmj.errors import RunFileError, SweepError
+from icmj.runfile.schema import RunFile
+from icmj.runfile.sweep_tables import SweepFile
+from icmj.sweeps.points import Points, Value
+
+FORMAT = 1
+PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
+_CHUNKS = 64  # at least, where there are points enough: so that processes end together
+_LARGEST = {False: 500, True: 25}  # points of a chunk without and with simulation: a few seconds of work
+_TRIED = 5  # points that are tried before a sweep starts
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep file made ready.
+
+    Attributes:
+        file: the sweep file.
+        points: all points.
+        chunk: points of one task.
+        outputs: names of the plant's outputs; empty before the sweep was tried (:func:`icmj.sweeps.trial.tried`).
+    """
+
+    file: SweepFile
+    points: Points
+    chunk: int
+    outputs: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, file: SweepFile) -> Plan:
+        """The plan of a sweep file.
+
+        Raises:
+            RunFileError: if there are too many points, or a value is not allowed where it is put.
+        """
+        points = Points.of(file)
+        if len(points) > 10**9:
+            raise RunFileError(f"{file.path}: {len(points):.3g} points; expected at most 1e9")
+        largest = _LARGEST[bool(file.ask.motion or file.ask.attractors)]
+        plan = cls(file, points, file.sweep.chunk or max(1, min(largest, len(points) // _CHUNKS)))
+        plan._check_values()
+        return plan
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def chunks(self) -> int:
+        """How many tasks."""
+        return -(-len(self.points) // self.chunk)
+
+    def range(self, chunk: int) -> range:
+        """The points of one chunk, by index."""
+        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, len(self.points)))
+
+    def run(self, values: tuple[Value, ...]) -> RunFile:
+        """The run file of one point.
+
+        Raises:
+            RunFileError: if a value is not allowed there.
+        """
+        changes: dict[str, Any] = {}
+        deviations: list[dict[str, Any]] = []
+        for vary, value in zip(self.points.vary, values, strict=True):
+            changes |= dict.fromkeys(vary.fields, value)
+            if vary.change is not None:
+                of = {} if vary.change.of is None else {"of": vary.change.of}
+                deviations.append({"what": vary.change.what, **of, vary.change.by: value})
+        if deviations:
+            kept = [table.model_dump(exclude_none=True) for table in self.file.base.actual.change]
+            changes["actual.change"] = kept + deviations
+        return self.file.base.with_(**changes)
+
+    def tried(self) -> list[int]:
+        """A few points from all over the sweep."""
+        return sorted({round(i * (len(self) - 1) / (_TRIED - 1)) for i in range(_TRIED)})
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All that decides what comes out: file, run file, models; versions apart."""
+        base = self.file.base
+        data = self.file.model_dump(exclude={"sweep": {"title", "name", "run"}})
+        run = base.model_dump(exclude={"case"})
+        models = {str(path.name): _digest(path) for path in (base.assumed_path, base.actual_path)}
+        return {"format": FORMAT, "sweep": data, "chunk": self.chunk, "run": run, "models": models}
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits of :attr:`identity`."""
+        return hashlib.sha256(json.dumps(self.identity, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    @cached_property
+    def facts(self) -> Mapping[str, str]:
+        """What stands in every file of the dataset: texts, fingerprint, versions."""
+        return {
+            "icmj.format": str(FORMAT),
+            "icmj.fingerprint": self.fingerprint,
+            "icmj.sweep": self.file.text,
+            "icmj.run": self.file.base.text,
+            "icmj.points": str(len(self)),
+            "icmj.chunk": str(self.chunk),
+            "icmj.versions": json.dumps(versions()),
+        }
+
+    def _check_values(self) -> None:
+        """See that every value is allowed in its field, one field at a time."""
+        middle = list(self.points.at(0))
+        for i, (vary, listed) in enumerate(zip(self.points.vary, self.points.lists, strict=True)):
+            for value in (vary.low, vary.high) if listed is None else _some(listed):
+                try:
+                    self.run((*middle[:i], value, *middle[i + 1 :]))
+                except RunFileError as error:
+                    raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
+                except (TypeError, ValueError) as error:
+                    raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that computes."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _some(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:
+    """All of them, or the ends and some between."""
+    step = max(1, -(-len(listed) // most))
+    return [*listed[::step], listed[-1]]
+
+
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise SweepError(f"{path}: cannot be read: {error.strerror}") from error

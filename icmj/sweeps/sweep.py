@@ -1,0 +1,207 @@
+"""The sweep: chunks that are not done yet, computed by whoever is there, and put in their place as they come."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from icmj.errors import SweepError
+from icmj.runfile.sweep_tables import SweepFile, load_sweep
+from icmj.sweeps.chunk import Computed, compute, died, parquet
+from icmj.sweeps.dataset import Dataset, opened, read_table
+from icmj.sweeps.plan import Plan
+from icmj.sweeps.trial import tried
+from icmj.work.workers import Task, Workers
+
+if TYPE_CHECKING:
+    from icmj.sweeps.cluster import Cluster
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is.
+
+    Attributes:
+        points: of the whole.
+        done: points that are done.
+        failed: of those computed now, how many failed.
+        rate: points computed in a second of the clock, so far; 0 at the start.
+    """
+
+    points: int
+    done: int
+    failed: int
+    rate: float
+
+    @property
+    def left(self) -> float:
+        """Time left at this rate [s]; infinite at the start."""
+        return (self.points - self.done) / self.rate if self.rate > 0 else float("inf")
+
+
+Told = Callable[[Progress], None]
+
+
+def sweep(
+    file: SweepFile | Path | str,
+    out: Path | str | None = None,
+    *,
+    jobs: int | None = None,
+    dask: str | None = None,
+    progress: Told | None = None,
+) -> pa.Table:
+    """Compute a sweep, or what is left of it, and return its table.
+
+    Args:
+        file: the sweep file, or its path.
+        out: folder of the dataset; where one is that was begun, it goes on. A folder that is thrown away, if ``None``.
+        jobs: local processes; as many as there are cores by default.
+        dask: address of a Dask scheduler, whose workers compute instead.
+        progress: called after each chunk.
+
+    Returns:
+        One row a point, in their order (docs/sweeps.md tells the columns).
+
+    Raises:
+        RunFileError: if sweep file or run file do not validate.
+        SweepError: if the sweep cannot start, the folder is taken, or no process survives.
+    """
+    plan = planned(file)
+    if out is None:
+        with TemporaryDirectory() as folder:
+            carry_out(plan, Path(folder), jobs=jobs, dask=dask, progress=progress)
+            return read_table(Path(folder))
+    carry_out(plan, Path(out), jobs=jobs, dask=dask, progress=progress)
+    return read_table(Path(out))
+
+
+def planned(file: SweepFile | Path | str) -> Plan:
+    """The plan of a sweep, checked and tried.
+
+    Raises:
+        RunFileError, SweepError: as :func:`sweep`.
+    """
+    return tried(Plan.of(file if isinstance(file, SweepFile) else load_sweep(file)))
+
+
+def carry_out(
+    plan: Plan, out: Path, *, jobs: int | None = None, dask: str | None = None, progress: Told | None = None
+) -> Progress:
+    """Compute what is not done yet, into ``out``; memory does not grow with the number of points.
+
+    Raises:
+        SweepError: as :func:`sweep`.
+    """
+    with _crew(jobs, dask) as crew, opened(out, plan) as dataset:
+        tally = _Tally(plan, dataset.finished(), progress)
+        lost: list[int] = []
+        for points, computed, why in crew.compute(plan, map(plan.range, tally.missing())):
+            chunk = points.start // plan.chunk
+            if computed is None:
+                lost.append(chunk)
+                if len(lost) >= 3 and not tally.computed:
+                    raise SweepError(f"{plan.file.path}: every process died that was to compute ({why})")
+            else:
+                _place(dataset, chunk, computed)
+                tally.add(chunk, computed)
+        for chunk in lost:
+            computed = _again(plan, chunk, crew)
+            _place(dataset, chunk, computed)
+            tally.add(chunk, computed)
+        return tally.progress
+
+
+class Local:
+    """Processes on this machine."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+
+    def compute(self, plan: Plan, ranges: Iterator[range]) -> Iterator[tuple[range, Computed | None, str]]:
+        """Ranges of points, and what came of each as it comes; ``None``, and why, where its process died."""
+        given: dict[int, range] = {}
+
+        def tasks() -> Iterator[Task]:
+            for i, points in enumerate(ranges):
+                given[i] = points
+                yield Task(f"points {points.start} to {points.stop - 1}", compute, (plan, points))
+
+        for news in self._workers.run(tasks(), survive=True):
+            if news.done >= 1.0 and (news.died or news.value is not None):
+                yield given.pop(news.index), news.value, news.died
+
+
+def _again(plan: Plan, chunk: int, crew: Local | Cluster) -> Computed:
+    """A chunk that took its process with it: once more, then point by point; what dies again is a row that says so."""
+    ((_, whole, _),) = crew.compute(plan, iter([plan.range(chunk)]))
+    if whole is not None:
+        return whole
+    parts: dict[int, pa.Table] = {}
+    seconds = simulating = 0.0
+    failed = 0
+    single = (range(i, i + 1) for i in plan.range(chunk))
+    for points, computed, why in crew.compute(plan, single):
+        if computed is None:
+            parts[points.start] = died(plan, points.start, why)
+            failed += 1
+        else:
+            parts[points.start] = pq.read_table(pa.BufferReader(computed.content))
+            seconds, simulating = seconds + computed.seconds, simulating + computed.simulating
+            failed += computed.failed
+    table = pa.concat_tables([parts[i] for i in sorted(parts)]).combine_chunks()
+    return Computed(parquet(table), len(table), failed, seconds, simulating)
+
+
+def _place(dataset: Dataset, chunk: int, computed: Computed) -> None:
+    dataset.write(chunk, computed.content)
+    dataset.time(chunk, computed)
+
+
+class _Tally:
+    """Which chunks are done, and how fast it goes."""
+
+    def __init__(self, plan: Plan, finished: set[int], told: Told | None) -> None:
+        self._plan, self._finished, self._told = plan, finished, told
+        self._begin, self.computed, self._failed = time.monotonic(), 0, 0
+        self._done = sum(len(plan.range(chunk)) for chunk in finished)
+
+    def missing(self) -> Iterator[int]:
+        """Chunks to compute, in order."""
+        return (chunk for chunk in range(self._plan.chunks) if chunk not in self._finished)
+
+    def add(self, chunk: int, computed: Computed) -> None:
+        """One more is done."""
+        self.computed += computed.rows
+        self._done += computed.rows
+        self._failed += computed.failed
+        if self._told is not None:
+            self._told(self.progress)
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        took = time.monotonic() - self._begin
+        return Progress(len(self._plan), self._done, self._failed, self.computed / took if took > 0 else 0.0)
+
+
+@contextmanager
+def _crew(jobs: int | None, dask: str | None) -> Iterator[Local | Cluster]:
+    if dask is not None:
+        from icmj.sweeps.cluster import cluster
+
+        with cluster(dask) as found:
+            yield found
+        return
+    if jobs is not None and jobs < 1:
+        raise SweepError(f"{jobs} processes: expected at least 1")
+    with Workers(jobs or os.cpu_count() or 1) as workers:
+        yield Local(workers)

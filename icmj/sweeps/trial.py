@@ -1,0 +1,59 @@
+"""A few points tried before a sweep starts: that it can, how long it will take and how much it will write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from icmj.case.case import Case, prepare
+from icmj.errors import IcmjError, SweepError
+from icmj.sweeps.chunk import compute
+from icmj.sweeps.plan import Plan
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a sweep will cost, from a few of its points.
+
+    Attributes:
+        points, chunks: how many.
+        seconds: processor time for all of it [s].
+        size: of the dataset [bytes].
+    """
+
+    points: int
+    chunks: int
+    seconds: float
+    size: float
+
+
+def tried(plan: Plan) -> Plan:
+    """The plan, with the outputs of its plant, once one of a few points could be prepared.
+
+    Raises:
+        SweepError: if none could; it says why the first could not.
+    """
+    first: IcmjError | None = None
+    for index in plan.tried():
+        try:
+            case = prepare(plan.run(plan.points.at(index)))
+            return replace(plan, outputs=_outputs(case))
+        except IcmjError as error:
+            first = first or error
+    raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
+
+
+def estimate(plan: Plan) -> Estimate:
+    """What the sweep will cost: a few points computed, the first one twice, for it loads what is loaded once."""
+    compute(plan, range(1))
+    done = [compute(plan, range(index, index + 1)) for index in plan.tried()]
+    few = compute(plan, range(min(plan.chunk, len(plan), 25)))
+    empty = len(compute(plan, range(0)).content)
+    seconds = sum(each.seconds for each in done) / len(done)
+    # points of one chunk share plants where they can
+    seconds = min(seconds, few.seconds / few.rows) if few.rows >= len(done) else seconds
+    each = (len(few.content) - empty) / few.rows
+    return Estimate(len(plan), plan.chunks, seconds * len(plan), each * len(plan) + empty * plan.chunks)
+
+
+def _outputs(case: Case) -> tuple[str, ...]:
+    return tuple(case.assumed.linearisation.plant.outputs)
