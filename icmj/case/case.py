@@ -61,20 +61,28 @@ class Case:
     notices: tuple[Notice, ...] = ()
 
 
-def prepare(run: RunFile) -> Case:
+def prepare(run: RunFile, *, like: Case | None = None) -> Case:
     """Load and linearise both plants, design the controller, form the error system, and predict.
+
+    Args:
+        run: the run file.
+        like: another case, whose assumed plant and design are taken over where the run files agree on them.
 
     Raises:
         RunFileError: if the run file asks for what its models do not have; the message names the run file.
         ModelError: if a plant makes a prediction meaningless, and the run file does not allow it.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
-    assumed = assumed_plant(run)
+    known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
+    assumed = known.assumed if known else assumed_plant(run)
     actual = actual_plant(run, assumed)
     _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
     notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
-        design = _design(assumed.linearisation.plant, run.design)
+        if known and known.run.design == run.design:
+            design = known.controller.design
+        else:
+            design = _design(assumed.linearisation.plant, run.design)
         rule = run.controller.trigger(design)
         controller = Controller(design, HOLDS[run.controller.hold](design), rule, _delay(run))
         system = error_system(

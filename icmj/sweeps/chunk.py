@@ -119,8 +119,9 @@ def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
     tables = {"assumed", "actual", "design", "controller", "analysis"}
     key = json.dumps(reference.model_dump(include=tables), sort_keys=True, default=str)
     if bench.case is None or bench.key != key:
-        bench.case, bench.key = None, key
-        bench.case = prepare(reference)
+        bench.key = ""  # should this fail, the case that is kept is of no point
+        bench.case = prepare(reference, like=bench.case)
+        bench.key = key
     return revised(bench.case, run)
 
 

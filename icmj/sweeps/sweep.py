@@ -104,12 +104,12 @@ def carry_out(
     with _crew(jobs, dask) as crew, opened(out, plan) as dataset:
         tally = _Tally(plan, dataset.finished(), progress)
         lost: list[int] = []
-        for points, computed, why in crew.compute(plan, map(plan.range, tally.missing())):
+        for points, computed, _ in crew.compute(plan, map(plan.range, tally.missing())):
             chunk = points.start // plan.chunk
             if computed is None:
                 lost.append(chunk)
-                if len(lost) >= 3 and not tally.computed:
-                    raise SweepError(f"{plan.file.path}: every process died that was to compute ({why})")
+                if len(lost) == 3 and not tally.computed:
+                    _see_one_survive(plan, crew)
             else:
                 _place(dataset, chunk, computed)
                 tally.add(chunk, computed)
@@ -138,6 +138,17 @@ class Local:
         for news in self._workers.run(tasks(), survive=True):
             if news.done >= 1.0 and (news.died or news.value is not None):
                 yield given.pop(news.index), news.value, news.died
+
+
+def _see_one_survive(plan: Plan, crew: Local | Cluster) -> None:
+    """See that a process can live that has no point to compute: it may be the machine that kills them.
+
+    Raises:
+        SweepError: if it cannot.
+    """
+    for _, computed, why in crew.compute(plan, iter([range(0)])):
+        if computed is None:
+            raise SweepError(f"{plan.file.path}: every process died that was to compute ({why})")
 
 
 def _again(plan: Plan, chunk: int, crew: Local | Cluster) -> Computed:

@@ -1,0 +1,37 @@
+"""Sweeps for tests: small ones of the pendulum, and their rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PENDULUM = ROOT / "runs" / "simple-0.8.toml"
+
+GRID = """
+[[vary]]
+field = "actual.gain"
+name = "b"
+low = 0.7
+high = 1.3
+count = {count}
+"""
+THRESHOLDS = """
+[[vary]]
+field = "controller.q_t"
+values = [0.01, 0.001]
+"""
+
+
+def sweep_file(
+    folder: Path, vary: str, *, ask: str = "", chunk: int = 7, more: str = "", name: str = "sweep.toml"
+) -> Path:
+    """A sweep file of the pendulum in ``folder``."""
+    path = folder / name
+    head = f'[sweep]\nname = "test"\nrun = "{PENDULUM}"\nchunk = {chunk}\n{more}\n'
+    path.write_text(f"{head}{vary}\n[ask]\n{ask}\n", encoding="utf-8")
+    return path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file of the dataset, byte for byte."""
+    return {path.name: path.read_bytes() for path in sorted((folder / "points").iterdir())}

@@ -1,0 +1,207 @@
+"""A sweep's rows are the same bit for bit, whoever computes them, however often it is killed; what fails is a row."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
+
+import icmj
+from icmj.errors import SweepError
+from icmj.sweeps.chunk import Computed, compute
+from icmj.sweeps.dataset import opened, read_table
+from icmj.sweeps.sweep import carry_out, planned
+
+KILLS = 20
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("swept")
+    file = sweep_file(folder, GRID.format(count=5) + THRESHOLDS, ask='motion = ["linear", "mujoco"]', chunk=3)
+    carry_out(planned(file), folder / "two", jobs=2)
+    return folder
+
+
+def test_one_process_gives_the_bytes_that_two_give(swept: Path) -> None:
+    plan = planned(swept / "sweep.toml")
+    assert {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)} == contents(
+        swept / "two"
+    )
+
+
+def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
+    run = icmj.load_run(planned(swept / "sweep.toml").file.base.path)
+    rows = read_table(swept / "two").to_pylist()
+    for row in rows:
+        case = icmj.prepare(run.with_(**{"actual.gain": row["b"], "controller.q_t": row["q_t"]}))
+        assert row["status"] == "ok"
+        assert row["predicted_delta_crit"] == case.prediction.delta_crit
+        assert row["predicted_verdict"] == case.prediction.verdict
+        if case.prediction.cycle:
+            assert row["predicted_peak_angle"] == pytest.approx(case.prediction.amplitude[0], rel=1e-12)
+        if row["point"] % 4 == 0:
+            motion = icmj.measure(icmj.simulate(case, "linear"), T_hat=case.system.T_hat)
+            assert (row["linear_kind"], row["linear_interval"]) == (motion.kind, motion.interval)
+    # the pendulum's departure falls with the square of the threshold (docs/simulation.md)
+    error = {(row["b"], row["q_t"]): row["mujoco_error"] for row in rows if row["mujoco_error"] is not None}
+    ratios = [error[b, 0.01] / error[b, 0.001] for b, q_t in error if q_t == 0.01]
+    assert ratios == pytest.approx([100.0] * 4, rel=0.1)  # the next order adds 6 % where the first is small
+
+
+def test_other_readers_open_the_dataset(swept: Path) -> None:
+    import pyarrow.dataset as ds
+
+    found = ds.dataset(swept / "two" / "points")
+    assert found.count_rows() == 10
+    assert found.to_table(columns=["b"], filter=ds.field("q_t") < 0.005)["b"].to_pylist() == pytest.approx(
+        list(np.linspace(0.7, 1.3, 5))
+    )
+    metadata = found.schema.metadata
+    assert metadata[b"icmj.sweep"].decode() == (swept / "sweep.toml").read_text()
+    assert b"mujoco" in metadata[b"icmj.versions"]
+    assert metadata[b"icmj.run"].startswith(b"# Simple system")
+
+
+def test_a_finished_sweep_computes_nothing_again(swept: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()}
+    assert carry_out(planned(swept / "sweep.toml"), swept / "two", jobs=1).done == 10
+    assert {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()} == before
+
+
+def test_a_point_that_fails_or_falls_is_a_row(tmp_path: Path) -> None:
+    # a model without gain cannot be balanced by anyone
+    vary = '[[vary]]\nfield = "actual.gain"\nvalues = [0.8, 0.0]'
+    file = sweep_file(tmp_path, vary, ask='motion = ["mujoco"]')
+    table = icmj.sweep(file, jobs=1)
+    assert table["status"].to_pylist() == ["ok", "ok"]
+    assert table["mujoco_outcome"].to_pylist() == ["completed", "fell"]
+    vary = '[[vary]]\nfield = "controller.Q_t"\nvalues = ["output", [0.0, 0.0]]'
+    plan = planned(sweep_file(tmp_path, vary, name="bad.toml"))
+    rows = pq.read_table(pa.BufferReader(compute(plan, range(2)).content)).to_pylist()
+    assert [row["status"] for row in rows] == ["ok", "failed"]
+    assert "Q_t is zero" in rows[1]["words"]
+    assert [row["Q_t"] for row in rows] == ["output", "[0.0, 0.0]"]
+
+
+class _Crew:
+    """Processes of which some die: on whole chunks always, on the points in ``deadly`` every time."""
+
+    def __init__(self, deadly: set[int], mortal: set[int]) -> None:
+        self.deadly, self.mortal = deadly, mortal
+
+    def compute(self, plan, ranges):
+        for points in ranges:
+            if self.deadly & set(points) or self.mortal & set(points) or (-1 in self.deadly and not points):
+                self.mortal -= set(points)
+                yield points, None, "signal 9"
+            else:
+                yield points, compute(plan, points), ""
+
+
+def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from contextlib import nullcontext
+
+    from icmj.sweeps import sweep
+
+    plan = planned(sweep_file(tmp_path, GRID.format(count=20)))
+    carry_out(plan, tmp_path / "sound", jobs=1)
+    monkeypatch.setattr(sweep, "_crew", lambda *_: nullcontext(_Crew({9}, {3, 15})))
+    carry_out(plan, tmp_path / "deadly")
+    sound, found = read_table(tmp_path / "sound").to_pylist(), read_table(tmp_path / "deadly").to_pylist()
+    assert found[9]["status"] == "died"
+    assert "signal 9" in found[9]["words"]
+    assert [row for row in found if row["point"] != 9] == [row for row in sound if row["point"] != 9]
+    monkeypatch.setattr(sweep, "_crew", lambda *_: nullcontext(_Crew(set(range(-1, 20)), set())))
+    with pytest.raises(SweepError, match=r"every process died .*signal 9"):
+        carry_out(plan, tmp_path / "none")
+
+
+def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
+    one = planned(sweep_file(tmp_path, GRID.format(count=4)))
+    two = planned(sweep_file(tmp_path, GRID.format(count=5), name="two.toml"))
+    with opened(tmp_path / "out", one) as dataset:
+        with pytest.raises(SweepError, match=rf"another sweep \(process {os.getpid()}\) is writing there"):
+            carry_out(one, tmp_path / "out", jobs=1)
+        dataset.write(0, compute(one, range(2)).content)
+    with pytest.raises(SweepError, match="holds another sweep"):
+        carry_out(two, tmp_path / "out", jobs=1)
+    facts = tmp_path / "out" / "sweep.json"
+    facts.write_text(facts.read_text().replace('"numpy": "', '"numpy": "0.'))
+    with pytest.raises(SweepError, match=r"begun with numpy 0\."):
+        carry_out(one, tmp_path / "out", jobs=1)
+    assert len(contents(tmp_path / "out")) == 1
+    # a folder that is not the sweep's, and one that cannot be written to
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SweepError, match="cannot be written to"):
+        carry_out(one, tmp_path / "file", jobs=1)
+
+
+def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = planned(sweep_file(tmp_path, GRID.format(count=4), chunk=1))
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with opened(tmp_path / "out", plan) as dataset:
+        dataset.write(0, b"whole")
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(SweepError, match="No space left on device; what is finished is kept"):
+            dataset.write(1, b"not")
+    assert contents(tmp_path / "out") == {"00000000.parquet": b"whole"}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="kills a process group")
+def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig: pytest.Config) -> None:
+    file = sweep_file(tmp_path, GRID.format(count=160), chunk=1)
+    plan = planned(file)
+    whole = {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)}
+    seed = pytestconfig.getoption("--seed") or random.randrange(10**6)
+    dice, out = random.Random(seed), tmp_path / "out"
+    print(f"seed {seed}")
+    command = [sys.executable, "-m", "icmj.cli", "sweep", str(file), "--out", str(out), "--jobs"]
+
+    def finished() -> int:
+        return len(list((out / "points").glob("*.parquet"))) if out.exists() else 0
+
+    done = [0]
+    for kill in range(KILLS):
+        process = subprocess.Popen([*command, "12"[kill % 2]], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        # every fourth at any moment, loading or trying; the others while rows are written
+        deadline = time.monotonic() + (dice.uniform(0.1, 1.5) if kill % 4 == 0 else 60)
+        while time.monotonic() < deadline and finished() == done[-1] and process.poll() is None:
+            time.sleep(0.002)
+        time.sleep(dice.uniform(0, 0.1))
+        assert process.poll() is None, "it ended before it was killed: give it more points"
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        done.append(finished())
+    assert done == sorted(done)
+    assert len(set(done)) > KILLS // 2
+    subprocess.run([*command, "2"], check=True, capture_output=True)
+    assert contents(out) == whole
+    # what was finished before the last start was not computed again: the note of times has each chunk once
+    noted = [line.partition(",")[0] for line in (out / "timing.csv").read_text().split()]
+    assert len(noted) == len(set(noted))
+    assert {path.name for path in out.iterdir()} == {"points", "sweep.json", "timing.csv", ".lock"}
+
+
+def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
+    from icmj.sweeps.chunk import died
+
+    plan = planned(sweep_file(tmp_path, GRID.format(count=2)))
+    computed: Computed = compute(plan, range(2))
+    assert died(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
