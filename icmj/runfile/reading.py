@@ -9,7 +9,7 @@ from typing import Any
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import RUNS
+from icmj.runfile.shipped import RUNS, Shelf
 
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 
@@ -20,24 +20,25 @@ def load_run(path: Path | str) -> RunFile:
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
-    return parse_run(read_text(Path(path)), path)
+    where, text = read_text(Path(path), RUNS)
+    return parse_run(text, where)
 
 
-def read_text(path: Path) -> str:
-    """The text of a small file.
+def read_text(path: Path, shelf: Shelf) -> tuple[Path, str]:
+    """A small file, the one of this path or the shipped one of this name: where it lies, and its text.
 
     Raises:
         RunFileError: if it cannot be read, is not UTF-8 or is plainly no file that people write.
     """
     try:
-        path = RUNS.meant(path)
+        path = shelf.meant(path)
         if path.exists() and not path.is_file():
             # a pipe would be waited on for ever
             raise RunFileError(f"{path}: cannot be read: not a file")
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
     except FileNotFoundError as error:
-        raise RunFileError(f"{path}: cannot be read: {error.strerror}{RUNS.near(path)}") from error
+        raise RunFileError(f"{path}: cannot be read: {error.strerror}{shelf.near(path)}") from error
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:  # a name with a zero byte in it
@@ -48,7 +49,7 @@ def read_text(path: Path) -> str:
         text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError as error:
         raise RunFileError(f"{path}: not UTF-8 text at byte {error.start}") from error
-    return text.replace("\r\n", "\n")
+    return path, text.replace("\r\n", "\n")
 
 
 def parse_run(text: str, path: Path | str = "run.toml") -> RunFile:

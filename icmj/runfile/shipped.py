@@ -51,7 +51,7 @@ class Shelf:
         return f"; did you mean {near}?" if near is not None else ""
 
 
-RUNS, MODELS = Shelf("runs", ".toml"), Shelf("models", ".xml")
+RUNS, MODELS, SWEEPS = Shelf("runs", ".toml"), Shelf("models", ".xml"), Shelf("sweeps", ".toml")
 
 
 def model_file(path: Path) -> Path:

@@ -14,6 +14,7 @@ from icmj.plant.change import What
 from icmj.runfile.messages import in_words
 from icmj.runfile.reading import load_run, parse_toml, read_text
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shipped import RUNS, SWEEPS
 from icmj.runfile.table import Finite, Line, TomlTable
 
 MOST_POINTS = 10**9
@@ -30,7 +31,7 @@ class SweepTable(TomlTable):
     title: Line = ""
     """For tables and figures."""
     run: str
-    """The run file whose fields vary, relative to the sweep file."""
+    """The run file whose fields vary: beside the sweep file, or the name of one that comes with icmj."""
     samples: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
     """Points drawn in all fields that have only ``low`` and ``high``."""
     method: Literal["random", "sobol"] = "sobol"
@@ -149,7 +150,10 @@ class SweepFile(TomlTable):
         except ValidationError as error:
             raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
         made._path, made._text = path, text
-        made._base = load_run(path.parent / made.sweep.run) if base is None else base
+        if base is None:
+            beside = path.parent / made.sweep.run
+            base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)))
+        made._base = base
         return made
 
     @model_validator(mode="after")
@@ -190,6 +194,5 @@ def load_sweep(path: Path | str) -> SweepFile:
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
-    path = Path(path)
-    text = read_text(path)
+    path, text = read_text(Path(path), SWEEPS)
     return SweepFile.validated(parse_toml(text, path), path, text)
