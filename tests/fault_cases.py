@@ -79,7 +79,11 @@ def end(process: subprocess.Popen[str], signum: int, after: float) -> End:
     else:
         process.send_signal(signum)
     begin = time.monotonic()
-    out, err = process.communicate(timeout=60)  # until every holder of the streams is gone
+    try:
+        out, err = process.communicate(timeout=60)  # until every holder of the streams is gone
+    except subprocess.TimeoutExpired:
+        os.killpg(session, signal.SIGKILL)
+        raise
     took = time.monotonic() - begin
     while members(session) and time.monotonic() - begin < 60:
         time.sleep(0.05)
