@@ -55,6 +55,9 @@ if TYPE_CHECKING:
     from icmj.result.result import Result
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
+    from icmj.series.reading import read_series
+    from icmj.series.series import Series
+    from icmj.series.writing import write_series
     from icmj.simulation.interval import OpenLoop, OpenLoopInterval
     from icmj.simulation.pressure import Pressure
     from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
@@ -132,6 +135,9 @@ _HOMES = {
         "parse_run",
     ),
     "icmj.runfile.schema": ("RunFile",),
+    "icmj.series.reading": ("read_series",),
+    "icmj.series.series": ("Series",),
+    "icmj.series.writing": ("write_series",),
     "icmj.simulation.interval": (
         "OpenLoop",
         "OpenLoopInterval",
@@ -215,6 +221,7 @@ __all__ = [
     "Result",
     "RunFile",
     "Selection",
+    "Series",
     "Settings",
     "Simulation",
     "Statistics",
@@ -240,6 +247,7 @@ __all__ = [
     "predict",
     "prepare",
     "read_log",
+    "read_series",
     "run_case",
     "run_study",
     "simulate",
@@ -248,5 +256,6 @@ __all__ = [
     "sweep",
     "system_matched",
     "write_log",
+    "write_series",
     "zero_order",
 ]

@@ -42,6 +42,10 @@ class LogError(IcmjError):
     """A log cannot be written or read, or does not hold what was asked of it."""
 
 
+class DataError(IcmjError):
+    """A time series, or a file of them, cannot be read, written or measured."""
+
+
 class ReportError(IcmjError):
     """A report cannot be built from these logs."""
 

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
 # from the ground up; folders on one floor do not know each other
 FLOORS = (
     ("errors", "base"),
-    ("plant", "work"),
+    ("plant", "series", "work"),
     ("controller",),
     ("theory", "simulation"),
     ("linear", "engine", "measurement", "runfile"),

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from icmj.cli.overrides import Overrides
+from icmj.cli.series_arguments import Export
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,7 @@ Command = (
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]
     | Annotated[Person, tyro.conf.subcommand("person")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
 )
 
 DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the

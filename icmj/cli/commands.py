@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from icmj.cli import arguments
+from icmj.cli import arguments, series_commands
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
@@ -30,6 +30,9 @@ TOLD = 10.0  # s of estimated work that is announced
 def execute(command: object) -> None:
     """Carry out one parsed command."""
     raise TypeError(f"no command {type(command).__name__}")
+
+
+execute.register(series_commands.export)
 
 
 @execute.register

@@ -14,6 +14,7 @@ from icmj.engine.closed_loop import close_loop, timestep_of
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
+from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
@@ -98,4 +99,5 @@ def simulate(
         applied=acting,
         least=controller.least,
         noisy=settings.noisy,
+        labels=labels_of(plant.linearisation.plant, controller.design.plant),
     )

@@ -8,6 +8,7 @@ from icmj.base.array import Array
 from icmj.linear.closed_loop import LinearLoop
 from icmj.linear.watch import Piece, Watch
 from icmj.simulation.ending import Outcome
+from icmj.simulation.labels import labels_of
 from icmj.simulation.simulation import Events, Simulation
 
 _SAME = 1e-12  # a recording instant this close to an event [s] is the event
@@ -96,6 +97,7 @@ class History:
             delay=loop.controller.delay.t_d,
             least=loop.controller.least,
             noisy=noisy,
+            labels=labels_of(loop.plant, loop.controller.design.plant),
         )
 
     def _event_data(self) -> Events:

@@ -33,6 +33,7 @@ from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
+from icmj.simulation.labels import Labels
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.crossing import Crossing
@@ -44,7 +45,7 @@ from icmj.theory.prediction import Prediction
 _DATA: tuple[type, ...] = (
     *(LinearPlant, Design, Hold, Delay, Controller, *TRIGGERS),
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
-    *(Events, Outcome, Pressure, Simulation, Measurement),
+    *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result),
 )

@@ -65,6 +65,10 @@ def _simulation(result: Result, name: str, simulation: Simulation) -> None:
         _shape(f"{name}.qpos", simulation.qpos, N, None)
     _require(simulation.qpos.ndim == 2, f"{name}.qpos", f"has shape {simulation.qpos.shape}")
     _pressure(f"{name}.pressure", simulation)
+    for key, width in (("states", n), ("inputs", n_u), ("outputs", n_y), ("assumed", m)):
+        for kind in (key, f"{key.removesuffix('s')}_units"):
+            count = len(getattr(simulation.labels, kind))
+            _require(count in (0, width), f"{name}.labels.{kind}", f"has {count} words for {width} columns")
     events, end = simulation.events, simulation.outcome.t
     _require(np.isfinite(end) and end >= 0, f"{name}.outcome.t", f"is {end}; expected a time")
     K = _rising(f"{name}.events.t", events.t, least=0)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from icmj.base.array import Array
+from icmj.series.even import evenly
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
 _SHARED = 1 / 36  # correlation of the powers of two Hann windows that overlap by half (Welch 1967)
-_CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,24 +26,6 @@ class Spectrum:
     power: Array
     low: Array
     high: Array
-
-
-def evenly(t: Array, values: Array) -> tuple[Array, Array]:
-    """Smooth signals at even times, by a cubic spline through their rows; at the usual distance of the rows.
-
-    Args:
-        t: times of the rows [s], rising, shape (N,).
-        values: shape (N, w).
-
-    Returns:
-        times (M,) and values (M, w).
-    """
-    from scipy.interpolate import CubicSpline
-
-    step = float(np.median(np.diff(t)))
-    kept = np.concatenate([[True], np.diff(t) > _CLOSE * step])
-    even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step * (1 + 1e-12)) + 1)
-    return even, CubicSpline(t[kept], values[kept])(even)
 
 
 def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:

@@ -8,7 +8,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.measurement.blocks import Estimate, deviation, mean
-from icmj.measurement.spectrum import Spectrum, evenly, spectrum
+from icmj.measurement.spectrum import Spectrum, spectrum
+from icmj.series.even import evenly
 from icmj.simulation.simulation import Simulation
 
 TRANSIENT = 0.1  # part of the run that is left to the start

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.version import VERSION
 from icmj.controller.controller import Controller
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
+from icmj.series.series import Series
+from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
 from icmj.theory.prediction import Prediction
@@ -86,3 +91,27 @@ class Result:
     attractors: tuple[Attractor, ...] = ()
     notices: tuple[str, ...] = ()
     statistics: Statistics | None = None
+
+    def to_series(self, rate: float | None = None) -> Series:
+        """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows controller and pushes.
+
+        Args:
+            rate: rows per second [Hz]; the recorded rows as they are if ``None``.
+
+        Raises:
+            DataError: if the rate is not usable.
+        """
+        sources = self.run.simulation.settings().disturbance
+        pushes, errors = disturbance_of(sources, self.actual.inputs), reading_error_of(sources, self.actual.outputs)
+        breaks = np.union1d(pushes.edges, errors.edges)
+        series = self.simulation.to_series(rate, self.controller, breaks)
+        return replace(series, facts=self._facts | series.facts)
+
+    def events_to_series(self) -> Series:
+        """One row for each event; see :meth:`icmj.Simulation.events_to_series`."""
+        series = self.simulation.events_to_series()
+        return replace(series, facts=self._facts | series.facts)
+
+    @property
+    def _facts(self) -> dict[str, str]:
+        return {"case": self.run.case.name, "title": self.run.case.title, "version": VERSION}

@@ -7,14 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.controller.controller import Controller
 from icmj.controller.trigger.trigger import Kind
+from icmj.series.even import step_of
+from icmj.series.pieces import piecewise
+from icmj.series.series import Series
 from icmj.simulation.ending import Outcome
+from icmj.simulation.labels import UNKNOWN, Labels
 from icmj.simulation.pressure import Pressure
+
+if TYPE_CHECKING:
+    from control import TimeResponseData
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +76,7 @@ class Simulation:
             (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant where there is no disturbance,
             for it has no limits.
         pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
+        labels: names and units of states, inputs and outputs; empty where they are not known.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -86,3 +97,150 @@ class Simulation:
     least: float = 0.0
     noisy: bool = False
     pressure: Pressure | None = None
+    labels: Labels = UNKNOWN
+
+    def to_series(
+        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
+    ) -> Series:
+        """Every recorded signal under its name: ``x.ankle``, ``y.shank``, ``u.ankle_torque``, ``x_o.…``, ``x_h.…``.
+
+        ``interval`` counts the events so far: 0 until the first event, whose own row belongs to the interval it ends.
+        ``E`` is the event function, ``applied.…`` what acts of command and disturbance, ``cop.x`` and ``cop.y`` the
+        centre of pressure, ``load.…`` the normal force on each contact; each where there is one.
+
+        Args:
+            rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. Values
+                between rows are interpolated by a cubic spline within each open-loop interval, never across an event
+                (:mod:`icmj.series.pieces`).
+            controller: of the run; with it inputs and event function are known right after each event, too, instead
+                of being extended from the row behind it.
+            breaks: further times [s] across which nothing is interpolated, such as those of pushes.
+
+        Raises:
+            DataError: if the rate is not usable.
+        """
+        blocks = self._blocks(controller)
+        names = tuple(name for block in blocks for name in block.names)
+        units = tuple(unit for block in blocks for unit in block.units)
+        values = np.concatenate([block.values for block in blocks], axis=1)
+        facts = {"plant": self.plant, "control": self.control, "outcome": self.outcome.message}
+        if rate is None:
+            t = self.t
+        else:
+            step = step_of(rate, float(self.t[-1]))
+            t = step * np.arange(int(self.t[-1] / step * (1 + 1e-12)) + 1, dtype=float)
+            resets = np.zeros(0) if self.delay else self.events.t
+            after = np.concatenate([block.right_after(len(resets)) for block in blocks], axis=1)
+            actions = self.events.t + self.delay if self.delay else ()
+            breaks = np.concatenate([np.ravel(breaks), actions])
+            values = piecewise(self.t, values, t, jumps=resets, after=after, breaks=breaks)
+            facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
+        interval = np.searchsorted(self.events.t, t, side="left")[:, None].astype(float)
+        return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
+
+    def events_to_series(self) -> Series:
+        """One row for each event: Δ_i, the states just before the reset, and extremes of the outputs since the last."""
+        events, labels = self.events, self.labels
+        blocks = [
+            _block("", ("interval",), ("s",), events.interval[:, None]),
+            _block("x", labels.states, labels.state_units, events.x),
+            _block("x_o", labels.assumed, labels.assumed_units, events.x_o),
+            _block("x_h", labels.assumed, labels.assumed_units, events.x_h),
+            _block("y_max", labels.outputs, labels.output_units, events.y_max),
+            _block("y_min", labels.outputs, labels.output_units, events.y_min),
+        ]
+        return Series(
+            events.t,
+            np.concatenate([block.values for block in blocks], axis=1),
+            tuple(name for block in blocks for name in block.names),
+            tuple(unit for block in blocks for unit in block.units),
+            {"plant": self.plant, "control": self.control},
+        )
+
+    def to_pandas(
+        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
+    ) -> DataFrame:
+        """:meth:`to_series` as a pandas ``DataFrame``, indexed by time, with units in ``attrs["units"]``.
+
+        Raises:
+            DataError: if pandas is not installed, or the rate is not usable.
+        """
+        return self.to_series(rate, controller, breaks).to_pandas()
+
+    def to_timeresponse(self) -> TimeResponseData:
+        """The recorded rows as python-control's ``TimeResponseData``, whose ``plot()`` draws them.
+
+        Inputs are the commands u, outputs y, states x. Rows are not evenly spaced where there are events.
+        """
+        from control import TimeResponseData
+
+        labels = self.labels
+        return TimeResponseData(
+            self.t,
+            outputs=self.y.T,
+            states=self.x.T,
+            inputs=self.u.T,
+            output_labels=list(_block("y", labels.outputs, (), self.y).bare),
+            state_labels=list(_block("x", labels.states, (), self.x).bare),
+            input_labels=list(_block("u", labels.inputs, (), self.u).bare),
+            title=f"{self.control} control, {self.plant} plant",
+            plot_inputs=True,
+        )
+
+    def _blocks(self, controller: Controller | None) -> list[_Block]:
+        """What is recorded, and what of it is known right after each event."""
+        labels, events = self.labels, self.events
+        at = np.searchsorted(self.t, events.t)
+        command = None if controller is None else -events.x_o @ controller.design.k.T
+        blocks = [
+            _block("x", labels.states, labels.state_units, self.x, events.x),
+            _block("y", labels.outputs, labels.output_units, self.y, self.y[at]),
+            _block("u", labels.inputs, labels.input_units, self.u, command),
+            _block("x_o", labels.assumed, labels.assumed_units, self.x_o, events.x_o),
+            _block("x_h", labels.assumed, labels.assumed_units, self.x_h, events.x_o),
+        ]
+        if np.isfinite(self.E).any():
+            faces = None if controller is None else controller.trigger.faces(controller.design)
+            level = None if faces is None else faces.E(0 * events.x_o)[:, None]
+            blocks.append(_block("", ("E",), ("",), self.E[:, None], level))
+        if self.applied.size:
+            limited = bool(self.precision.get("saturated_share"))
+            acting = None if command is None or limited else self.applied[at] + command - self.u[at]
+            blocks.append(_block("applied", labels.inputs, labels.input_units, self.applied, acting))
+        if self.pressure is not None:
+            ground, known = self.pressure, len(self.pressure.t_after) > 0
+            newtons = ("N",) * len(ground.geoms)
+            blocks += [
+                _block("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),
+                _block("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
+            ]
+        return blocks
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
+
+    kind: str
+    bare: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    after: Array | None
+
+    def right_after(self, count: int) -> Array:
+        """Values right after the first events, NaN where not known."""
+        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
+
+
+def _block(
+    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
+) -> _Block:
+    """With numbers for names that are not known."""
+    width = values.shape[1]
+    names = names if len(names) == width else tuple(str(i) for i in range(width))
+    units = units if len(units) == width else ("",) * width
+    return _Block(kind, names, units, values, after)

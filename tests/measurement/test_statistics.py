@@ -10,8 +10,9 @@ from scipy.signal import lfilter, welch
 from icmj.linear.run import simulate
 from icmj.measurement.blocks import Estimate, deviation, mean
 from icmj.measurement.measurement import measure
-from icmj.measurement.spectrum import evenly, spectrum
+from icmj.measurement.spectrum import spectrum
 from icmj.measurement.statistics import Statistics, statistics
+from icmj.series.even import evenly
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Noise
 from icmj.simulation.simulation import Events, Simulation

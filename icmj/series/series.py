@@ -1,0 +1,121 @@
+"""A time series: some signals that share their times, each with a name and a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import DataError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Some signals over time.
+
+    Attributes:
+        t: times [s], strictly rising, shape (N,).
+        values: shape (N, w); NaN where a value is missing.
+        names: of the signals, each once, length w.
+        units: of the signals, such as rad or N m; "" where it is not known; length w.
+        facts: what else there is to say of them, as plain words by topic.
+
+    Raises:
+        DataError: on construction, if shapes and names do not fit, or times do not rise.
+    """
+
+    t: Array
+    values: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    facts: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        t, values = np.asarray(self.t, dtype=float), np.asarray(self.values, dtype=float)
+        names, units = tuple(self.names), tuple(self.units) or ("",) * len(self.names)
+        if t.ndim != 1 or values.shape != (len(t), len(names)) or len(units) != len(names):
+            raise DataError(
+                f"times {t.shape}, values {values.shape}, {len(names)} names and {len(units)} units do not fit; "
+                "expected (N,), (N, w), w and w"
+            )
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise DataError(f"several signals are called {', '.join(twice)}; give each a name of its own")
+        wrong = np.flatnonzero(~(np.diff(t) > 0))  # where one is not a number, too
+        if len(wrong) or not np.isfinite(t[:1]).all() or not np.isfinite(t[-1:]).all():
+            at = int(wrong[0]) + 1 if len(wrong) else 0
+            raise DataError(f"times do not rise at row {at + 1}: {t[at]:g} s after {t[max(at - 1, 0)]:g} s")
+        for name, value in (("t", t), ("values", values), ("names", names), ("units", units)):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, name: str) -> Array:
+        """One signal by its name, or by the end of it after a point where that is clear; shape (N,)."""
+        return self.values[:, self.place(name)]
+
+    def place(self, name: str) -> int:
+        """The column of a signal.
+
+        Raises:
+            DataError: if there is none, or there are several.
+        """
+        if name in self.names:
+            return self.names.index(name)
+        found = [i for i, whole in enumerate(self.names) if whole.endswith(f".{name}")]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise DataError(f"{name!r} could be {' or '.join(self.names[i] for i in found)}; give the whole name")
+        known = ", ".join(self.names[:40]) + (", ..." if len(self.names) > 40 else "")
+        raise DataError(f"no column {name!r}; expected one of {known}")
+
+    def chosen(self, names: Sequence[str]) -> Series:
+        """Some of the signals, in this order.
+
+        Raises:
+            DataError: if there is no such signal.
+        """
+        at = [self.place(name) for name in names]
+        return replace(
+            self,
+            values=self.values[:, at],
+            names=tuple(self.names[i] for i in at),
+            units=tuple(self.units[i] for i in at),
+        )
+
+    def since(self, t: float) -> Series:
+        """The rows from ``t`` [s] on, so that a start can be left out."""
+        late = self.t >= t
+        return replace(self, t=self.t[late], values=self.values[late])
+
+    def to_pandas(self) -> DataFrame:
+        """As a pandas ``DataFrame``: index ``t`` [s], a column for each name, units in ``attrs["units"]`` by column.
+
+        Raises:
+            DataError: if pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise DataError("pandas is not installed; `pip install pandas`, or take the arrays of Series") from error
+        frame = pandas.DataFrame(self.values, index=pandas.Index(self.t, name="t"), columns=list(self.names))
+        frame.attrs = {"units": dict(zip(("t", *self.names), ("s", *self.units), strict=True)), **self.facts}
+        return frame
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """``t [s]`` and each name with its unit, as ``ankle [rad]``; the name alone where there is none."""
+        return ("t [s]", *(header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
+
+
+def header(name: str, unit: str) -> str:
+    """``ankle [rad]``, or the name alone without a unit."""
+    return f"{name} [{unit}]" if unit else name

@@ -1,0 +1,155 @@
+"""Files of series: bit for bit both ways, readable by others, and hostile ones refused in one line."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from icmj.errors import DataError
+from icmj.series import reading
+from icmj.series.reading import name_and_unit, read_series
+from icmj.series.series import Series
+from icmj.series.writing import write_series
+
+KINDS = (".csv", ".parquet", ".npz")
+
+
+def awkward():
+    values = np.array([[0.1 + 0.2, -0.0], [np.nextafter(0, 1), np.nan], [1 / 3, 1e300]])
+    return Series(np.array([0.0, 0.1, 0.1 + 1e-12]), values, ("x.ankle", 'a, "b"'), ("rad", "N m"), {"plant": "linear"})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_written_reads_back_bit_for_bit(tmp_path, kind):
+    series, path = awkward(), tmp_path / f"run{kind}"
+    write_series(series, path)
+    found = read_series(path)
+    assert (found.names, found.units) == (series.names, series.units)
+    assert found.t.tobytes() == series.t.tobytes()
+    np.testing.assert_array_equal(found.values, series.values)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_others_read_it(tmp_path):
+    series = awkward()
+    for kind in KINDS:
+        write_series(series, tmp_path / f"run{kind}")
+    with open(tmp_path / "run.csv", newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head == ["t [s]", "x.ankle [rad]", 'a, "b" [N m]']
+    assert [float(row[1]) for row in rows] == series.values[:, 0].tolist()
+    schema = pq.read_schema(tmp_path / "run.parquet")
+    assert [field.metadata[b"unit"].decode() for field in schema] == ["s", "rad", "N m"]
+    assert schema.metadata[b"icmj.plant"] == b"linear"
+    with np.load(tmp_path / "run.npz", allow_pickle=False) as arrays:
+        assert dict(zip(arrays["names"], arrays["units"], strict=True))["x.ankle"] == "rad"
+        assert json.loads(str(arrays["facts"])) == {"plant": "linear"}
+        assert arrays["x.ankle"].shape == (3,)
+
+
+def test_what_cannot_be_written_leaves_nothing(tmp_path):
+    with pytest.raises(DataError, match=r"cannot write \.xlsx; expected \.csv, \.parquet, \.npz"):
+        write_series(awkward(), tmp_path / "run.xlsx")
+    with pytest.raises(DataError, match="keeps the name 'units' for itself"):
+        write_series(Series(np.zeros(1), np.zeros((1, 1)), ("units",)), tmp_path / "run.npz")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DataError, match="cannot be written"):
+        write_series(awkward(), tmp_path / "file" / "run.csv")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+TABLES = {
+    "commas": "t,ap [cm],ml (cm)\n0,1,2\n0.01,1.5,-2e-1\n",
+    "tabs": "t\tap [cm]\tml (cm)\n0\t1\t2\n0.01\t1.5\t-2e-1\n",
+    "semicolons and decimal commas": "t;ap [cm];ml (cm)\n0,00;1,0;2,0\n0,01;1,5;-2e-1\n",
+    "blanks": "t ap ml\n  0    1   2 \n 0.01 1.5  -2e-1\n",
+    "a preamble": "Subject;12\nRate;100;Hz\n\nt;ap [cm];ml (cm)\n0;1;2\n0.01;1.5;-0.2\n",
+    "a header behind a mark": "# t,ap [cm],ml (cm)\n0,1,2\n0.01,1.5,-0.2",
+    "a byte-order mark and carriage returns": "\ufefft,ap [cm],ml (cm)\r\n0,1,2\r\n0.01,1.5,-0.2\r\n",
+    "milliseconds": "Time [ms],ap [cm],ml (cm)\n0,1,2\n10,1.5,-0.2\n",
+    "a column of text": "t,phase,ap [cm],ml (cm)\n0,quiet,1,2\n0.01,quiet,1.5,-0.2\n",
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_of_many_makes_are_read(tmp_path, kind):
+    path = tmp_path / "sway.csv"
+    path.write_bytes(TABLES[kind].encode())
+    found = read_series(path)
+    assert found.names == ("ap", "ml")
+    assert found.units == (("", "") if kind == "blanks" else ("cm", "cm"))
+    assert found.t == pytest.approx([0, 0.01])
+    assert found.values == pytest.approx(np.array([[1, 2], [1.5, -0.2]]))
+
+
+def test_a_table_without_header_and_times_takes_a_rate(tmp_path):
+    path = tmp_path / "sway.txt"
+    np.savetxt(path, np.arange(6.0).reshape(3, 2))
+    found = read_series(path, rate=50.0)
+    assert found.names == ("column 1", "column 2")
+    assert found.t == pytest.approx([0, 0.02, 0.04])
+    assert read_series(path, rate=50.0, columns=["column 2"]).values.ravel() == pytest.approx([1, 3, 5])
+
+
+HOSTILE = {
+    "nothing": (b"", "the file is empty"),
+    "blank": (b" \n\n", "the file is empty"),
+    "binary": (b"RRF2\0\0\0" * 50, "not text"),
+    "latin": ("t,Höhe\n0,1\n".encode("latin-1"), "line 1 is not UTF-8"),
+    "prose": (b"once upon a time\nthere was a table\n", "no rows of numbers in its first 2 lines"),
+    "one long line": (b"1," * 200_000, "line 1 has more than"),
+    "no times": (b"a,b\n1,2\n3,4\n", "no column of times (t, time); say with --rate"),
+    "times alone": (b"t\n1\n2\n", "no column of numbers beside the times"),
+    "falling times": (b"t,a\n0,1\n1,1\n0.5,1\n", "times do not rise at row 3"),
+    "missing times": (b"t,a\n0,1\n1,2\n,1\n", "times do not rise at row 3"),
+    "hours": (b"t [h],a\n0,1\n1,2\n", "times in 'h'"),
+    "twice": (b"t,a,a\n0,1,2\n1,1,2\n", "several signals are called a"),
+    "ragged": (b"t,a\n0,1\n1,2\n2\n", "not a table of numbers after line 2"),
+    "words": (b"t,a\n0,1\n1,2\n2,stop\n", "not a table of numbers after line 2"),
+    "wide": (b",".join([b"1"] * 3000) + b"\n" + b",".join([b"1"] * 3000), "3000 columns"),
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_files_are_refused_in_one_line(tmp_path, kind):
+    content, words = HOSTILE[kind]
+    path = tmp_path / "sway.csv"
+    path.write_bytes(content)
+    with pytest.raises(DataError) as caught:
+        read_series(path)
+    assert words in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("kind", [".parquet", ".npz", ".csv"])
+def test_no_file_no_folder_and_no_rubbish(tmp_path, kind, monkeypatch):
+    path = tmp_path / f"sway{kind}"
+    with pytest.raises(DataError, match="No such file"):
+        read_series(path)
+    path.write_bytes(b"PK\x03\x04 rubbish\0")
+    with pytest.raises(DataError, match="not"):
+        read_series(path)
+    with pytest.raises(DataError, match="not a file"):
+        read_series(tmp_path)
+    monkeypatch.setattr(reading, "MOST_BYTES", 3)
+    with pytest.raises(DataError, match="expected at most"):
+        read_series(path)
+
+
+def test_pickles_are_not_unpacked(tmp_path):
+    np.savez(tmp_path / "bad.npz", t=np.arange(2.0), a=np.array([{}, {}], dtype=object))
+    with pytest.raises(DataError, match="not an npz file of plain arrays"):
+        read_series(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("ankle [rad]", ("ankle", "rad")), (" COP ap (cm) ", ("COP ap", "cm")), ("plain", ("plain", "")), ("", ("", ""))],
+)
+def test_names_and_units(text, expected):
+    assert name_and_unit(text) == expected

@@ -1,0 +1,69 @@
+"""Piecewise interpolation: fourth order within pieces, nothing of one piece in another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.series.pieces import piecewise
+
+JUMPS = np.array([0.7315, 1.2052])
+
+
+def signal(t, jumps=JUMPS):
+    """Smooth between the jumps, by closed form; at a jump the value before it."""
+    piece = np.searchsorted(jumps, t, side="left")
+    return np.column_stack([np.cos(5 * t) + piece**2, np.sin(3 * t + piece), t])
+
+
+def error(step, **known):
+    grid = np.arange(0, 2 + step / 2, step)
+    t = np.unique(np.concatenate([grid, JUMPS])) if "jumps" in known else grid
+    at = np.linspace(0, 2, 1777)
+    return np.abs(piecewise(t, signal(t), at, **known) - signal(at)).max()
+
+
+AFTER = signal(JUMPS + 1e-15)
+
+
+@pytest.mark.parametrize(
+    "known", [{"jumps": JUMPS, "after": AFTER}, {"jumps": JUMPS}, {"breaks": JUMPS}], ids=["after", "before", "neither"]
+)
+def test_it_is_of_fourth_order_whatever_is_known_of_the_jumps(known):
+    steps = np.array([0.04, 0.02, 0.01, 0.005])
+    errors = [error(step, **known) for step in steps]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(steps))
+    assert slopes[-1] == pytest.approx(4, abs=0.4)
+    assert errors[2] < 2e-5
+
+
+def test_the_value_at_a_jump_is_the_one_before_and_the_next_the_one_after():
+    t = np.unique(np.concatenate([np.arange(0, 2.01, 0.02), JUMPS]))
+    at = np.sort(np.concatenate([JUMPS, JUMPS + 1e-10]))
+    found = piecewise(t, signal(t), at, jumps=JUMPS, after=AFTER)
+    assert found[::2] == pytest.approx(signal(JUMPS), abs=1e-12)
+    assert found[1::2] == pytest.approx(AFTER, abs=1e-8)
+
+
+def test_rows_are_met_but_those_beside_a_row_of_a_jump():
+    rng = np.random.default_rng(1)
+    t = np.sort(np.concatenate([np.arange(0, 2, 0.02), JUMPS]))
+    values = rng.standard_normal((len(t), 2))
+    found = piecewise(t, values, t, jumps=JUMPS, after=np.full((2, 2), np.nan))
+    apart = np.min(np.abs(t[:, None] - JUMPS), axis=1)
+    met = (apart == 0) | (apart > 0.003)
+    assert found[met] == pytest.approx(values[met], abs=1e-12)
+
+
+def test_pieces_with_few_rows_and_missing_values_are_drawn_straight():
+    t = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    line = np.column_stack([2 * t, np.where(t == 2, np.nan, t)])
+    breaks = np.array([1.2, 1.8, 2.5])
+    found = piecewise(t, line, np.array([0.5, 1.5, 3.5]), breaks=breaks)
+    assert found[:, 0] == pytest.approx([1, 3, 7])
+    assert found[[0, 2], 1] == pytest.approx([0.5, 3.5])
+    assert np.isnan(found[1, 1])
+
+
+def test_one_row_stands_for_itself():
+    assert piecewise(np.zeros(1), np.ones((1, 2)), np.zeros(1)) == pytest.approx(np.ones((1, 2)))

@@ -1,0 +1,105 @@
+"""Series: names, choices, even times, pandas."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pytest
+
+from icmj.errors import DataError
+from icmj.series.even import even_series
+from icmj.series.series import Series
+
+T = np.arange(0, 2, 0.01)
+
+
+def waves(t=T):
+    return Series(t, np.column_stack([np.sin(t), np.cos(t)]), ("x.ankle", "u.ankle"), ("rad", "N m"))
+
+
+def test_a_signal_is_found_by_its_name_or_the_end_of_it():
+    series = Series(T, np.column_stack([T, 2 * T, 3 * T]), ("x.ankle", "u.ankle", "y.shank"))
+    assert series["y.shank"] is not None
+    assert series["shank"] == pytest.approx(3 * T)
+    assert series.chosen(["shank", "x.ankle"]).names == ("y.shank", "x.ankle")
+    with pytest.raises(DataError, match=r"'ankle' could be x\.ankle or u\.ankle"):
+        series.place("ankle")
+    with pytest.raises(DataError, match=r"no column 'hip'; expected one of x\.ankle, u\.ankle, y\.shank"):
+        series.place("hip")
+
+
+@pytest.mark.parametrize(
+    ("t", "values", "names", "words"),
+    [
+        ([0, 1], [[1], [2]], ("a", "b"), "do not fit"),
+        ([0, 1], [[1, 1], [2, 2]], ("a", "a"), "several signals are called a"),
+        ([0, 1, 1], [[1]] * 3, ("a",), "do not rise at row 3: 1 s after 1 s"),
+        ([0, np.nan, 1], [[1]] * 3, ("a",), "do not rise at row 2"),
+        ([np.inf], [[1]], ("a",), "do not rise at row 1"),
+    ],
+)
+def test_what_is_no_series_is_refused(t, values, names, words):
+    with pytest.raises(DataError, match=words):
+        Series(np.array(t, float), np.array(values, float), names)
+
+
+def test_even_times_are_left_as_they_are():
+    rounded = waves(np.round(T + 1e-6 * np.sin(1000 * T), 6))
+    even = even_series(rounded)
+    assert "resampled" not in even.facts
+    np.testing.assert_array_equal(even.values, rounded.values)
+    assert np.ptp(np.diff(even.t)) < 1e-12
+
+
+def test_uneven_times_are_made_even_by_a_spline_and_said_so():
+    rng = np.random.default_rng(2)
+    shaken = waves(np.sort(T + rng.uniform(0, 0.004, len(T))))
+    even = even_series(shaken)
+    assert even.facts["resampled"].startswith("cubic spline at")
+    assert even["x.ankle"] == pytest.approx(np.sin(even.t), abs=1e-7)
+    fine = even_series(waves(), 333.0)
+    assert 1 / (fine.t[1] - fine.t[0]) == pytest.approx(333)
+    assert fine["u.ankle"] == pytest.approx(np.cos(fine.t), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "rate", "words"),
+    [
+        (lambda s: s.since(5), None, "0 rows; expected at least 2"),
+        (lambda s: Series(s.t, np.where(s.t[:, None] == s.t[7], np.nan, s.values), s.names), None, "first at 0.07 s"),
+        (
+            lambda s: Series(np.delete(s.t, slice(20, 30)), np.delete(s.values, slice(20, 30), 0), s.names),
+            None,
+            "gap of",
+        ),
+        (lambda s: s, -1.0, "must be positive"),
+        (lambda s: s, 1e12, "expected at most"),
+    ],
+)
+def test_what_cannot_be_made_even_is_refused(spoil, rate, words):
+    with pytest.raises(DataError, match=words):
+        even_series(spoil(waves()), rate)
+
+
+def test_pandas_gets_times_names_and_units():
+    pandas = pytest.importorskip("pandas")
+    frame = waves().to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame.columns) == ["x.ankle", "u.ankle"]
+    assert frame.index.name == "t"
+    assert frame.attrs["units"] == {"t": "s", "x.ankle": "rad", "u.ankle": "N m"}
+    assert frame["u.ankle"].to_numpy() == pytest.approx(np.cos(T))
+
+
+def test_without_pandas_one_line_says_so(monkeypatch):
+    load = builtins.__import__
+
+    def no_pandas(name, *rest, **more):
+        if name == "pandas":
+            raise ImportError(name)
+        return load(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", no_pandas)
+    with pytest.raises(DataError, match="pandas is not installed; `pip install pandas`"):
+        waves().to_pandas()

@@ -1,0 +1,168 @@
+"""What a run gives away: every signal by name, between rows as exactly as the rows allow, across no event."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_cases import design_of, result
+
+from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.errors import DataError
+from icmj.linear.run import simulate
+from icmj.runfile.reading import parse_run
+from icmj.simulation.settings import Impulse, Settings
+
+RATE = 373.0  # Hz: no row of a grid of 10 ms, but for every whole second
+
+
+def controller(trigger=None, delay=None):
+    design = design_of("b0.8")
+    rule = trigger or EventTrigger(output_weight(design), 0.01, 0.3 if delay else 0.0)
+    return Controller(design, system_matched(design), rule, **({"delay": Delay(delay, delay)} if delay else {}))
+
+
+def run(control, interval=0.01, **more):
+    settings = Settings(duration=8.0, initial={"hinge": 0.02}, record_interval=interval, **more)
+    return simulate(design_of("b0.8").plant.scaled(0.8), control, settings)
+
+
+def departure(simulation, exact, *known, of):
+    """Largest departure of each kind of signals from a run recorded at RATE, relative to its largest value."""
+    found = simulation.to_series(RATE, *known)
+    rows = np.searchsorted(exact.t, found.t - 1e-9)
+    assert exact.t[rows] == pytest.approx(found.t, abs=1e-9)
+    errors = {}
+    for kind in of:
+        there = getattr(exact, kind)[rows]
+        mine = found.values[:, [i for i, name in enumerate(found.names) if name.startswith(f"{kind}.")]]
+        errors[kind] = np.abs(mine - there).max() / np.abs(there).max()
+    return errors
+
+
+ALL = ("x", "y", "u", "x_o", "x_h")
+
+
+def test_between_rows_it_is_the_run_recorded_there_to_fourth_order():
+    control = controller()
+    exact = run(control, 1 / RATE)
+    errors = [departure(run(control, step), exact, control, of=ALL) for step in (0.04, 0.02, 0.01)]
+    assert max(errors[-1].values()) < 1e-6
+    for kind in ALL:
+        slope = np.log2(errors[0][kind] / errors[2][kind]) / 2
+        assert slope > 3.5, kind
+
+
+def test_without_the_controller_what_jumps_is_extended_from_behind():
+    control = controller()
+    exact = run(control, 1 / RATE)
+    errors = departure(run(control), exact, of=ALL)
+    assert max(errors.values()) < 5e-5
+    assert errors["x"] < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["delay", "clock", "continuous"])
+def test_delays_clocks_and_continuous_control(kind):
+    control = {
+        "delay": lambda: controller(delay=0.1234),
+        "clock": lambda: controller(ClockTrigger(0.217)),
+        "continuous": lambda: controller(Continuous()),
+    }[kind]()
+    simulation, exact = run(control), run(control, 1 / RATE)
+    errors = departure(simulation, exact, control, of=ALL)
+    assert max(errors.values()) < 2e-5, errors
+    assert ("E" in simulation.to_series().names) == (kind == "delay")
+
+
+PUSH = """
+[[simulation.disturbance]]
+kind = "impulse"
+input = "torque"
+size = 0.02
+start = 3.1234
+duration = 0.05
+"""
+
+
+def pushed():
+    """A result with an impulse of 50 ms that begins and ends between rows."""
+    found = result("b0.8")
+    simulation = run(found.controller, disturbance=(Impulse("torque", 0.02, 3.1234, 0.05),))
+    return replace(found, run=parse_run(found.run.text + PUSH), simulation=simulation)
+
+
+def test_nothing_is_interpolated_across_a_push():
+    found = pushed()
+    exact = run(found.controller, 1 / RATE, disturbance=(Impulse("torque", 0.02, 3.1234, 0.05),))
+    blind = departure(found.simulation, exact, found.controller, of=("x",))["x"]
+    series = found.to_series(RATE)
+    rows = np.searchsorted(exact.t, series.t - 1e-9)
+    error = np.abs(series.values[:, :2] - exact.x[rows]).max() / np.abs(exact.x).max()
+    assert error < 2e-6 < 1e-4 < blind
+
+
+def test_rows_are_given_as_they_are():
+    found = result("three-link")
+    series = found.to_series()
+    simulation = found.simulation
+    assert series.t is simulation.t
+    np.testing.assert_array_equal(series["x.ankle"], simulation.x[:, 0])
+    np.testing.assert_array_equal(series["y.trunk"], simulation.y[:, 2])
+    np.testing.assert_array_equal(series["u.hip_torque"], simulation.u[:, 2])
+    np.testing.assert_array_equal(series["x_h.knee_rate"], simulation.x_h[:, 4])
+    np.testing.assert_array_equal(series["E"], simulation.E)
+    assert series.units[series.place("x.ankle")] == "rad"
+    assert series.units[series.place("u.ankle_torque")] == "N m"
+    assert series.facts["case"] == "three-link"
+    count = series["interval"]
+    events = np.searchsorted(series.t, simulation.events.t)
+    assert count[0] == 0
+    np.testing.assert_array_equal(count[events], np.arange(len(events)))
+    np.testing.assert_array_equal(count[events + 1], np.arange(len(events)) + 1)
+
+
+def test_events_are_a_series_of_their_own():
+    found = result("b0.8")
+    events, series = found.simulation.events, found.events_to_series()
+    np.testing.assert_array_equal(series.t, events.t)
+    np.testing.assert_array_equal(series["interval"], events.interval)
+    np.testing.assert_array_equal(series["x_h.hinge"], events.x_h[:, 0])
+    np.testing.assert_array_equal(series["y_min.angle"], events.y_min[:, 0])
+    assert len(found.continuous.events_to_series()) == 0
+
+
+def test_names_that_are_not_known_are_numbers():
+    bare = replace(result("b0.8").simulation, labels=type(result("b0.8").simulation.labels)())
+    assert bare.to_series().names == ("x.0", "x.1", "y.0", "u.0", "x_o.0", "x_o.1", "x_h.0", "x_h.1", "E", "interval")
+
+
+def test_a_rate_that_is_none_is_refused():
+    for rate in (0.0, -1.0, np.nan, 1e12):
+        with pytest.raises(DataError, match="Hz"):
+            result("b0.8").to_series(rate)
+
+
+def test_python_control_gets_a_response_that_it_can_plot():
+    from matplotlib.figure import Figure
+
+    found = result("three-link")
+    response = found.simulation.to_timeresponse()
+    np.testing.assert_array_equal(response.outputs, found.simulation.y.T)
+    np.testing.assert_array_equal(response.inputs, found.simulation.u.T)
+    np.testing.assert_array_equal(response.states, found.simulation.x.T)
+    assert list(response.output_labels) == ["shank", "thigh", "trunk"]
+    figure = Figure()
+    axes = figure.subplots(6, 1)
+    response.plot(ax=axes[:, None])
+    assert [item.get_lines()[0].get_xydata().shape[0] for item in axes] == [len(response.time)] * 6
+
+
+def test_pandas_gets_the_rows_of_a_run():
+    pytest.importorskip("pandas")
+    frame = result("b0.8").simulation.to_pandas()
+    assert frame.loc[0.0, "x.hinge"] == 0.02
+    assert frame.attrs["units"]["u.torque"] == ""
