@@ -23,6 +23,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "measurement": ("measurement", "comparison", "experiment", "sway"),
     "logs": ("result", "log", "report", "study", "view"),
     "run-files": ("runfile",),
+    "series": ("series",),
 }
 OTHERS = "others"  # whatever lives elsewhere
 
@@ -78,7 +79,8 @@ def _inside(names: list[str]) -> Iterator[type]:
 def _all() -> list[str]:
     import icmj
 
-    return [*icmj.__all__, "BoxTrigger"]
+    # a public module has a page of its own
+    return [*(name for name in icmj.__all__ if not inspect.ismodule(getattr(icmj, name))), "BoxTrigger"]
 
 
 def _public(name: str) -> object:
