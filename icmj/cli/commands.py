@@ -263,7 +263,8 @@ def _seconds(value: float | None) -> str:
 
 
 def _amount(value: float, unit: str) -> str:
-    return f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.3f}°)" if unit == "rad" else "")
+    value += 0.0  # not −0
+    return f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.4g}°)" if unit == "rad" else "")
 
 
 def _error(value: float | None) -> str:

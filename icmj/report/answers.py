@@ -89,7 +89,7 @@ def periodic(sign: int, reservation: str = "") -> Callable[[CaseRuns], Answer]:
                 ratio = (
                     ""
                     if case.prediction.delta_crit is None
-                    else f" = {m.period / case.prediction.delta_crit:.6g} Δ_crit"
+                    else f" = {_times(m.period / case.prediction.delta_crit)}Δ_crit"
                 )
                 mirrored = ", mirrored halves" if m.mirrored else ""
                 parts.append(f"{NAME[plant]}: period {number(m.period, 5)} s{ratio}{mirrored}")
@@ -164,6 +164,12 @@ def continuous_unstable(case: CaseRuns) -> Answer:
     if worst.real > 0 and case.prediction.observer_feedback_stable:
         reservation = "with the observer in the loop the continuous controller is stable"
     return _answer(worst.real > 0, why, reservation)
+
+
+def _times(ratio: float) -> str:
+    """A factor before a symbol: nothing for 1, no blank after a whole number."""
+    text = f"{ratio:.6g}"
+    return "" if text == "1" else text if text.isdigit() else f"{text} "
 
 
 def _lower(words: str) -> str:

@@ -15,7 +15,7 @@ from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
-from icmj.report.notation import notation
+from icmj.report.notation import notation, unbroken
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import DrawnPanel, Picture, Section
 from icmj.report.statements import in_paper_order
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from icmj.report.panels import Panel
 
-TITLE = "Limit cycles of event-driven intermittent control"
+TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
 
@@ -86,6 +86,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=unbroken,
     )
     environment.filters["notation"] = notation
     environment.globals["next_table"] = count(1).__next__
@@ -113,10 +114,10 @@ def _draw(
         for case in cases:
             more = [panel for panel in MORE if panel.there(case)]
             panels[case.name] = [_drawn(panel, case, folder) for panel in (*PANELS, *more)]
-            law = next((r.law for r in reversed(case.runs.values()) if r.law is not None), None)
-            if law is not None:
+            measured = next((r for r in reversed(case.runs.values()) if r.law is not None), None)
+            if measured is not None:
                 alt = f"{case.first.run.case.title}, amplitude law"
-                laws[case.name] = _save(law_figure(law), folder, f"{case.name}_law", alt)
+                laws[case.name] = _save(law_figure(measured), folder, f"{case.name}_law", alt)
             if any(result.statistics is not None for result in case.runs.values()):
                 title = case.first.run.case.title
                 noisy[case.name] = (

@@ -7,22 +7,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.report import style
-from icmj.result.result import AmplitudeLaw
+from icmj.result.result import AmplitudeLaw, Result
+from icmj.view.quantity import in_unit, shared_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-def law_figure(law: AmplitudeLaw) -> Figure:
-    """The figure of :func:`draw_law`."""
+def law_figure(result: Result) -> Figure:
+    """The figure of :func:`draw_law`, of a result that has a law."""
     figure, (axes,) = style.new_figure()
-    draw_law(axes, law)
+    assert result.law is not None
+    draw_law(axes, result.law, threshold_unit(result))
     style.legend(figure, axes)
     return figure
 
 
-def draw_law(axes: Axes, law: AmplitudeLaw) -> None:
+def threshold_unit(result: Result) -> str:
+    """Unit of the threshold: that of the outputs where the rule weighs these alone; "" where it has none to tell."""
+    plant, facts = result.assumed, result.controller.trigger.facts()
+    weight = facts.get("Q_t")
+    of_outputs = facts.get("on") == "output"
+    if isinstance(weight, np.ndarray):
+        of_outputs = weight.shape == (plant.n, plant.n) and np.allclose(weight, plant.C.T @ plant.C, atol=1e-12)
+    return shared_unit(plant.output_units) if of_outputs else ""
+
+
+def draw_law(axes: Axes, law: AmplitudeLaw, unit: str = "") -> None:
     """Relative errors of interval and amplitude against the threshold on logarithmic axes, with the fitted lines."""
     for values, slope, name, colour, marker in (
         (law.interval_error, law.interval_slope, "interval", "#0072b2", "o"),
@@ -41,4 +53,4 @@ def draw_law(axes: Axes, law: AmplitudeLaw) -> None:
             threshold, size, marker, markersize=4, color=colour, markerfacecolor="white", markeredgewidth=1.0,
             label=f"{name}, slope {slope:.3f}",
         )  # fmt: skip
-    axes.set(xlabel="threshold (rad)", ylabel="relative error")
+    axes.set(xlabel=in_unit("threshold", unit), ylabel="relative error")

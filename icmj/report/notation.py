@@ -8,12 +8,32 @@ from markupsafe import Markup, escape
 
 _SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)")
 
+# what stands on one line: a symbol, its equals sign and its value; a number and its unit
+_TOGETHER = re.compile(r"(?<=\S) ([=≈≠<>±×−]) (?=\S)|(?<=\d) (?=(?:s|Hz|rad|deg|kg|m|N|Δ)\b)")
+_POWER = re.compile(r"(?<![\w.])([−+-]?\d(?:\.\d+)?)e([+-]?)0*(\d+)\b")
+_MINUS = re.compile(r"(?<![\w-])-(?=\d)")
+_MAGNITUDE = re.compile(r"\|(\S{1,12}?)\|")  # lines may be broken after a bar
+_LONGEST = 10_000  # characters of what is text; pictures are longer
+
 _GREEK = {"delta": "Δ", "gamma": "γ", "lambda": "λ", "rho": "ρ", "zeta": "ζ"}
 
 
 def notation(text: str) -> Markup:
-    """``text`` escaped, every single letter with an underscore given its subscript."""
-    return Markup(_SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text))))
+    """``text`` escaped, every single letter with an underscore given its subscript; numbers as they are printed."""
+    printed = _POWER.sub(
+        lambda m: f"{m[1]} × 10<sup>{m[2].replace('-', '−').strip('+')}{m[3]}</sup>", str(escape(text))
+    )
+    return Markup(_SUBSCRIPT.sub(r"\1<sub>\2</sub>", _MINUS.sub("−", printed)))
+
+
+def unbroken(value: object) -> object:
+    """What the templates print, with no ``b = 0.9`` broken over two lines."""
+    if not isinstance(value, str) or len(value) > _LONGEST:
+        return value
+    blank, joiner = "\N{NO-BREAK SPACE}", "\N{WORD JOINER}"
+    joined = _TOGETHER.sub(lambda m: f"{blank}{m[1]}{blank}" if m[1] else blank, str(value))
+    joined = _MAGNITUDE.sub(rf"|{joiner}\1|{joiner}", joined)
+    return Markup(joined) if isinstance(value, Markup) else joined
 
 
 def symbol(name: str) -> str:

@@ -94,10 +94,10 @@ def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool =
 def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
     """Departures from the linear prediction against the threshold, with the fitted slopes."""
     case = _case(results)
-    found = next((result.law for result in reversed(case.runs.values()) if result.law is not None), None)
-    if found is None:
+    found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
+    if found is None or found.law is None:
         raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
-    law.draw_law(axes, found)
+    law.draw_law(axes, found.law, law.threshold_unit(found))
     _legend(axes, legend)
 
 

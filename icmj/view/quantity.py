@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,20 @@ class Quantity:
 
     def label(self, words: str, per: str = "") -> str:
         """``words`` with the unit in brackets, as ``angle (deg/s)`` for ``per`` "/s"; alone where there is none."""
-        return f"{words} ({self.unit}{per})" if self.unit else words
+        return in_unit(words, self.unit and self.unit + per)
+
+
+def in_unit(words: str, unit: str) -> str:
+    """``words`` with the unit in brackets; alone where there is none."""
+    return f"{words} ({unit})" if unit else words
+
+
+EACH = "each in its own unit"
+
+
+def shared_unit(units: Sequence[str]) -> str:
+    """The unit of all where they have the same one, the words :data:`EACH` where not; "" where none is known."""
+    return units[0] if len(set(units)) == 1 else EACH if units else ""
 
 
 def quantities(plant: LinearPlant) -> tuple[Quantity, ...]:

@@ -5,11 +5,40 @@
   const name = (e) => `${e.tagName}.${e.className} ${(e.textContent || e.alt || "").trim().slice(0, 50)}`;
   const shown = (e) => e.getClientRects().length > 0 && e.getBoundingClientRect().width > 0;
 
-  // on a narrow screen a large matrix scrolls inside its own box; nothing else may
+  // on a narrow screen a large matrix and the row of contents scroll inside their own boxes; nothing else may
   function unscrolled(selector, width) {
-    return [...document.querySelectorAll(selector)].filter(
-      (e) => shown(e) && (width > 1000 || !(e.closest(".matrix") && !e.matches(".matrix"))),
-    );
+    const inside = (e) => (e.closest(".matrix") && !e.matches(".matrix")) || e.closest("nav ol > li");
+    return [...document.querySelectorAll(selector)].filter((e) => shown(e) && (width > 1000 || !inside(e)));
+  }
+
+  // WCAG 2: relative luminance, and the ratio of every text's to its ground's
+  function luminance([r, g, b]) {
+    const [x, y, z] = [r, g, b].map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * x + 0.7152 * y + 0.0722 * z;
+  }
+  const numbers = (colour) => colour.match(/[\d.]+/g).map(Number).slice(0, 3);
+
+  function contrasts() {
+    const ground = luminance(numbers(getComputedStyle(document.body).backgroundColor));
+    const worst = {};
+    for (const e of document.querySelectorAll("body *")) {
+      if (!shown(e) || ![...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())) continue;
+      const ink = luminance(numbers(getComputedStyle(e).color));
+      const ratio = (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05);
+      worst[getComputedStyle(e).color] = ratio;
+    }
+    return { ground, worst };
+  }
+
+  // where the contents are once the reader has scrolled away
+  function contents() {
+    const nav = document.querySelector("nav");
+    if (!nav) return null;
+    window.scrollTo(0, document.documentElement.scrollHeight / 2);
+    const { top, bottom, left, right } = nav.getBoundingClientRect();
+    const cover = document.querySelector("main").getBoundingClientRect();
+    window.scrollTo(0, 0);
+    return { top, bottom, beside: right <= cover.left, left };
   }
 
   function tooWide(width) {
@@ -71,6 +100,8 @@
       clipped: clipped(width),
       over: overlapping(width),
       images: pictures(),
+      contrasts: contrasts(),
+      contents: contents(),
       tables: document.querySelectorAll("table").length,
       faults: window.faults,
     };

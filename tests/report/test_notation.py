@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from markupsafe import Markup
 
-from icmj.report.notation import notation, symbol
+from icmj.report.notation import notation, symbol, unbroken
 
 
 @pytest.mark.parametrize(
@@ -14,6 +15,8 @@ from icmj.report.notation import notation, symbol
         ("2Δ_crit, q_t", "2Δ<sub>crit</sub>, q<sub>t</sub>"),
         ("hinge_rate", "hinge_rate"),
         ("a < b & c", "a &lt; b &amp; c"),
+        ("closes to 1.7e-12, at -1, not b-2", "closes to 1.7 × 10<sup>−12</sup>, at −1, not b-2"),
+        ("0x1e5 and x1.5e3", "0x1e5 and x1.5e3"),
         ("<script>x_1</script>", "&lt;script&gt;x<sub>1</sub>&lt;/script&gt;"),
     ],
 )
@@ -34,3 +37,25 @@ def test_notation(text, html):
 )
 def test_a_name_in_code_as_the_paper_writes_it(name, text):
     assert symbol(name) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "joined"),
+    [
+        ("Three-link standing, b = 0.9", "Three-link standing, b~=~0.9"),
+        ("in 0.759 s it settles", "in 0.759~s it settles"),
+        ("(|λ| = 1.20)", "(|^λ|^~=~1.20)"),
+        ("a <b> of A − Bk", "a <b> of A~−~Bk"),
+        ("no more than words", "no more than words"),
+    ],
+)
+def test_what_belongs_together_stays_on_one_line(text, joined):
+    expected = joined.replace("~", "\N{NO-BREAK SPACE}").replace("^", "\N{WORD JOINER}")
+    assert unbroken(text) == expected
+    assert isinstance(unbroken(Markup(text)), Markup)
+    assert not isinstance(unbroken(text), Markup)
+
+
+def test_what_is_no_text_is_left_alone():
+    for value in (3, None, 0.5, "data:" + "a = b" * 5000):
+        assert unbroken(value) is value

@@ -60,13 +60,14 @@ def chromium(folder, *arguments):
     return done
 
 
-def inspect(page, folder, width):
+def inspect(page, folder, width, *flags):
     text = page.read_text(encoding="utf-8")
     copy = text.replace("<head>", "<head>" + LISTEN, 1).replace("</body>", INSPECT + "</body>", 1)
     (folder / "copy.html").write_text(copy, encoding="utf-8")
     (folder / "frame.html").write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
     done = chromium(
         folder,
+        *flags,
         f"--window-size={width + 100},1000",
         "--virtual-time-budget=20000",
         "--dump-dom",
@@ -80,9 +81,18 @@ def inspect(page, folder, width):
     return found
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_the_page_at(report, tmp_path, width):
-    found = inspect(report / "report.html", tmp_path, width)
+DARK = "--blink-settings=preferredColorScheme=0"
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+def test_the_page_at(report, tmp_path, width, scheme):
+    found = inspect(report / "report.html", tmp_path, width, *([DARK] if scheme == "dark" else []))
+    assert (found["contrasts"]["ground"] < 0.02) is (scheme == "dark")
+    assert min(found["contrasts"]["worst"].values()) > 4.5  # WCAG 2, level AA
+    # the contents stay in view: beside the text, or one line above it
+    assert -1 <= found["contents"]["top"] < found["contents"]["bottom"] <= 900
+    assert found["contents"]["beside"] is (width > 1100)
+    assert found["contents"]["bottom"] < (900 if width > 1100 else 60)
     assert found["width"] == width
     assert found["faults"] == []
     assert found["console"] == []

@@ -54,10 +54,10 @@ def test_agreement_with_the_printed_value(name, agrees):
     assert departs is (agrees is False)
 
 
-def test_cases_without_a_cycle_have_crosses_and_words():
-    for name in ("b1.7", "exact"):
+def test_a_cross_says_no_cycle_and_a_circle_another():
+    for name, mark in (("b1.7", "○"), ("exact", "✗")):  # the first settles on a cycle of four events
         row = rows()[name]
-        assert [row["runs"][plant]["mark"] for plant in ("linear", "mujoco")] == ["✗", "✗"]
+        assert [row["runs"][plant]["mark"] for plant in ("linear", "mujoco")] == [mark, mark]
         assert row["predicted"]["cycle"] == "✗"
         assert row["verdicts"]
     assert rows()["exact"]["runs"]["linear"]["interval"] == "grows"
@@ -102,6 +102,16 @@ def test_settings_keep_the_facts_of_each_plant_apart():
     assert mujoco["keys"] == ["integrator", "order", "timestep"]
     assert mujoco["rows"][0]["facts"] == ["RK4", "4", "0.005"]
     assert ("icmj", "0.1.0") in context["provenance"]
+
+
+def test_what_many_runs_share_is_said_once():
+    found = [result(name, "mujoco") for name in ("b0.8", "b1.2", "exact")]
+    (table,) = sections.settings(paired(found)).context["precision"]
+    assert (table["keys"], table["shared"]) == ([], "integrator RK4, order 4, timestep 0.005")
+    found[1] = replace(found[1], simulation=replace(found[1].simulation, precision={"order": 4, "timestep": 0.002}))
+    (table,) = sections.settings(paired(found)).context["precision"]
+    assert (table["keys"], table["shared"]) == (["integrator", "timestep"], "order 4")
+    assert table["rows"][1]["facts"] == ["–", "0.002"]
 
 
 class Cone(EventRule):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from icmj.plant.linear_plant import LinearPlant
-from icmj.view.quantity import quantities
+from icmj.view.quantity import in_unit, quantities, shared_unit
 
 
 def plant(*units: str) -> LinearPlant:
@@ -28,3 +28,8 @@ def test_a_rate_is_per_second_and_what_is_not_known_has_no_unit() -> None:
     angle, way = quantities(plant("rad", "m"))
     assert (angle.label("v", "/s"), way.label("v", "/s")) == ("v (deg/s)", "v (m/s)")
     assert [(q.factor, q.label("v", "/s")) for q in quantities(plant())] == [(1.0, "v")] * 2
+
+
+def test_several_share_a_unit_or_say_that_they_do_not() -> None:
+    for units, words in ((("m", "m"), "y (m)"), (("m", "rad"), "y (each in its own unit)"), ((), "y"), (("", ""), "y")):
+        assert in_unit("y", shared_unit(units)) == words

@@ -84,7 +84,7 @@ def draw_intervals(axes: Axes, case: CaseRuns) -> None:
 
 def _output_caption(case: CaseRuns) -> str:
     several = "s" if len(case.first.actual.outputs) > 1 else ""
-    band = " Pale: predicted range." if case.prediction.cycle else ""
+    band = " Faint: predicted range." if case.prediction.cycle else ""
     return f"Output{several} under intermittent and continuous control; dotted: events.{band}"
 
 

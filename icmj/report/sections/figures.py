@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from icmj.report import numbers
+from icmj.report.law import threshold_unit
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.wording import verdicts
+from icmj.view.quantity import in_unit
 
 
 def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]]) -> Section:
@@ -42,6 +44,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                 {
                     "title": result.run.case.title,
                     "number": first_number + len(items),
+                    "threshold": in_unit("Threshold", threshold_unit(result)),
                     "picture": pictures[case.name],
                     "interval_slope": f"{result.law.interval_slope:.3f}",
                     "amplitude_slope": f"{result.law.amplitude_slope:.3f}",

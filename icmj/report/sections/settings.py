@@ -16,6 +16,8 @@ from icmj.report.sections.section import Section
 from icmj.report.style import NAME
 from icmj.result.result import Result
 
+MANY = 3  # runs of which a shared fact is said once
+
 
 def settings(cases: Sequence[CaseRuns]) -> Section:
     """What the paper does not print and was chosen here, how the runs were integrated, and where they come from."""
@@ -64,11 +66,14 @@ def rule_fact(value: object, design: Design) -> str:
 
 
 def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
-    """A table for each plant: one row a run, one column for each fact that any of its runs states."""
+    """A table for each plant: a row for each run, a column for each fact; what many runs share is said once above."""
     tables = []
     for plant, name in NAME.items():
         runs = [(case, case.runs[plant].simulation) for case in cases if plant in case.runs]
         keys = list(dict.fromkeys(key for _, simulation in runs for key in simulation.precision))
+        said = {key: {_fact(simulation.precision.get(key)) for _, simulation in runs} for key in keys}
+        shared = {key: facts.pop() for key, facts in said.items() if len(runs) >= MANY and len(facts) == 1}
+        keys = [key for key in keys if key not in shared]
         rows = [
             {
                 "title": case.first.run.case.title,
@@ -78,7 +83,9 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
             for case, simulation in runs
         ]
         if rows:
-            tables.append({"plant": name, "keys": [key.replace("_", " ") for key in keys], "rows": rows})
+            words = ", ".join(f"{key.replace('_', ' ')} {fact}" for key, fact in shared.items())
+            plain = [key.replace("_", " ") for key in keys]
+            tables.append({"plant": name, "keys": plain, "rows": rows, "shared": words})
     return tables
 
 

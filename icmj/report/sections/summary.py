@@ -67,21 +67,26 @@ def agrees_with_paper(case: CaseRuns) -> bool | None:
     return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
 
 
+_SAID = {
+    numbers.MISSING: "nothing to judge",
+    "✓": "settles on the predicted cycle",
+    "○": "settles on a cycle that is not the predicted one",
+    "✗": "settles on no cycle",
+}
+
+
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
     paper, prediction = case.first.run.case.paper, case.prediction
     cells = {}
     for plant in ("linear", "mujoco"):
         comparison = case.comparisons.get(plant)
-        expected = None if comparison is None or is_noisy(case) else comparison.measured.converged
+        judged = None if comparison is None or is_noisy(case) else comparison.measured
+        mark = numbers.MISSING if judged is None else numbers.reached(judged.kind == "cycle", judged.converged)
         cells[plant] = {
             "interval": numbers.MISSING if comparison is None else _interval(comparison),
             "error": _shown_error(comparison),
-            "mark": numbers.mark(expected),
-            "said": {
-                None: "nothing to judge",
-                True: "settles on the predicted cycle",
-                False: "no predicted cycle reached",
-            }[expected],
+            "mark": mark,
+            "said": _SAID[mark],
         }
     return {
         "title": case.first.run.case.title,
@@ -147,12 +152,13 @@ def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
             amplitude = "not on a cycle"
             if e.amplitude is not None:
                 amplitude = "; ".join(
-                    f"{name} {numbers.error(value)}" if len(names) > 1 else numbers.error(value)
+                    f"{name}\N{NO-BREAK SPACE}{numbers.error(value)}" if len(names) > 1 else numbers.error(value)
                     for name, value in zip(names, e.amplitude, strict=True)
                 )
             rows.append(
                 {
                     "title": case.first.run.case.title,
+                    "span": len(case.runs) if plant == next(iter(case.runs)) else 0,
                     "plant": NAME[plant],
                     "interval": numbers.error(e.interval),
                     "period": numbers.error(e.period),
