@@ -64,13 +64,14 @@ def test_version_stands_in_one_place(built):
 
 
 def test_nothing_is_missing_and_nothing_too_much(built):
-    tracked = say("git", "-C", ROOT, "ls-files", "icmj", "models", "runs", "docs", "tests", "examples").stdout.split()
+    folders = ("icmj", "models", "runs", "sweeps", "docs", "tests", "examples")
+    tracked = say("git", "-C", ROOT, "ls-files", *folders).stdout.split()
     if not tracked:
         pytest.skip("not a checkout of git")
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert set(tracked) - {"icmj/shipped/models", "icmj/shipped/runs"} <= held
-    data = {f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/"))}
+    assert set(tracked) - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps")} <= held
+    data = {f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/", "sweeps/"))}
     assert data <= held
     wheel = {name for name in zipfile.ZipFile(built[1]).namelist() if ".dist-info/" not in name}
     assert wheel == {name for name in held if name.startswith("icmj/") and (ROOT / name).is_file()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -120,6 +120,8 @@ class AskTable(TomlTable):
 
     motion: Annotated[list[_Plant], Field(max_length=2)] = []
     """Plants on which the case is run, and its motion measured; under noise, its statistics."""
+    cycle: Annotated[list[_Plant], Field(max_length=2)] = []
+    """Plants whose exact cycle is found by Newton, attracting or not."""
     attractors: Annotated[int, Field(ge=0, le=1000)] = 0
     """Random starts of the linear plant in search of coexisting motions; seed and scale are the run file's."""
 
@@ -133,6 +135,8 @@ class SweepFile(TomlTable):
     """What varies."""
     ask: AskTable = AskTable()
     """What is asked for."""
+    set: dict[str, Any] = {}
+    """What is changed at every point, as in the run file: ``set.simulation.duration = 20.0``."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("sweep.toml"))
@@ -153,7 +157,10 @@ class SweepFile(TomlTable):
         if base is None:
             beside = path.parent / made.sweep.run
             base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)))
-        made._base = base
+        try:
+            made._base = base.with_(**dict(_leaves(made.set))) if made.set else base
+        except RunFileError as error:
+            raise RunFileError(f"{path}: set: {error}") from error
         return made
 
     @model_validator(mode="after")
@@ -186,6 +193,15 @@ class SweepFile(TomlTable):
     def base(self) -> RunFile:
         """The run file whose fields vary."""
         return self._base
+
+
+def _leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of a table of tables."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{at}{key}.")
+        else:
+            yield f"{at}{key}", value
 
 
 def load_sweep(path: Path | str) -> SweepFile:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.comparison.comparison import finite, on_predicted_cycle
-from icmj.errors import IcmjError
+from icmj.errors import CycleError, IcmjError
 from icmj.experiment.attractors import attractors
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
@@ -92,11 +92,13 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
     row = columns.begun(plan, index, values)
     try:
         case = _case(plan, plan.run(values), bench)
-        row |= _predicted(plan, case)
+        row |= _predicted(case)
         for plant in plan.file.ask.motion:
             begin = time.process_time()
-            row |= _motion(plan, case, plant)
+            row |= _motion(case, plant)
             bench.simulating += time.process_time() - begin
+        for plant in plan.file.ask.cycle:
+            row |= _cycle(case, plant)
         if plan.file.ask.attractors:
             row |= _attractors(plan, case)
     except MemoryError:
@@ -125,7 +127,7 @@ def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
     return revised(bench.case, run)
 
 
-def _predicted(plan: Plan, case: Case) -> dict[str, Any]:
+def _predicted(case: Case) -> dict[str, Any]:
     found = case.prediction
     largest = None if found.multipliers is None else np.abs(found.multipliers).max(initial=0.0)
     row = {
@@ -146,7 +148,7 @@ def _sign(found: Prediction) -> float | None:
     return None if found.eigenvalue is None else float(np.sign(found.eigenvalue.real))
 
 
-def _motion(plan: Plan, case: Case, plant: PlantKind) -> dict[str, Any]:
+def _motion(case: Case, plant: PlantKind) -> dict[str, Any]:
     run = simulate(case, plant)
     motion = measure(run, T_hat=case.system.T_hat)
     crit = case.prediction.delta_crit if case.prediction.cycle else None
@@ -175,6 +177,29 @@ def _motion(plan: Plan, case: Case, plant: PlantKind) -> dict[str, Any]:
         more = _peaks(f"{plant}_rms", case, np.array([rms.value for rms in told.rms]))
     row = {f"{plant}_{name}": value for name, value in row.items()}
     return row | _peaks(f"{plant}_peak", case, motion.amplitude) | more
+
+
+def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
+    from icmj.cycle.cycle import find_cycle
+
+    what = f"{plant}_cycle"
+    try:
+        found = find_cycle(case, plant)
+    except CycleError as error:
+        return {f"{what}_found": False, f"{what}_words": one_line(error, 300)}
+    crit = case.prediction.delta_crit if case.prediction.cycle else None
+    row = {
+        "found": True,
+        "words": "",
+        "interval": found.interval,
+        "error": finite(found.interval / crit - 1) if crit else None,
+        "period": found.period,
+        "p": found.events,
+        "mirrored": bool(found.mirrored),
+        "attracting": found.attracting,
+        "multiplier": finite(np.abs(found.isolated).max(initial=0.0)),
+    }
+    return {f"{what}_{name}": value for name, value in row.items()} | _peaks(f"{what}_peak", case, found.y_peak)
 
 
 def _attractors(plan: Plan, case: Case) -> dict[str, Any]:

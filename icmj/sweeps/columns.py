@@ -11,6 +11,7 @@ import pyarrow as pa
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.points import Value
 
+_TYPES = {"number": pa.float64(), "truth": pa.bool_(), "text": pa.string()}
 PREDICTED = {
     "delta_crit": (pa.float64(), "Δ_crit [s]"),
     "eigenvalue": (pa.float64(), "eigenvalue there, +1 or −1; empty for a complex pair or none"),
@@ -43,6 +44,17 @@ NOISY = {
     "interval_deviation": (pa.float64(), "standard deviation of the intervals [s]"),
     "binding": (pa.float64(), "share of the intervals that end at Δ_min"),
 }
+CYCLE = {
+    "found": (pa.bool_(), "whether Newton found a cycle from the prediction or, where there is none, from the run"),
+    "words": (pa.string(), "why not"),
+    "interval": (pa.float64(), "mean open-loop interval of the exact cycle [s]"),
+    "error": (pa.float64(), "its relative departure from Δ_crit, where a cycle is predicted"),
+    "period": (pa.float64(), "of the exact cycle [s]"),
+    "p": (pa.int32(), "events in it"),
+    "mirrored": (pa.bool_(), "whether its second half is the first with opposite sign"),
+    "attracting": (pa.bool_(), "whether every multiplier is inside the unit circle"),
+    "multiplier": (pa.float64(), "magnitude of the largest multiplier"),
+}
 ATTRACTORS = {
     "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
     "attractor_kind": (pa.list_(pa.string()), "what each is, the most frequent first"),
@@ -56,7 +68,9 @@ def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
     """All columns by name: their type, and what they mean."""
     outputs, noisy = plan.outputs, plan.file.base.simulation.settings().noisy
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
-    found |= {name: (_type_of(plan, i), "what varies") for i, name in enumerate(plan.points.names)}
+    found |= {
+        name: (_TYPES[kind], "what varies") for name, kind in zip(plan.points.names, plan.points.kinds, strict=True)
+    }
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
     found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
@@ -66,6 +80,9 @@ def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
         found |= {f"{plant}_{name}": column for name, column in named.items()}
         found |= {f"{plant}_peak_{output}": PEAK for output in outputs}
         found |= {f"{plant}_rms_{output}": RMS for output in outputs if noisy}
+    for plant in plan.file.ask.cycle:
+        found |= {f"{plant}_cycle_{name}": column for name, column in CYCLE.items()}
+        found |= {f"{plant}_cycle_peak_{output}": PEAK for output in outputs}
     return found | (ATTRACTORS if plan.file.ask.attractors else {})
 
 
@@ -84,21 +101,9 @@ def table(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 def begun(plan: Plan, index: int, values: tuple[Value, ...]) -> dict[str, Any]:
     """The beginning of a row: which point it is, and what varies there."""
     row: dict[str, Any] = {"point": index, "status": "ok", "words": ""}
-    for i, (name, value) in enumerate(zip(plan.points.names, values, strict=True)):
-        kind = _type_of(plan, i)
-        row[name] = json.dumps(value) if kind == pa.string() and not isinstance(value, str) else value
-        if kind == pa.float64():
+    for name, kind, value in zip(plan.points.names, plan.points.kinds, values, strict=True):
+        if kind == "number":
             row[name] = float(value)
+        else:
+            row[name] = json.dumps(value) if kind == "text" and not isinstance(value, str) else value
     return row
-
-
-def _type_of(plan: Plan, i: int) -> pa.DataType:
-    """The type of what varies: numbers, true or false, and text for all else."""
-    listed = plan.points.lists[i]
-    if listed is None:
-        return pa.float64()
-    if all(isinstance(value, bool) for value in listed):
-        return pa.bool_()
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in listed):
-        return pa.float64()
-    return pa.string()

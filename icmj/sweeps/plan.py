@@ -49,7 +49,7 @@ class Plan:
         points = Points.of(file)
         if len(points) > 10**9:
             raise RunFileError(f"{file.path}: {len(points):.3g} points; expected at most 1e9")
-        largest = _LARGEST[bool(file.ask.motion or file.ask.attractors)]
+        largest = _LARGEST[bool(file.ask.motion or file.ask.attractors or file.ask.cycle)]
         plan = cls(file, points, file.sweep.chunk or max(1, min(largest, len(points) // _CHUNKS)))
         plan._check_values()
         return plan

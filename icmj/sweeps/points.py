@@ -44,6 +44,11 @@ class Points:
         """The values of each field; ``None`` where they are drawn."""
         return tuple(None if vary.sampled else _listed(vary) for vary in self.vary)
 
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Of what each varies: ``number``, ``truth``, or ``text`` for all else."""
+        return tuple("number" if listed is None else _kind(listed) for listed in self.lists)
+
     @property
     def names(self) -> tuple[str, ...]:
         """What varies, by the names of its columns."""
@@ -101,6 +106,13 @@ def _listed(vary: VaryTable) -> tuple[Value, ...]:
     values = _between(vary, np.linspace(0, 1, vary.count))
     # both ends are as they were written
     return (vary.low, *map(float, values[1:-1]), vary.high)
+
+
+def _kind(listed: tuple[Value, ...]) -> str:
+    if all(isinstance(value, bool) for value in listed):
+        return "truth"
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in listed)
+    return "number" if numbers else "text"
 
 
 def _between(vary: VaryTable, share: Array) -> Array:

@@ -21,6 +21,7 @@ WRONG = {
     f"{B}": "give either values, or low and high",
     f"{B}values = []": "at least 1",
     f"{B}values = [0.8]\n{B}values = [0.9]": "two things that vary are called 'gain'",
+    f"{B}values = [0.8]\n[set]\nsimulation.duration = -1": "set: .*simulation.duration: must be greater than 0",
     "[[vary]]\nvalues = [1]": "give one of field and change",
     "[[vary]]\nfield = 'case.name'\nvalues = ['x']": "'case.name' is no field that varies",
     "[[vary]]\nfield = 'actual.gian'\nvalues = [1]": "actual.gian: no such key; did you mean gain?",
