@@ -10,7 +10,7 @@ import mujoco.rollout
 import numpy as np
 import pytest
 from engine_cases import MODELS, controller, design, plant
-from model_cases import pendulum, written
+from model_cases import RICH, pendulum, written
 
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
@@ -31,25 +31,6 @@ from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
 
 CASES = [("pendulum", "pendulum"), ("three_link", "three_link"), ("pendulum_neglected", "pendulum")]
-
-# two inputs, three outputs of which one is a velocity, a ball joint, sensors of two entries, a weak actuator
-RICH = """
-<mujoco model="rich">
-  <option gravity="0 0 -9.81" timestep="0.002" integrator="RK4"><flag constraint="disable"/></option>
-  <worldbody>
-    <body name="a"><joint name="lean" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 1" size="0.05"/>
-      <body name="b" pos="0 0 1"><joint name="turn" axis="0 1 0" damping="2" stiffness="5"/>
-        <geom type="capsule" fromto="0 0 0 0 0 0.6" size="0.04"/>
-        <body name="c" pos="0.1 0 0"><joint name="hang" type="ball" damping="0.3"/>
-          <geom type="capsule" fromto="0 0 0 0.05 0 -0.4" size="0.03"/></body></body></body>
-  </worldbody>
-  <actuator><motor name="low" joint="lean" gear="3"/><motor name="high" joint="turn"/></actuator>
-  <sensor>
-    <jointpos name="lean" joint="lean"/><jointpos name="turn" joint="turn"/><jointvel name="spin" joint="turn"/>
-  </sensor>
-  <keyframe><key name="up" qpos="0.1 -0.1 1 0 0 0" ctrl="1 2"/></keyframe>
-</mujoco>
-"""
 
 
 def closed_loop_matrix(model: mujoco.MjModel, qpos: np.ndarray, n_plant: int) -> np.ndarray:

@@ -19,7 +19,7 @@ from numba import carray, types
 from icmj.engine import block
 from icmj.engine.block import Slot
 from icmj.engine.native import structs
-from icmj.engine.native.compilation import entry_cfunc, inlined, load_engine, sources
+from icmj.engine.native.compilation import entry_cfunc, exact, inlined, load_engine, sources
 from icmj.engine.native.memory import pointer, word
 
 load_engine()
@@ -50,15 +50,22 @@ def _ours(b, controls, activations):  # type: ignore[no-untyped-def]
     return controls == b[Slot.N_U] + 1 and activations == b[Slot.ACT] + b[Slot.SIZE]
 
 
-@inlined
+@exact
 def _dot(b, at, vector, first, count):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for j in range(count):
-        total += b[at + j] * vector[first + j]
-    return total
+    """Four sums side by side, in an order that is the same wherever this is compiled into."""
+    s_0, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0
+    whole = count // 4 * 4
+    for j in range(0, whole, 4):
+        s_0 += b[at + j] * vector[first + j]
+        s_1 += b[at + j + 1] * vector[first + j + 1]
+        s_2 += b[at + j + 2] * vector[first + j + 2]
+        s_3 += b[at + j + 3] * vector[first + j + 3]
+    for j in range(whole, count):
+        s_0 += b[at + j] * vector[first + j]
+    return (s_0 + s_1) + (s_2 + s_3)
 
 
-@inlined
+@exact
 def _term(b, at, time):  # type: ignore[no-untyped-def]
     """a·cos(ω t + φ) within its window, else zero."""
     phase = b[Slot.PHASE]
@@ -69,8 +76,8 @@ def _term(b, at, time):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@inlined
-def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
+@exact
+def command(b, a, ctrl, time):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
     first = int(b[at_span])
@@ -83,8 +90,8 @@ def _control(b, a, ctrl, time):  # type: ignore[no-untyped-def]
         at += 6
 
 
-@inlined
-def _rates(b, a, y, rate, time):  # type: ignore[no-untyped-def]
+@exact
+def rates(b, a, y, rate, time):  # type: ignore[no-untyped-def]
     """ȧ = M a + N (y + n(t) − y_0)."""
     size, n_y, at_0 = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0])
     at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
@@ -143,7 +150,7 @@ def callbacks() -> tuple[Any, Any]:
             _sensor_vel(m, d)
         a = carray(pointer(word(d, act) + 8 * int(b[Slot.ACT])), int(b[Slot.SIZE]), np.float64)
         u = carray(pointer(word(d, ctrl)), int(b[Slot.N_U]), np.float64)
-        _control(b, a, u, carray(pointer(d + time), 1, np.float64)[0])
+        command(b, a, u, carray(pointer(d + time), 1, np.float64)[0])
 
     @entry_cfunc(types.float64(types.intp, types.intp, types.int32))
     def act_dyn(m, d, actuator):  # type: ignore[no-untyped-def]
@@ -158,7 +165,7 @@ def callbacks() -> tuple[Any, Any]:
         rate = carray(pointer(word(d, act_dot)), total, np.float64)
         if actuator == word(m, nu) - 1:
             y = carray(pointer(word(d, sensordata)), int(b[Slot.N_Y]), np.float64)
-            _rates(b, a[start:], y, rate[start:], carray(pointer(d + time), 1, np.float64)[0])
+            rates(b, a[start:], y, rate[start:], carray(pointer(d + time), 1, np.float64)[0])
             return 0.0
         # one of the plant's own actuators: a second-order lag, or none of ours
         count = carray(pointer(word(m, actnum)), actuator + 1, np.int32)[actuator]

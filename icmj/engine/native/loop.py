@@ -22,12 +22,14 @@ from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault, guarded
 from icmj.engine.native import structs
 from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.field import forward
 from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, search
 from icmj.engine.native.state import PROGRESS, Engine, Plan, Rule, engine_of, plan_of, progress_at, rule_of
-from icmj.engine.native.step import forward, save, step
+from icmj.engine.native.step import refresh, save, step
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import Schedule
+from icmj.engine.stages import Stages
 from icmj.errors import ModelError
 
 _differentiate_pos = types.ExternalFunction(
@@ -35,6 +37,7 @@ _differentiate_pos = types.ExternalFunction(
 )
 
 # constants that compiled code freezes
+_WHOLE = int(Stages.WHOLE)
 _RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
 _DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Status.REACHED)
 
@@ -101,6 +104,8 @@ def _record(engine, progress, interval, record, fired, due):  # type: ignore[no-
     for i in range(len(engine.sensordata)):
         row[1 + i] = engine.sensordata[i]
     if fired or due:
+        if engine.rows_need_forward and engine.stages != _WHOLE:
+            forward(engine.model, engine.data)
         if progress[0].length > 0:  # else an event at the very start, whose row is there already
             _write(engine, record.rows[count[1]])
             count[1] += 1
@@ -174,7 +179,7 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
         if acts:
             _apply(rule.G, rule)
             progress[0].acted += 1
-            forward(engine.model, engine.data)
+            refresh(engine)
             evaluate(rule)
             copy(rule.now, rule.before)
         if status == _RUNNING and lands:
@@ -202,7 +207,7 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             progress[0].edge += 1
             engine.phase[0] = plan.phases[progress[0].edge]
         if fired or passed:
-            forward(engine.model, engine.data)
+            refresh(engine)
             evaluate(rule)
             copy(rule.now, rule.before)
         if status != _RUNNING:
@@ -216,6 +221,9 @@ def _bare_engine(e):  # type: ignore[no-untyped-def]
     return Engine(
         e.model, e.data, e.integrator, bare(e.timestep), bare(e.time), bare(e.qpos), bare(e.qvel), bare(e.act),
         bare(e.sensordata), bare(e.warmstart), bare(e.warnings), bare(e.phase), bare(e.saved),
+        e.stages, e.cameras, e.tendons, e.rows_need_forward, bare(e.block), bare(e.ctrl), bare(e.qacc),
+        bare(e.qacc_smooth), bare(e.act_dot), bare(e.passive), bare(e.bias), bare(e.force), bare(e.moment),
+        bare(e.moment_at), bare(e.gain), bare(e.k), bare(e.sum),
     )  # fmt: skip
 
 

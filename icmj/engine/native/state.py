@@ -12,6 +12,7 @@ from icmj.engine.block import Block, span
 from icmj.engine.native import structs
 from icmj.engine.native.memory import DOUBLE, INT, view
 from icmj.engine.schedule import Schedule
+from icmj.engine.stages import Stages, rows_need_forward, stages_of
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
 INTEGRATORS = {
@@ -41,7 +42,12 @@ PROGRESS = np.dtype([
 
 
 class Engine(NamedTuple):
-    """Views of the engine's memory, and addresses for its functions."""
+    """Views of the engine's memory, addresses for its functions, and room to work in.
+
+    ``stages`` says what gives the rates (:mod:`icmj.engine.stages`). Of the motors of a plain model ``moment`` holds
+    the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
+    gains. ``k`` holds (qvel, qacc, act_dot) at the stages of an integrator's step.
+    """
 
     model: int
     data: int
@@ -56,6 +62,23 @@ class Engine(NamedTuple):
     warnings: np.ndarray
     phase: Array
     saved: Array
+    stages: int
+    cameras: bool
+    tendons: bool
+    rows_need_forward: bool
+    block: Array
+    ctrl: Array
+    qacc: Array
+    qacc_smooth: Array
+    act_dot: Array
+    passive: Array
+    bias: Array
+    force: Array
+    moment: Array
+    moment_at: np.ndarray
+    gain: Array
+    k: Array
+    sum: Array
 
 
 class Plan(NamedTuple):
@@ -105,11 +128,15 @@ class Rule(NamedTuple):
 def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engine:
     """Views of a model and its data, which must outlive them."""
     m, d = model._address, data._address
+    integrator = INTEGRATORS[int(model.opt.integrator)]
+    motors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)[:-1]  # the last is the controller
+    at = int(model.numeric_adr[-1])
+    controller = model.numeric_data[at : at + int(model.numeric_size[-1])]
     warnings = view(d + structs.offset("mjData", "warning"), INT, 2 * len(data.warning)).reshape(-1, 2)
     return Engine(
         model=m,
         data=d,
-        integrator=INTEGRATORS[int(model.opt.integrator)],
+        integrator=integrator,
         timestep=view(m + structs.offset("mjModel", "opt.timestep"), DOUBLE, 1),
         time=view(d + structs.offset("mjData", "time"), DOUBLE, 1),
         qpos=data.qpos,
@@ -120,6 +147,24 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engin
         warnings=warnings,
         phase=phase,
         saved=np.empty(model.nq + 2 * model.nv + model.na),
+        # the engine's other integrators read more of what a forward pass leaves, and turn quaternions their own way
+        stages=int(stages_of(model) if integrator == RK4 and model.nq == model.nv else Stages.WHOLE),
+        cameras=bool(model.ncam),
+        tendons=bool(model.ntendon),
+        rows_need_forward=rows_need_forward(model),
+        block=controller,
+        ctrl=data.ctrl,
+        qacc=data.qacc,
+        qacc_smooth=data.qacc_smooth,
+        act_dot=data.act_dot,
+        passive=data.qfrc_passive,
+        bias=np.zeros(model.nv),
+        force=np.zeros(model.nv),
+        moment=model.actuator_gear[motors, 0].copy(),
+        moment_at=np.column_stack([motors, model.jnt_dofadr[model.actuator_trnid[motors, 0]]]).astype(np.int64),
+        gain=model.actuator_gainprm[motors, 0].copy(),
+        k=np.empty((4, 2 * model.nv + model.na)),
+        sum=np.empty(2 * model.nv + model.na),
     )
 
 

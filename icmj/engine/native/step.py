@@ -7,31 +7,44 @@ from __future__ import annotations
 
 from numba import types
 
-from icmj.engine.native.compilation import inlined, load_engine
+from icmj.engine.native.compilation import exact, load_engine
+from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.state import EULER, IMPLICIT, RK4
+from icmj.engine.stages import Stages
 
 load_engine()
 
-# pointers travel as integers of their size: the same registers, and no type to convert
 _m_d = types.void(types.intp, types.intp)
-forward = types.ExternalFunction("mj_forward", _m_d)
 _euler = types.ExternalFunction("mj_Euler", _m_d)
 _implicit = types.ExternalFunction("mj_implicit", _m_d)
 _mj_step = types.ExternalFunction("mj_step", _m_d)
 _runge_kutta = types.ExternalFunction("mj_RungeKutta", types.void(types.intp, types.intp, types.int32))
 
+_WHOLE = int(Stages.WHOLE)
 
-@inlined
+
+@exact
 def save(engine):  # type: ignore[no-untyped-def]
-    """Keep the state that a step begins from."""
+    """Keep the state that a step begins from, and its rates."""
     at = 0
     for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
         for i in range(len(part)):
             engine.saved[at + i] = part[i]
         at += len(part)
+    keep_rates(engine, engine.k[0])
 
 
-@inlined
+@exact
+def keep_rates(engine, k):  # type: ignore[no-untyped-def]
+    """(qvel, qacc, act_dot) where the engine is."""
+    at = 0
+    for part in (engine.qvel, engine.qacc, engine.act_dot):
+        for i in range(len(part)):
+            k[at + i] = part[i]
+        at += len(part)
+
+
+@exact
 def _restore(engine, progress):  # type: ignore[no-untyped-def]
     at = 0
     for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
@@ -41,9 +54,45 @@ def _restore(engine, progress):  # type: ignore[no-untyped-def]
     engine.time[0] = progress[0].begin
 
 
-@inlined
+@exact
+def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped-def]
+    """mj_RungeKutta from the saved state, and the rates at its end: the same operations in the same order.
+
+    For hinges and slides, whose positions move as vectors do.
+    """
+    k, saved = engine.k, engine.saved
+    nv, na = len(engine.qvel), len(engine.act)
+    for stage in range(1, 5):
+        sum = engine.sum
+        for i in range(2 * nv + na):
+            if stage < 3:
+                sum[i] = k[stage - 1, i] * 0.5
+            elif stage == 3:
+                sum[i] = k[2, i]
+            else:
+                sum[i] = k[0, i] * (1 / 6) + k[1, i] * (1 / 3) + k[2, i] * (1 / 3) + k[3, i] * (1 / 6)
+        for i in range(nv):
+            engine.qpos[i] = saved[i] + sum[i] * length
+            engine.qvel[i] = saved[nv + i] + sum[nv + i] * length
+        for i in range(na):
+            engine.act[i] = saved[2 * nv + i] + sum[2 * nv + i] * length
+        if stage == 4:
+            engine.time[0] = end
+        else:
+            engine.time[0] = progress[0].begin + (0.5 * length if stage < 3 else length)
+        flow(engine)
+        if stage < 4:
+            keep_rates(engine, k[stage])
+
+
+@exact
 def step(engine, progress, length, first):  # type: ignore[no-untyped-def]
     """One step of the length given from the saved state, and the forward pass at its end."""
+    # not the sum that the engine keeps: its rounding errors add up over many equal steps
+    end = progress[0].end if length == progress[0].length else progress[0].begin + length
+    if engine.integrator == RK4 and engine.stages != _WHOLE:
+        _lean_runge_kutta(engine, progress, length, end)
+        return
     if not first:
         _restore(engine, progress)
         forward(engine.model, engine.data)
@@ -56,6 +105,14 @@ def step(engine, progress, length, first):  # type: ignore[no-untyped-def]
         _implicit(engine.model, engine.data)
     else:
         _mj_step(engine.model, engine.data)
-    # not the sum that the engine keeps: its rounding errors add up over many equal steps
-    engine.time[0] = progress[0].end if length == progress[0].length else progress[0].begin + length
+    engine.time[0] = end
     forward(engine.model, engine.data)
+
+
+@exact
+def refresh(engine):  # type: ignore[no-untyped-def]
+    """The rates after a change of the controller's state or of what disturbs it."""
+    if engine.stages == _WHOLE:
+        forward(engine.model, engine.data)
+    else:
+        drive(engine)

@@ -1,0 +1,105 @@
+"""Which stages of MuJoCo's forward pass a composed model needs, and whether its motion is smooth.
+
+``mj_forward`` looks for contacts, builds and solves constraints, refreshes every transmission and every sensor. Where a
+model has none of that, the same accelerations come from fewer calls of the same functions, to the last bit.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+
+from icmj.engine.block import Slot, block_of
+
+
+class Stages(IntEnum):
+    """What computes the accelerations of a model."""
+
+    WHOLE = 0  # mj_forwardSkip: everything but the sensors
+    SMOOTH = 1  # all but what contacts and other constraints need
+    PLAIN = 2  # and the inputs are motors of constant moment: neither transmission nor actuation is called
+
+
+_Joint, _Sensor, _Disable = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtDisableBit
+_KINEMATIC = {
+    getattr(_Sensor, f"mjSENS_{name}")
+    for name in (
+        "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
+        "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
+    )
+}  # fmt: skip
+_DRIVEN = {
+    getattr(_Sensor, f"mjSENS_{name}")
+    for name in ("ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM")
+}
+
+
+def stages_of(model: mujoco.MjModel) -> Stages:
+    """The fewest stages that give the accelerations of a composed model."""
+    sensors = {
+        _Sensor(kind)
+        for kind, stage in zip(model.sensor_type, model.sensor_needstage, strict=True)
+        if stage != mujoco.mjtStage.mjSTAGE_ACC
+    }
+    # activations that the engine itself moves by more than their rate
+    moved = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTEREXACT)).any()
+    odd = model.flg_adhesion or model.opt.disableactuator or model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY
+    odd = odd or model.opt.disableflags & (_Disable.mjDSBL_ACTUATION | _Disable.mjDSBL_SENSOR)
+    if odd or moved or not is_flow(model) or may_constrain(model) or sensors - _KINEMATIC - _DRIVEN:
+        return Stages.WHOLE
+    return Stages.PLAIN if sensors <= _KINEMATIC and _plain(model) else Stages.SMOOTH
+
+
+def may_constrain(model: mujoco.MjModel) -> bool:
+    """Whether a contact, limit, friction loss or equality could ever act in this model."""
+    flags = model.opt.disableflags
+    if flags & _Disable.mjDSBL_CONSTRAINT:
+        return False
+    if model.nflex or (model.neq and not flags & _Disable.mjDSBL_EQUALITY):
+        return True
+    if not flags & _Disable.mjDSBL_FRICTIONLOSS and (model.dof_frictionloss.any() or model.tendon_frictionloss.any()):
+        return True
+    if not flags & _Disable.mjDSBL_LIMIT and (model.jnt_limited.any() or model.tendon_limited.any()):
+        return True
+    touching = np.count_nonzero(model.geom_contype | model.geom_conaffinity)
+    return not flags & _Disable.mjDSBL_CONTACT and bool(model.npair or touching > 1)
+
+
+def is_flow(model: mujoco.MjModel) -> bool:
+    """Whether the state moves as dx/dt = f(x, t): no activation is clamped or taken a step ahead, no body sleeps."""
+    known = {mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTER}
+    known |= {mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_MUSCLE, mujoco.mjtDyn.mjDYN_USER}
+    unclamped = not (model.actuator_actlimited.any() or model.actuator_actearly.any() or model.nplastic)
+    awake = not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and not model.nplugin and not model.nflex
+    return bool(unclamped and awake and {mujoco.mjtDyn(kind) for kind in model.actuator_dyntype} <= known)
+
+
+def rows_need_forward(model: mujoco.MjModel) -> bool:
+    """Whether sensors exist that the outputs' stages do not refresh, so that a recorded row takes a whole pass."""
+    block = block_of(model)
+    assert block is not None
+    return bool(model.nsensor and model.sensor_needstage.max() > block.header[Slot.STAGE])
+
+
+def _plain(model: mujoco.MjModel) -> bool:
+    """Whether every actuator but the controller's is a motor without limits whose moment never changes."""
+    motors = slice(0, model.nactuator - 1)
+    jointed = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    scalar_joints = np.isin(model.jnt_type, (_Joint.mjJNT_HINGE, _Joint.mjJNT_SLIDE))
+    jointed[jointed] = scalar_joints[model.actuator_trnid[jointed, 0]]
+    fixed = (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED) & (
+        model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE
+    )
+    stateless = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE
+    limits = model.actuator_ctrllimited.any() or model.actuator_forcelimited.any() or model.jnt_actfrclimited.any()
+    drag = any(
+        array.any()
+        for array in (
+            model.actuator_damping, model.actuator_dampingpoly, model.actuator_armature, model.jnt_actgravcomp,
+            model.tendon_damping, model.tendon_dampingpoly, model.tendon_armature, model.tendon_actfrclimited,
+        )
+    )  # fmt: skip
+    scalar = model.nu == model.nactuator == model.nout and not model.nhistory
+    return bool(scalar and (jointed & fixed & stateless)[motors].all() and not limits and not drag)

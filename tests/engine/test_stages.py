@@ -1,0 +1,123 @@
+"""Fewer stages of the engine, the same accelerations: to the last bit, on shipped models and models of users."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+from engine_cases import MODELS
+from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
+
+from icmj.controller.controller import Controller
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import EventTrigger
+from icmj.engine.block import Slot, block_of
+from icmj.engine.callbacks import installed
+from icmj.engine.closed_loop import close_loop
+from icmj.engine.native.callbacks import callbacks
+from icmj.engine.native.field import flow
+from icmj.engine.native.state import PROGRESS, engine_of
+from icmj.engine.native.step import save, step
+from icmj.engine.plant import MujocoPlant, load_plant
+from icmj.engine.stages import Stages, may_constrain, stages_of
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.settings import Settings
+
+
+@cache
+def compiled() -> tuple[Any, Any]:
+    """The flow, and one step of the loop, as functions of their own."""
+
+    @numba.njit
+    def rates(engine):  # type: ignore[no-untyped-def]
+        flow(engine)
+
+    @numba.njit
+    def one(engine, progress, length):  # type: ignore[no-untyped-def]
+        save(engine)
+        step(engine, progress, length, True)
+
+    return rates, one
+
+
+def composed(body: MujocoPlant) -> mujoco.MjModel:
+    """The plant under a controller that was designed on some stable plant with as many inputs and outputs."""
+    n_u, n_y = body.linearisation.plant.n_u, body.linearisation.plant.n_y
+    random = np.random.default_rng(5)
+    gains = design_lq(LinearPlant(-np.eye(3), random.normal(size=(3, n_u)), random.normal(size=(n_y, 3))))
+    return close_loop(body, Controller(gains, system_matched(gains), EventTrigger(np.eye(3), 0.02)), Settings()).model
+
+
+def bodies(folder: Path) -> list[tuple[str, MujocoPlant, Stages]]:
+    """Models by name, with the stages that each needs."""
+    wet = pendulum(MOTOR).replace('timestep="0.002"', 'timestep="0.002" density="1.2" viscosity="0.01"')
+    limited = pendulum(MOTOR, joint='limited="true" range="-1 1"')
+    texts = {
+        "motor": (pendulum(MOTOR), Stages.PLAIN),
+        "wet": (wet, Stages.PLAIN),
+        "geared": (pendulum('<motor name="ankle" joint="lean" gear="-3"/>'), Stages.PLAIN),
+        "servo": (pendulum(SERVO), Stages.SMOOTH),
+        "biased": (pendulum(BIASED), Stages.SMOOTH),
+        "muscle": (pendulum(MUSCLE), Stages.SMOOTH),
+        "clamped": (pendulum('<motor name="ankle" joint="lean" ctrlrange="-1 1"/>'), Stages.SMOOTH),
+        "limited": (limited, Stages.WHOLE),
+        "rich": (RICH, Stages.PLAIN),
+    }
+    found = []
+    for name, (text, stages) in texts.items():
+        body = load_plant(written(folder, text, f"{name}.xml"), keyframe="up" if name == "rich" else "stand")
+        found.append((name, body, stages))
+    found.append(("two", load_plant(two(folder)), Stages.PLAIN))
+    smooth = {"pendulum": Stages.PLAIN, "three_link": Stages.PLAIN, "pendulum_neglected": Stages.SMOOTH}
+    found += [(name, load_plant(MODELS / f"{name}.xml", keyframe="upright"), stages) for name, stages in smooth.items()]
+    return found
+
+
+def moved(data: mujoco.MjData, rng: np.random.Generator) -> None:
+    model = data.model
+    mujoco.mj_integratePos(model, data.qpos, 0.1 * rng.normal(size=model.nv), 1.0)
+    data.qvel[:], data.act[:] = rng.normal(size=model.nv), 0.3 * rng.normal(size=model.na)
+
+
+def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    flow_of, one = compiled()
+    for name, body, stages in bodies(tmp_path):
+        model = composed(body)
+        assert stages_of(model) is stages, name
+        block = block_of(model)
+        assert block is not None
+        data, other = mujoco.MjData(model), mujoco.MjData(model)
+        with installed(*callbacks()):
+            mujoco.mj_forward(model, data)
+            engine = engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1])
+            whole = engine._replace(stages=int(stages))  # RK4 on quaternions is MuJoCo's own
+            for _ in range(5):
+                moved(data, rng)
+                mujoco.mj_copyData(other, model, data)
+                flow_of(whole)
+                mujoco.mj_forward(model, other)
+                for field in ("qacc", "act_dot", "ctrl", "sensordata"):
+                    np.testing.assert_array_equal(getattr(data, field), getattr(other, field), err_msg=name)
+            mujoco.mj_forward(model, data)
+            mujoco.mj_copyData(other, model, data)
+            mujoco.mj_forward(model, other)
+            model.opt.timestep = h = 2e-3
+            progress = np.zeros(1, PROGRESS)
+            progress[0]["end"] = progress[0]["length"] = h
+            one(engine, progress, h)
+            mujoco.mj_RungeKutta(model, other, 4)
+        for field in ("qpos", "qvel", "act"):
+            np.testing.assert_array_equal(getattr(data, field), getattr(other, field), err_msg=name)
+
+
+def test_nothing_can_constrain_where_everything_that_could_is_off() -> None:
+    spec = mujoco.MjSpec.from_file(str(MODELS / "three_link_floor.xml"))
+    assert may_constrain(spec.compile())
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    assert not may_constrain(spec.compile())
