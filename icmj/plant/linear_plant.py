@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import Array
+from icmj.base.text import one_line
 from icmj.errors import AnalysisError
 
 if TYPE_CHECKING:
-    from control import StateSpace
+    from control import NonlinearIOSystem, StateSpace
+
+_AT_REST = 1e-6  # of the plant's fastest rate: what a root finder leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +122,88 @@ class LinearPlant:
             tuple(system.input_labels),
             tuple(system.output_labels),
         )
+
+    @classmethod
+    def from_system(
+        cls,
+        system: Any,
+        *,
+        x0: ArrayLike | None = None,
+        u0: ArrayLike | None = None,
+        params: Mapping[str, Any] | None = None,
+    ) -> LinearPlant:
+        """From whatever describes a plant: a system of python-control, or matrices.
+
+        Args:
+            system: a linear plant, which is returned as it is; a ``StateSpace``; a ``TransferFunction`` (of several
+                inputs and outputs only where slycot is installed); a ``NonlinearIOSystem``, linearised by centred
+                differences; anything else with matrices A, B, C and D, as systems of scipy.signal; or a sequence of
+                A, B, C and, if it is zero, D.
+            x0, u0: where a nonlinear system rests, shapes (n,) and (n_u,); zero if ``None``. The plant's states, inputs
+                and outputs are departures from there.
+            params: of a nonlinear system.
+
+        Raises:
+            AnalysisError: if it is none of these, is discrete, has a direct feed-through, or does not rest there.
+        """
+        import control
+
+        if isinstance(system, cls):
+            return system
+        if isinstance(system, tuple | list):
+            if not 3 <= len(system) <= 4:
+                raise AnalysisError(f"a plant of {len(system)} matrices; expected A, B, C, or A, B, C, D")
+            if len(system) == 4 and np.any(np.asarray(system[3], dtype=float)):
+                raise AnalysisError("the plant has a direct feed-through D; move it into the states first")
+            return cls(*system[:3])
+        if isinstance(system, control.TransferFunction):
+            try:
+                system = control.ss(system)
+            except control.exception.ControlMIMONotImplemented:
+                raise AnalysisError(
+                    "a transfer function of several inputs or outputs has many state-space forms; give one as a "
+                    "StateSpace, or install slycot"
+                ) from None
+            except ValueError as error:
+                raise AnalysisError(f"the transfer function has no states: {one_line(error, 200)}") from error
+        elif isinstance(system, control.NonlinearIOSystem) and not isinstance(system, control.StateSpace):
+            system = _linearised(system, x0, u0, params)
+        elif not isinstance(system, control.StateSpace):
+            if not all(hasattr(system, letter) for letter in "ABCD"):
+                raise AnalysisError(f"no plant can be made of a {type(system).__name__}; see LinearPlant.from_system")
+            system = control.ss(system.A, system.B, system.C, system.D, getattr(system, "dt", None) or 0)
+        return cls.from_statespace(system)
+
+
+def _linearised(
+    system: NonlinearIOSystem, x0: ArrayLike | None, u0: ArrayLike | None, params: Mapping[str, Any] | None
+) -> StateSpace:
+    """A nonlinear system about the point where it rests, with its names."""
+    import control
+
+    if system.isdtime(strict=True):
+        raise AnalysisError("the plant is a discrete-time system; intermittent control needs a continuous one")
+    x, u = (
+        np.zeros(size) if given is None else np.atleast_1d(np.array(given, dtype=float))
+        for given, size in ((x0, system.nstates), (u0, system.ninputs))
+    )
+    if x.shape != (system.nstates,) or u.shape != (system.ninputs,):
+        raise AnalysisError(
+            f"the system has {system.nstates} states and {system.ninputs} inputs; x0 has shape {x.shape}, u0 {u.shape}"
+        )
+    # python-control takes a difference to one side; two of them, to either side, make a centred one
+    size = 1e-5 * max(1.0, float(np.abs(np.concatenate([x, u])).max()))
+    up, down = (system.linearize(x, u, params=dict(params or {}), eps=eps) for eps in (size, -size))
+    A, B, C, D = ((getattr(up, letter) + getattr(down, letter)) / 2 for letter in "ABCD")
+    moving = np.abs(system.dynamics(0.0, x, u, params=dict(params or {})))
+    if not moving.max(initial=0.0) <= _AT_REST * max(1.0, float(np.abs(A).max(initial=0.0))):
+        name = system.state_labels[int(np.argmax(moving))]
+        raise AnalysisError(
+            f"the system does not rest at x0, u0: {name} changes by {moving.max():.3g} a second; "
+            "control.find_operating_point finds where it does"
+        )
+    D[np.abs(D) <= 1e-9 * np.abs(C).max(initial=0.0)] = 0.0  # of differences
+    return control.ss(A, B, C, D, states=system.state_labels, inputs=system.input_labels, outputs=system.output_labels)
 
 
 def transformation(assumed: LinearPlant, actual: LinearPlant) -> Array:

@@ -80,3 +80,64 @@ def test_family_needs_the_same_states():
         deviated(PENDULUM, other, 0.5)
     with pytest.raises(AnalysisError, match="same size"):
         deviated(PENDULUM, LinearPlant([[0]], [[1]], [[1]]), 0.5)
+
+
+def test_a_transfer_function_keeps_its_values():
+    tf = control.tf([2, 1], [1, 0.5, -3])
+    plant = LinearPlant.from_system(tf)
+    s = 0.4 + 1.7j
+    assert plant.statespace()(s) == pytest.approx((2 * s + 1) / (s**2 + 0.5 * s - 3), rel=1e-12)
+
+
+def test_matrices_and_systems_that_have_them_are_plants_and_a_plant_is_one():
+    from scipy import signal
+
+    for system in (
+        (PENDULUM.A, PENDULUM.B, PENDULUM.C),
+        [PENDULUM.A, PENDULUM.B, PENDULUM.C, [[0]]],
+        signal.StateSpace(PENDULUM.A, PENDULUM.B, PENDULUM.C, [[0]]),
+        PENDULUM.statespace(),
+        PENDULUM,
+    ):
+        plant = LinearPlant.from_system(system)
+        for name in "ABC":
+            np.testing.assert_array_equal(getattr(plant, name), getattr(PENDULUM, name))
+    assert LinearPlant.from_system(PENDULUM) is PENDULUM
+
+
+def falling(t, x, u, params):
+    """A pendulum of unit length at any angle, against its torque and drag that grows with the square of its speed."""
+    g = params.get("g", 9.81)
+    return [x[1], g * np.sin(x[0]) - 0.3 * x[1] * abs(x[1]) + u[0] * np.cos(x[0])]
+
+
+@pytest.mark.parametrize(("angle", "g"), [(0.0, 9.81), (0.3, 9.81), (-0.7, 1.62)])
+def test_a_nonlinear_system_is_linearised_where_it_rests(angle, g):
+    system = control.nlsys(falling, None, states=["angle", "rate"], inputs=["torque"], outputs=["angle", "rate"])
+    u0 = -g * np.tan(angle)
+    plant = LinearPlant.from_system(system, x0=[angle, 0], u0=[u0], params={"g": g})
+    by_hand = g * np.cos(angle) - u0 * np.sin(angle)
+    np.testing.assert_allclose(plant.A, [[0, 1], [by_hand, 0]], rtol=1e-8, atol=1e-5)  # the drag bends by 0.3 eps
+    np.testing.assert_allclose(plant.B, [[0], [np.cos(angle)]], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(plant.C, np.eye(2), atol=1e-9)
+    assert (plant.states, plant.inputs, plant.outputs) == (("angle", "rate"), ("torque",), ("angle", "rate"))
+
+
+@pytest.mark.parametrize(
+    ("system", "more", "words"),
+    [
+        (control.tf([1], [1, 1], 0.1), {}, "discrete"),
+        (control.tf([1, 0], [1, 1]), {}, "feed-through"),
+        (control.tf([[[1], [1]], [[1], [2]]], [[[1, 1], [1, 2]], [[1, 3], [1, 4]]]), {}, "as a StateSpace"),
+        (control.frd([1, 2], [1, 2]), {}, "no plant can be made of a FrequencyResponseData"),
+        (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1, 0]}, "does not rest"),
+        (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1]}, "x0 has shape"),
+        (control.nlsys(falling, None, states=2, inputs=1, outputs=2, dt=0.1), {}, "discrete"),
+        (([[0]], [[1]], [[1]], [[1]]), {}, "feed-through"),
+        (([[0]], [[1]]), {}, "2 matrices"),
+        ("plant", {}, "no plant can be made of a str"),
+    ],
+)
+def test_what_is_no_plant_is_told(system, more, words):
+    with pytest.raises(AnalysisError, match=words):
+        LinearPlant.from_system(system, **more)
