@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.case.doubts import doubts, reach
-from icmj.case.plants import actual_plant, assumed_plant
+from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
@@ -18,7 +18,7 @@ from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
-from icmj.errors import DesignError, IcmjError, RunFileError
+from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, matched
 from icmj.plant.modes import uncontrollable
@@ -41,7 +41,7 @@ class Case:
 
     Attributes:
         run: the run file.
-        assumed, actual: plants on the engine, each with its linearisation.
+        assumed, actual: plants, each with its linearisation: models on the engine, or given by matrices.
         controller: design on the assumed plant, hold and event rule.
         rule: the event rule, which is the controller's trigger.
         settings: of its runs.
@@ -51,14 +51,28 @@ class Case:
     """
 
     run: RunFile
-    assumed: MujocoPlant
-    actual: MujocoPlant
+    assumed: AnyPlant
+    actual: AnyPlant
     controller: Controller
     rule: EventRule
     settings: Settings
     system: ErrorSystem
     prediction: Prediction
     notices: tuple[Notice, ...] = ()
+
+    @property
+    def model(self) -> MujocoPlant:
+        """The actual plant on the engine.
+
+        Raises:
+            SimulationError: if it is given by matrices.
+        """
+        if isinstance(self.actual, MujocoPlant):
+            return self.actual
+        raise SimulationError(
+            f"{self.run.path}: the actual plant is given by matrices, which MuJoCo does not simulate; take the linear "
+            "plant (--plant linear)"
+        )
 
 
 def prepare(run: RunFile, *, like: Case | None = None) -> Case:
@@ -155,7 +169,8 @@ def simulate(
     parts = _parts(case, plant, trigger, duration, refinement)
     x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
     run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
-    return with_pressure(case.actual, parts[1], run) if plant == "linear" else run
+    on_floor = plant == "linear" and isinstance(case.actual, MujocoPlant)
+    return with_pressure(case.model, parts[1], run) if on_floor else run
 
 
 def simulate_plant(
@@ -230,9 +245,11 @@ def _parts(
     if duration is not None:
         settings = replace(settings, duration=duration)
     if refinement != 1.0:
-        settings = replace(settings, timestep=refinement * (settings.timestep or case.actual.spec.option.timestep))
+        own = case.actual.spec.option.timestep if isinstance(case.actual, MujocoPlant) else None
+        step = settings.timestep or own
+        settings = replace(settings, timestep=None if step is None else refinement * step)
     controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
-    return (case.actual.linearisation.plant if plant == "linear" else case.actual), controller, settings
+    return (case.actual.linearisation.plant if plant == "linear" else case.model), controller, settings
 
 
 def _design(plant: LinearPlant, weights: Weights) -> Design:

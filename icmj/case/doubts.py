@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from icmj.case.plants import keyframe_of
+from icmj.case.plants import AnyPlant, keyframe_of
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.notice import Notice
 from icmj.runfile.schema import RunFile
 from icmj.theory.prediction import Prediction
 
 
-def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[Notice]:
+def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
     """What there is to tell of both plants; what holds for both is told once."""
     common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
     yield from common
@@ -22,7 +22,7 @@ def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[
         for notice in plant.quality.notices:
             if notice not in common:
                 yield replace(notice, words=f"{notice.words} ({which} plant)")
-    if keyframe_of(run) is None and run.assumed.keyframe is not None:
+    if run.on_engine and keyframe_of(run) is None and run.assumed.keyframe is not None:
         words = (
             f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
             "name one in [actual] keyframe"
@@ -31,6 +31,8 @@ def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[
     if run.disowned:
         words = "[case.paper] speaks of another plant, design or rule than this run file has; it is left out"
         yield Notice("paper", "warning", words)
+    if not isinstance(actual, MujocoPlant):
+        return
     biased = [
         name
         for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
@@ -41,9 +43,9 @@ def doubts(run: RunFile, assumed: MujocoPlant, actual: MujocoPlant) -> Iterator[
         yield Notice("sensor bias", "warning", words)
 
 
-def reach(actual: MujocoPlant, prediction: Prediction) -> Iterator[Notice]:
+def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
     """Inputs that saturate on the predicted orbit itself."""
-    if prediction.orbit is None:
+    if prediction.orbit is None or not isinstance(actual, MujocoPlant):
         return
     plant, ports = actual.linearisation.plant, actual.linearisation.ports
     peaks = dict(zip(plant.inputs, np.abs(prediction.orbit.u).max(axis=0) * np.abs(ports.b), strict=True))

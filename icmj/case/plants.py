@@ -6,22 +6,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from icmj.case.matrices import actual_matrices, assumed_matrices
 from icmj.engine.deviation import Deviation
 from icmj.engine.model import load_spec
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matrix_plant import MatrixPlant
 from icmj.plant.selection import Selection
 from icmj.runfile.schema import RunFile
 
+AnyPlant = MujocoPlant | MatrixPlant
+"""A plant of a case: a model on the engine, or matrices; either has its ``linearisation.plant`` and ``quality``."""
 
-def assumed_plant(run: RunFile) -> MujocoPlant:
+
+def assumed_plant(run: RunFile) -> AnyPlant:
     """The plant that the controller believes in.
 
     Raises:
         ModelError: if it cannot be loaded.
+        RunFileError: if its matrices do not make a plant.
     """
     table = run.assumed
+    if table.given:
+        return assumed_matrices(run)
     return load_plant(
         run.assumed_path,
         keyframe=table.keyframe,
@@ -31,7 +39,7 @@ def assumed_plant(run: RunFile) -> MujocoPlant:
     )
 
 
-def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
+def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
     """The plant that is there, with the inputs and outputs of the assumed one, matched by name.
 
     States that the assumed plant drops are dropped here, too, if nothing that is kept depends on them.
@@ -42,9 +50,13 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
 
     Raises:
         ModelError: if it cannot be loaded, or lacks an input or output.
-        RunFileError: if the run file gives it another number of inputs or outputs.
+        RunFileError: if the run file gives it another number of inputs or outputs, or matrices that make no plant.
     """
     table = run.actual
+    if not run.on_engine:
+        given = actual_matrices(run, assumed.linearisation.plant)
+        _check_ports(run, assumed.linearisation.plant, given.linearisation.plant)
+        return given
     deviation = deviation_of(run)
     keyframe = keyframe_of(run)
     selection = replace(table.selection, inputs=table.selection.inputs or assumed.linearisation.plant.inputs)
@@ -55,7 +67,7 @@ def actual_plant(run: RunFile, assumed: MujocoPlant) -> MujocoPlant:
     if table.operating_point is None:
         operating = replace(run.assumed.operating, pose={**run.assumed.pose, **table.pose})
     start = None
-    if table.model is None and table.keyframe is None:
+    if isinstance(assumed, MujocoPlant) and table.model is None and table.keyframe is None:
         start, operating = assumed.linearisation.point, replace(operating, pose=table.pose)
 
     def load(selection: Selection) -> MujocoPlant:
@@ -87,14 +99,14 @@ def keyframe_of(run: RunFile) -> str | None:
     return run.assumed.keyframe if run.assumed.keyframe in names else None
 
 
-def _outputs(run: RunFile, assumed: MujocoPlant) -> tuple[str, ...]:
+def _outputs(run: RunFile, assumed: AnyPlant) -> tuple[str, ...]:
     chosen = run.assumed.selection.outputs
-    if chosen == "joints":
+    if chosen == "joints" and isinstance(assumed, MujocoPlant):
         return tuple(joint.name for joint in assumed.spec.joints)
     return assumed.linearisation.plant.outputs if chosen is None or isinstance(chosen, str) else chosen
 
 
-def _left_out(run: RunFile, assumed: MujocoPlant) -> list[str]:
+def _left_out(run: RunFile, assumed: AnyPlant) -> list[str]:
     """States that the assumed model has and the assumed plant has not."""
     if run.assumed.states is None and not run.assumed.drop:
         return []

@@ -51,8 +51,8 @@ class Run(Overrides):
 
     run: tyro.conf.Positional[Path]
     """Run file, or the name of a shipped case."""
-    plant: Literal["linear", "mujoco"] = "mujoco"
-    """Plant to simulate."""
+    plant: Literal["linear", "mujoco"] | None = None
+    """Plant to simulate; by default MuJoCo's, and the linear one where the run file gives matrices."""
     out: Path = Path("runs/out")
     """Folder for the log."""
     yes: bool = False

@@ -49,7 +49,8 @@ def study(command: arguments.Study) -> None:
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     _show(outputs.comparisons)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
-    OUT.print(f"{len(outputs.logs)} logs, {size:.0f} MB together, in {escape(str(command.out))}")
+    count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
+    OUT.print(f"{count} in {escape(str(command.out))}")
     OUT.print(f"report   {escape(str(outputs.report))}\nsummary  {escape(str(outputs.summary))}", highlight=False)
 
 
@@ -116,19 +117,20 @@ def run(command: arguments.Run) -> None:
     from icmj.runfile.reading import load_run
     from icmj.simulation.remarks import relative_error
     from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
-    from icmj.study.study import open_folder, run_case
+    from icmj.study.study import open_folder, plants_of, run_case
 
     run_file = overridden(load_run(command.run), command.set)
+    plant = command.plant or plants_of(run_file)[-1]
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)
-        startable(case, command.plant)
-        seconds = estimate(case, command.plant)
-        refuse_long(case, command.plant, seconds, None if command.yes else LONGEST)
+        startable(case, plant)
+        seconds = estimate(case, plant)
+        refuse_long(case, plant, seconds, None if command.yes else LONGEST)
         if seconds > TOLD:
             ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
         open_folder(command.out)
-        result = run_case(case, command.plant, lambda done: working.tell(run_file.case.name, done))
-        log = command.out / f"{run_file.case.name}.{command.plant}.rrd"
+        result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
+        log = command.out / f"{run_file.case.name}.{plant}.rrd"
         working.tell("writing the log", 0.95)
         write_log(result, log)
     _show([compare(result)])

@@ -134,7 +134,7 @@ def find_cycle(
     """
     rule = case.rule if size is None else case.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
-    actual = case.actual.linearisation.plant if plant == "linear" else case.actual
+    actual = case.actual.linearisation.plant if plant == "linear" else case.model
     loop = ReturnMap(actual, case.controller.triggered_by(rule), settings).refined(refinement)
     orbit = case.prediction.orbit
     if start == "auto":

@@ -12,6 +12,7 @@ from icmj.log.columns import TIMELINE
 from icmj.log.figure import eye
 from icmj.log.phase import WIDE
 from icmj.result.result import Result
+from icmj.view.units import shared_unit
 
 BACKGROUND = (52, 58, 66, 255)
 HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a whole run would be a smear
@@ -31,8 +32,8 @@ def blueprint(result: Result) -> rrb.Blueprint:
     if control == "event":
         states.insert(0, _plot("Event function E / threshold²", "trigger", window))
     middle: list[Any] = [
-        _plot("Outputs y [rad]", "outputs", window),
-        _plot("Inputs u [N m]", "inputs", window),
+        _plot(f"Outputs y{shared_unit(result.actual.output_units)}", "outputs", window),
+        _plot(f"Inputs u{shared_unit(result.actual.input_units)}", "inputs", window),
         rrb.Tabs(*states, active_tab=0),
     ]
     if result.simulation.pressure is not None:

@@ -17,6 +17,7 @@ from icmj.result.result import Result
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import output_rate
 from icmj.view.timeline import event_rows
+from icmj.view.units import shared_unit
 
 ROOT = "phase"
 WIDE = 1.6  # width of the frame over its height
@@ -36,7 +37,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     def placed(y: Array, rate: Array) -> Array:
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
-    _write_frame(recording, scale_y, scale_rate)
+    _write_frame(recording, scale_y, scale_rate, result.actual.output_units)
     colours = palette.series(result.actual.n_y)
     approach = ~late
     events = event_rows(simulation)
@@ -96,7 +97,7 @@ def _inside(line: Array, reach: float = 1.2) -> list[Array]:
     ]
 
 
-def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float) -> None:
+def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, units: tuple[str, ...]) -> None:
     axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
     recording.log(
         f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
@@ -112,7 +113,7 @@ def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: floa
         f"{ROOT}/names",
         rr.Points2D(
             [[1.15 * WIDE, -0.16], [0.0, -1.3]],
-            labels=["y [rad]", "dy/dt [rad/s]"],
+            labels=[f"y{shared_unit(units)}", f"dy/dt{shared_unit(units, '/s')}"],
             colors=[palette.WHITE],
             radii=[0.0],
             show_labels=True,

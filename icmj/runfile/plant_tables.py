@@ -11,6 +11,7 @@ from icmj.plant.change import Change, What
 from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.person import Person
 from icmj.plant.selection import Selection
+from icmj.runfile.matrix_tables import MatrixTable
 from icmj.runfile.person import PersonTable
 from icmj.runfile.table import (
     Finite,
@@ -19,9 +20,15 @@ from icmj.runfile.table import (
     TomlTable,
 )
 
+ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "dynprm", "change")
+"""Keys of a plant that only a model has."""
 
-class PlantTable(TomlTable):
-    """What both plants have: operating point, inputs, outputs and states, by name."""
+
+class PlantTable(MatrixTable):
+    """What both plants have: a model with its operating point, or matrices; inputs, outputs and states, by name."""
+
+    model: str | None = None
+    """MJCF file, beside the run file; of the actual plant the assumed one's if none is named."""
 
     keyframe: str | None = None
     """Of the model, where it rests; the reference configuration if none is named."""
@@ -55,6 +62,16 @@ class PlantTable(TomlTable):
         return OperatingRule(self.operating_point or "as given", tuple(self.free), self.pose)
 
     @model_validator(mode="after")
+    def _model_or_matrices(self) -> PlantTable:
+        if self.given:
+            self.refuse(("model", *ON_ENGINE), "a plant given by matrices")
+            if self.outputs == "joints":
+                raise ValueError("a plant given by matrices has no joints; name its outputs")
+        elif self.units:
+            raise ValueError("units are those of a plant given by matrices; a model's are known")
+        return self
+
+    @model_validator(mode="after")
     def _only_balance_frees(self) -> PlantTable:
         if self.free and self.operating_point != "balance":
             raise ValueError('free needs operating_point = "balance"')
@@ -70,10 +87,14 @@ class PlantTable(TomlTable):
 class Assumed(PlantTable):
     """The plant that the controller believes in."""
 
-    model: str
-    """MJCF file, beside the run file."""
     delay: NonNegative = 0.0
     """That the predictor bridges [s]."""
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Assumed:
+        if not self.given and self.model is None:
+            raise ValueError("no plant; name its model, or give matrices A, B and C")
+        return self
 
 
 class ChangeTable(TomlTable):
@@ -113,8 +134,6 @@ class Actual(PlantTable):
     finds its own by the assumed plant's rule, from where the assumed plant rests.
     """
 
-    model: str | None = None
-    """Another MJCF file; the assumed plant's if none is named."""
     gain: Finite | Numbers = 1.0
     """b in ctrl = ctrl₀ + b (u + d): a number for all inputs, or one for each."""
     dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps

@@ -18,7 +18,7 @@ from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.keys import put
 from icmj.runfile.messages import in_words
-from icmj.runfile.plant_tables import Actual, Assumed
+from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
 from icmj.runfile.table import (
     Line,
@@ -149,6 +149,12 @@ class RunFile(TomlTable):
         return self
 
     @model_validator(mode="after")
+    def _matrices_are_not_changed_as_models_are(self) -> RunFile:
+        if self.assumed.given and not self.actual.given and self.actual.model is None:
+            self.actual.refuse((*ON_ENGINE, "units"), "actual: a plant given by matrices")
+        return self
+
+    @model_validator(mode="after")
     def _law_needs_two_points(self) -> RunFile:
         if len(self.study.law_q_t) == 1:
             raise ValueError("study.law_q_t needs at least two thresholds to fit a slope")
@@ -175,11 +181,17 @@ class RunFile(TomlTable):
         return own if own or self.actual.model else self.assumed.measures
 
     @property
+    def on_engine(self) -> bool:
+        """Whether MuJoCo can simulate the actual plant: it is a model, and not given by matrices."""
+        return not self.actual.given and (self.actual.model or self.assumed.model) is not None
+
+    @property
     def assumed_path(self) -> Path:
-        """The assumed plant's MJCF file."""
-        return self._path.parent / self.assumed.model
+        """The assumed plant's MJCF file, or that of its matrices; this run file where it holds them."""
+        return self._path.parent / (self.assumed.model or self.assumed.matrices or self._path.name)
 
     @property
     def actual_path(self) -> Path:
-        """The actual plant's MJCF file; the assumed plant's if none is named."""
-        return self._path.parent / (self.actual.model or self.assumed.model)
+        """The actual plant's, in the same way; the assumed plant's if none is named."""
+        own = self._path.name if self.actual.A else self.actual.model or self.actual.matrices
+        return self._path.parent / own if own else self.assumed_path

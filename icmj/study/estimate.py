@@ -31,7 +31,7 @@ def startable(case: Case, plant: PlantKind) -> None:
         ModelError, SimulationError: if it cannot.
     """
     if plant == "mujoco":
-        timestep_of(close_loop(case.actual, case.controller, case.settings), case.settings)
+        timestep_of(close_loop(case.model, case.controller, case.settings), case.settings)
     else:
         closed_loop(case.actual.linearisation.plant, case.controller)
 
@@ -89,7 +89,7 @@ def _rate(case: Case) -> float:
 
 
 def _timestep(case: Case) -> float:
-    return float(case.settings.timestep or case.actual.spec.option.timestep)
+    return float(case.settings.timestep or case.model.spec.option.timestep)
 
 
 def _pace(case: Case, plant: PlantKind) -> float:
@@ -109,10 +109,10 @@ def _pace(case: Case, plant: PlantKind) -> float:
 
 
 def _timed(case: Case, plant: PlantKind, length: float) -> float:
-    settings, actual = replace(case.settings, duration=min(length, case.settings.duration)), case.actual
+    settings = replace(case.settings, duration=min(length, case.settings.duration))
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     if plant == "linear":
-        simulate_linear(actual.linearisation.plant, case.controller, settings)
+        simulate_linear(case.actual.linearisation.plant, case.controller, settings)
     else:
-        simulate_mujoco(actual, case.controller, settings, error_estimate=False)
+        simulate_mujoco(case.model, case.controller, settings, error_estimate=False)
     return time.process_time() - begin

@@ -72,6 +72,11 @@ def find_runs(paths: Sequence[Path], changes: Sequence[str] = ()) -> tuple[RunFi
     return runs
 
 
+def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
+    """The plants that a case can be simulated on: the linear one alone where it is given by matrices."""
+    return PLANTS if run.on_engine else PLANTS[:1]
+
+
 def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
     """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
 
@@ -127,7 +132,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         growth=growth,
         law=law,
         attractors=found,
-        scene=scene(case.actual, simulation, run.study.magnification),
+        scene=scene(case.model, simulation, run.study.magnification) if run.on_engine else None,
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
         statistics=statistics(simulation) if simulation.noisy else None,
@@ -168,7 +173,7 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
     from icmj.study.estimate import estimate, refuse_long, startable
 
     case = prepare(run)
-    for plant in PLANTS:
+    for plant in plants_of(run):
         startable(case, plant)
         if longest is not None:
             refuse_long(case, plant, estimate(case, plant), longest)
@@ -204,7 +209,7 @@ def run_study(
     progress: Progress | None = None,
     longest: float | None = None,
 ) -> Outputs:
-    """Run every case on both plants in ``jobs`` processes, then build the report and the summary from the logs.
+    """Run every case on its plants in ``jobs`` processes, then build the report and the summary from the logs.
 
     Args:
         runs: the cases.
@@ -219,7 +224,7 @@ def run_study(
     if not runs:
         raise RunFileError("no run file given")
     tell = progress or (lambda label, done: None)
-    cases = [(run, plant) for run in runs for plant in PLANTS]
+    cases = [(run, plant) for run in runs for plant in plants_of(run)]
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
     checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
     work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in cases]
