@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from icmj.plant.selection import Selection
     from icmj.report import build_report, plots
     from icmj.result.result import Result
+    from icmj.runfile.composing import compose_run
     from icmj.runfile.reading import load_run, parse_run
     from icmj.runfile.schema import RunFile
     from icmj.series.reading import read_series
@@ -130,6 +131,7 @@ _HOMES = {
     "icmj.plant.selection": ("Selection",),
     "icmj.report": ("build_report",),
     "icmj.result.result": ("Result",),
+    "icmj.runfile.composing": ("compose_run",),
     "icmj.runfile.reading": (
         "load_run",
         "parse_run",
@@ -231,6 +233,7 @@ __all__ = [
     "centre_of_pressure",
     "choose_timestep",
     "compare",
+    "compose_run",
     "continuous_limit",
     "design_lq",
     "error_system",

@@ -9,21 +9,18 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.case.designs import designed
 from icmj.case.doubts import doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
-from icmj.controller.design import Design, design_lq
-from icmj.controller.hold import HOLDS
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, matched
-from icmj.plant.modes import uncontrollable
 from icmj.plant.notice import Notice, permitted
-from icmj.runfile.control_tables import Weights
 from icmj.runfile.schema import RunFile
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
@@ -96,9 +93,9 @@ def prepare(run: RunFile, *, like: Case | None = None) -> Case:
         if known and known.run.design == run.design:
             design = known.controller.design
         else:
-            design = _design(assumed.linearisation.plant, run.design)
+            design = designed(assumed.linearisation.plant, run.design)
         rule = run.controller.trigger(design)
-        controller = Controller(design, HOLDS[run.controller.hold](design), rule, _delay(run))
+        controller = Controller(design, run.controller.made_hold(design), rule, _delay(run))
         system = error_system(
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
@@ -250,24 +247,6 @@ def _parts(
         settings = replace(settings, timestep=None if step is None else refinement * step)
     controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
     return (case.actual.linearisation.plant if plant == "linear" else case.model), controller, settings
-
-
-def _design(plant: LinearPlant, weights: Weights) -> Design:
-    def square(weight: str | list, named: Array) -> Array | list | float:
-        if weight == "identity":
-            return 1.0
-        return named if isinstance(weight, str) else weight
-
-    # rounding may make a Riccati equation solvable that has no solution
-    if any(not mode.stable for mode in uncontrollable(plant)):
-        raise DesignError("no LQ design for this plant, which has a mode that the inputs do not reach")
-    return design_lq(
-        plant,
-        Q_c=square(weights.Q_c, plant.C.T @ plant.C),
-        R_c=weights.R_c,
-        Q_o=square(weights.Q_o, plant.B @ plant.B.T),
-        R_o=weights.R_o,
-    )
 
 
 def _delay(run: RunFile) -> Delay:

@@ -8,7 +8,9 @@ import numpy as np
 from pydantic import model_validator
 
 from icmj.controller.design import Design
+from icmj.controller.hold import HOLDS, Hold
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
+from icmj.errors import AnalysisError
 from icmj.plant.notice import Kind
 from icmj.runfile.table import (
     Interval,
@@ -23,7 +25,7 @@ from icmj.runfile.table import (
 
 
 class Weights(TomlTable):
-    """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o)."""
+    """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o), or gains k and L in their place."""
 
     Q_c: Weight = "output"
     """On the states: ``"output"`` is ĈᵀĈ, ``"identity"`` I; or its diagonal, or the matrix."""
@@ -33,6 +35,18 @@ class Weights(TomlTable):
     """Of the process noise: ``"input"`` is B̂B̂ᵀ, ``"identity"`` I; or its diagonal, or the matrix."""
     R_o: Positive | Positives = 1.0
     """Of the sensor noise: a number for all outputs, or one for each."""
+    k: Matrix | Numbers | None = None
+    """State-feedback gain k̂ instead of weights, row by row; of a single input also its entries."""
+    L: Matrix | Numbers | None = None
+    """Observer gain instead of weights, row by row; of a single output also its entries."""
+
+    @model_validator(mode="after")
+    def _weights_or_gains(self) -> Weights:
+        for gain, weights in (("k", ("Q_c", "R_c")), ("L", ("Q_o", "R_o"))):
+            foreign = [name for name in weights if name in self.model_fields_set]
+            if getattr(self, gain) is not None and foreign:
+                raise ValueError(f"give either {gain} or {foreign[0]}")
+        return self
 
 
 class Control(TomlTable):
@@ -41,8 +55,10 @@ class Control(TomlTable):
     ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
     """
 
-    hold: Literal["system-matched", "zero-order"] = "system-matched"
-    """What drives the plant between events: the model under feedback, or the last control, held."""
+    hold: Literal["system-matched", "zero-order", "own"] = "system-matched"
+    """What drives the plant between events: the model under feedback, the last control, held, or A_h."""
+    A_h: Matrix | None = None
+    """Matrix of a hold of one's own, ẋ_h = A_h x_h, row by row."""
     rule: Literal["quadratic", "box"] = "quadratic"
     """Which event rule."""
     Q_t: Weight = "output"
@@ -67,6 +83,25 @@ class Control(TomlTable):
             return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
         assert self.q_t is not None
         return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
+
+    def made_hold(self, design: Design) -> Hold:
+        """The hold for a controller of this design.
+
+        Raises:
+            AnalysisError: if it does not fit the design.
+        """
+        if self.A_h is None:
+            return HOLDS[self.hold](design)
+        n = design.plant.n
+        if len(self.A_h) != n or any(len(row) != n for row in self.A_h):
+            raise AnalysisError(f"A_h does not fit the assumed plant; expected {n} rows of {n} numbers")
+        return Hold("own", np.array(self.A_h))
+
+    @model_validator(mode="after")
+    def _own_hold_has_its_matrix(self) -> Control:
+        if (self.hold == "own") != (self.A_h is not None):
+            raise ValueError('A_h is the matrix of hold = "own", which needs it')
+        return self
 
     @model_validator(mode="after")
     def _keys_are_those_of_the_rule(self) -> Control:

@@ -131,7 +131,7 @@ class RunFile(TomlTable):
         for table in (data["assumed"], data["actual"]):
             if "model" in table:
                 table["model"] = Path(table["model"]).name
-        rule = self.controller.model_dump(include={"hold", "Q_t"})
+        rule = self.controller.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.controller.A_h else set()))
         content = json.dumps(data | {"rule": rule}, sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 

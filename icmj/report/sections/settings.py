@@ -33,7 +33,12 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
                 "hold": controller.hold.name,
                 "duration": numbers.short(run.simulation.duration),
                 "initial": numbers.setting(run.simulation.initial),
-                "weights": f"R_c = {numbers.setting(run.design.R_c)}, R_o = {numbers.setting(run.design.R_o)}",
+                "weights": ", ".join(
+                    f"{weight} = {numbers.setting(getattr(run.design, weight))}"
+                    if getattr(run.design, gain) is None
+                    else f"{gain} given"
+                    for weight, gain in (("R_c", "k"), ("R_o", "L"))
+                ),
             }
         )
     return Section(

@@ -1,0 +1,50 @@
+"""The design that a run file asks for: by LQ weights, or with gains of one's own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.design import Design, design_lq
+from icmj.errors import DesignError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.modes import uncontrollable
+from icmj.runfile.control_tables import Weights
+
+
+def designed(plant: LinearPlant, weights: Weights) -> Design:
+    """Gains for the assumed plant: given ones as they are, the others by LQ design.
+
+    Raises:
+        DesignError: if a gain or weight does not fit the plant, or there is no LQ design.
+    """
+    k, L = (None if given is None else _gain(given, name) for given, name in ((weights.k, "k"), (weights.L, "L")))
+    if k is not None and L is not None:
+        return Design(plant, k, L)
+
+    def square(weight: str | list, named: Array) -> Array | list | float:
+        if weight == "identity":
+            return 1.0
+        return named if isinstance(weight, str) else weight
+
+    # rounding may make a Riccati equation solvable that has no solution
+    if any(not mode.stable for mode in uncontrollable(plant)):
+        raise DesignError("no LQ design for this plant, which has a mode that the inputs do not reach")
+    design = design_lq(
+        plant,
+        Q_c=square(weights.Q_c, plant.C.T @ plant.C),
+        R_c=weights.R_c,
+        Q_o=square(weights.Q_o, plant.B @ plant.B.T),
+        R_o=weights.R_o,
+    )
+    return Design(plant, design.k if k is None else k, design.L if L is None else L)
+
+
+def _gain(given: list, name: str) -> Array:
+    try:
+        gain = np.array(given, dtype=float)
+    except ValueError as error:
+        raise DesignError(f"{name} is not a matrix: its rows differ in length") from error
+    if gain.ndim == 1:  # of a single input, or output
+        return gain[None, :] if name == "k" else gain[:, None]
+    return gain

@@ -1,0 +1,83 @@
+"""A run file from what was put together in code: a linear plant, a controller of one's own, the settings of its run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from icmj.controller.controller import Controller
+from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.reading import parse_run
+from icmj.runfile.schema import RunFile
+from icmj.runfile.writing import to_toml
+from icmj.simulation.settings import Settings
+
+FIRST = "# written from a plant and a controller that were put together in code\n"
+
+
+def compose_run(
+    actual: LinearPlant, controller: Controller, settings: Settings | None = None, *, name: str, title: str = ""
+) -> RunFile:
+    """The run file of a linear plant under a controller, both by their matrices: what a log and a report begin with.
+
+    Plants, gains k and L, the hold's matrix, rule and delay are written out, so that the run file says all of what
+    runs; :func:`icmj.prepare` makes the same case of it, and :func:`icmj.run_case` a result to log.
+
+    Args:
+        actual: the plant that is there; the assumed one is that of the controller's design.
+        controller: its trigger must be an event rule that a run file knows.
+        settings: of its runs; the defaults if ``None``.
+        name: of the case, and of its log.
+        title: for people; the name if there is none.
+
+    Raises:
+        RunFileError: if something of it has no place in a run file.
+    """
+    design, delay = controller.design, controller.delay
+    rule = dict(controller.trigger.facts())
+    data = {
+        "case": {"name": name, "title": title or name},
+        "assumed": _plant(design.plant) | ({"delay": delay.predicted} if delay else {}),
+        "actual": _plant(actual) | ({"delay": delay.t_d} if delay else {}),
+        "design": {"k": design.k, "L": design.L},
+        "controller": {"hold": "own", "A_h": controller.hold.A_h, "rule": "box" if "threshold" in rule else "quadratic"}
+        | rule,
+        "simulation": _settings(settings or Settings()),
+    }
+    return parse_run(FIRST + to_toml(_plain(data)), Path(f"{name}.toml"))
+
+
+def _plant(plant: LinearPlant) -> dict[str, Any]:
+    named = (
+        (plant.states, plant.state_units),
+        (plant.inputs, plant.input_units),
+        (plant.outputs, plant.output_units),
+    )
+    units = {name: unit for names, of in named for name, unit in zip(names, of, strict=True) if unit}
+    return {
+        "A": plant.A,
+        "B": plant.B,
+        "C": plant.C,
+        "states": plant.states,
+        "inputs": plant.inputs,
+        "outputs": plant.outputs,
+        **({"units": units} if units else {}),
+    }
+
+
+def _settings(settings: Settings) -> dict[str, Any]:
+    sources = [{"kind": type(source).__name__.lower(), **asdict(source)} for source in settings.disturbance]
+    given = {name: value for name, value in vars(settings).items() if name != "disturbance"}
+    return given | ({"disturbance": sources} if sources else {})
+
+
+def _plain(value: Any) -> Any:
+    """The same without arrays, numpy's numbers and what is ``None``."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items() if each is not None}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
