@@ -85,7 +85,7 @@ def _missing(command: str, what: str, purpose: str) -> str:
 
 
 def _choice(got: str, option: str, choices: str) -> str:
-    known = [name for name in re.findall(r"'([^']*)'", choices) if name != "None"]  # what is not given at all
+    known = sorted(set(re.findall(r"'([^']*)'", choices)) - {"None"})  # None: what is not given at all
     return f"{option}: expected {' or '.join(known)}, got {got!r}{did_you_mean(got, known)}"
 
 
