@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     from icmj.experiment.growth import measure_growth
     from icmj.log import read_log, write_log
     from icmj.measurement.measurement import Measurement, measure
+    from icmj.measurement.stabilogram import Diffusion, diffusion
     from icmj.measurement.statistics import Statistics, statistics
+    from icmj.measurement.sway import Sway, measure_sway
     from icmj.plant.change import Change
     from icmj.plant.linear_plant import LinearPlant
     from icmj.plant.notice import Notice
@@ -118,10 +120,12 @@ _HOMES = {
         "Measurement",
         "measure",
     ),
+    "icmj.measurement.stabilogram": ("Diffusion", "diffusion"),
     "icmj.measurement.statistics": (
         "Statistics",
         "statistics",
     ),
+    "icmj.measurement.sway": ("Sway", "measure_sway"),
     "icmj.plant.change": ("Change",),
     "icmj.plant.linear_plant": ("LinearPlant",),
     "icmj.plant.notice": ("Notice",),
@@ -202,6 +206,7 @@ __all__ = [
     "Delay",
     "Design",
     "Deviation",
+    "Diffusion",
     "ErrorSystem",
     "EventRule",
     "EventTrigger",
@@ -228,6 +233,7 @@ __all__ = [
     "Simulation",
     "Statistics",
     "Step",
+    "Sway",
     "attractors",
     "build_report",
     "centre_of_pressure",
@@ -236,6 +242,7 @@ __all__ = [
     "compose_run",
     "continuous_limit",
     "design_lq",
+    "diffusion",
     "error_system",
     "find_cycle",
     "load_plant",
@@ -243,6 +250,7 @@ __all__ = [
     "measure",
     "measure_growth",
     "measure_law",
+    "measure_sway",
     "open_loop",
     "output_weight",
     "parse_run",

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from icmj.cli.overrides import Overrides
-from icmj.cli.series_arguments import Export
+from icmj.cli.series_arguments import Export, Measure
 
 
 @dataclass(frozen=True)
@@ -174,6 +174,7 @@ Command = (
     | Annotated[Person, tyro.conf.subcommand("person")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Export, tyro.conf.subcommand("export")]
+    | Annotated[Measure, tyro.conf.subcommand("measure")]
 )
 
 DESCRIPTION = """Event-driven intermittent control: predict limit cycles from the linear theory, simulate them on the

@@ -33,6 +33,7 @@ def execute(command: object) -> None:
 
 
 execute.register(series_commands.export)
+execute.register(series_commands.measure)
 
 
 @execute.register

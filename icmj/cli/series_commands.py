@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 from rich.console import Console
 from rich.markup import escape
 
 from icmj.cli import series_arguments as arguments
 from icmj.cli.working import Working
 
+if TYPE_CHECKING:
+    from icmj.series.series import Series
+
 OUT = Console()
 ERR = Console(stderr=True)
+MOST = 6  # signals in one table
+RATE = 100.0  # Hz: at which a log is measured
 
 
 def export(command: arguments.Export) -> None:
@@ -31,3 +40,52 @@ def export(command: arguments.Export) -> None:
     for what, series, path in (("rows", rows, out), ("events", events, events_out)):
         size = f"{len(series)} rows, {len(series.names)} signals"
         OUT.print(f"{what:<7} {escape(str(path))}  {size}", highlight=False, soft_wrap=True)
+
+
+def measure(command: arguments.Measure) -> None:
+    """Print the measures of sway in a log or a file."""
+    from icmj.cli.sway_table import record, table
+    from icmj.errors import DataError
+    from icmj.measurement.sway import from_torque, measure_sway
+
+    if (command.torque is None) != (command.weight is None):
+        raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")
+    with Working(f"measuring {command.file.name}", ERR):
+        series = _signals(command).since(command.since)
+        if command.torque is not None and command.weight is not None:
+            series = from_torque(series, command.torque, command.weight)
+        if len(series.names) > MOST and not command.json:
+            some = ", ".join(series.names[:4])
+            raise DataError(
+                f"{command.file}: {len(series.names)} signals ({some}, ...); name up to {MOST} by --columns"
+            )
+        try:
+            sway = measure_sway(series, low_pass=command.low_pass, band=command.band or (0.0, float("inf")))
+        except DataError as error:
+            raise DataError(f"{command.file}: {error}") from error
+    if command.json:
+        print(json.dumps(record(sway), indent=2, allow_nan=False))
+        return
+    filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
+    OUT.print(table(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}"))
+    if "resampled" in sway.series.facts:
+        OUT.print(f"note: resampled by a {escape(sway.series.facts['resampled'])}", highlight=False, style="yellow")
+
+
+def _signals(command: arguments.Measure) -> Series:
+    """What is to be measured of a log or a file, evenly sampled if it is a log or a rate is asked for."""
+    from icmj.series.even import even_series
+    from icmj.series.reading import read_series
+
+    columns = command.columns if command.torque is None else (*command.columns, command.torque)
+    if command.file.suffix == ".rrd":
+        from icmj.log import read_log
+
+        result = read_log(command.file)
+        series = result.to_series(RATE if command.rate is None else command.rate)
+        ground = result.simulation.pressure
+        moving = () if ground is None else tuple(f"cop.{axis}" for axis in ground.axes)
+        series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
+        return replace(series, facts={key: value for key, value in series.facts.items() if key != "resampled"})
+    series = read_series(command.file, columns=columns, rate=command.rate)
+    return series if command.rate is None else even_series(series, command.rate)

@@ -1,0 +1,112 @@
+"""Stabilogram diffusion: how far a sway gets from where it was, against the time between (Collins & De Luca 1993).
+
+On short times sway is persistent, as if driven away from where it is, on long times it comes back. Both show as
+straight lines in the mean square displacement against time on logarithmic axes, with slope 2H: H = 1/2 is a random
+walk, more is persistent, less is anti-persistent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+
+SHORT = (0.05, 0.5)
+LONG = (2.5, 10.0)
+"""Windows of the fits [s]. Collins & De Luca chose them by eye, the short one up to about 1 s, the long one to 10 s."""
+FEWEST = 2.0  # lengths of a lag that a record must have: from fewer, its mean square is no average
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A stretch of the diffusion plot.
+
+    Attributes:
+        start, end: lags [s].
+        H: scaling exponent, half the slope on logarithmic axes.
+        D: diffusion coefficient, half the slope on linear axes [unit²/s].
+        offset: where that line meets lag zero [unit²].
+    """
+
+    start: float
+    end: float
+    H: float
+    D: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Diffusion:
+    """The stabilogram-diffusion plot of one coordinate, or of a point in a plane.
+
+    Attributes:
+        lag: [s], rising from one step, shape (M,).
+        displacement: mean square displacement [unit²], of a point in a plane the sum over both coordinates, shape (M,).
+        short, long: the fitted stretches; ``None`` where the record is too short, or too coarse, for one.
+    """
+
+    lag: Array
+    displacement: Array
+    short: Regime | None
+    long: Regime | None
+
+    @property
+    def critical(self) -> tuple[float, float] | None:
+        """Lag [s] and mean square displacement [unit²] where the straight lines on linear axes meet, or ``None``."""
+        if self.short is None or self.long is None or not self.short.D > self.long.D:
+            return None
+        lag = (self.long.offset - self.short.offset) / (2 * (self.short.D - self.long.D))
+        return (float(lag), float(self.short.offset + 2 * self.short.D * lag)) if lag > 0 else None
+
+
+def diffusion(
+    values: Array,
+    rate: float,
+    *,
+    short: tuple[float, float] = SHORT,
+    long: tuple[float, float] = LONG,
+) -> Diffusion:
+    """The stabilogram diffusion of an evenly sampled sway.
+
+    ⟨Δx²⟩ at a lag is the mean over all pairs of samples that far apart, for a plane ⟨Δr²⟩ = ⟨Δx²⟩ + ⟨Δy²⟩. The lines
+    are ⟨Δx²⟩ = 2 D Δt + c, and log ⟨Δx²⟩ = 2 H log Δt + c, fitted by least squares to all lags within each window.
+
+    Args:
+        values: shape (N,), or (N, 2) for a plane.
+        rate: samples per second [Hz].
+        short, long: windows of the fits [s].
+    """
+    N = len(values)
+    most = min(int(np.floor(long[1] * rate * (1 + 1e-9))), int((N - 1) / FEWEST))
+    lags = np.arange(1, most + 1)
+    displacement = np.zeros(most)
+    for column in np.atleast_2d(values.T):
+        displacement += _mean_squares(column, most)
+    lag = lags / rate
+    return Diffusion(lag, displacement, _regime(lag, displacement, short), _regime(lag, displacement, long))
+
+
+def _mean_squares(values: Array, most: int) -> Array:
+    """⟨(x_{i+m} − x_i)²⟩ for m = 1 … ``most``, from the autocorrelation by fast Fourier transforms; shape (most,)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    x, N = values - values.mean(), len(values)
+    size = next_fast_len(N + most + 1, real=True)
+    spectrum = rfft(x, size)
+    products = irfft(spectrum * np.conj(spectrum), size)[1 : most + 1]
+    lags = np.arange(1, most + 1)
+    total = np.concatenate([[0.0], np.cumsum(x**2)])
+    squares = (total[-1] - total[lags]) + total[N - lags]
+    return np.maximum(squares - 2 * products, 0) / (N - lags)
+
+
+def _regime(lag: Array, displacement: Array, window: tuple[float, float]) -> Regime | None:
+    inside = (lag >= window[0] * (1 - 1e-9)) & (lag <= window[1] * (1 + 1e-9))
+    if inside.sum() < 3 or not (displacement[inside] > 0).all() or lag[-1] < window[1] * (1 - 1e-9):
+        return None
+    t, square = lag[inside], displacement[inside]
+    slope, offset = np.polynomial.polynomial.polyfit(t, square, 1)[::-1]
+    exponent = np.polynomial.polynomial.polyfit(np.log(t), np.log(square), 1)[1]
+    return Regime(window[0], window[1], float(exponent / 2), float(slope / 2), float(offset))

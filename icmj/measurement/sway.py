@@ -1,0 +1,250 @@
+"""Measures of sway, as posturography takes them of the centre of pressure (definitions, sources: docs/measures.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import DataError
+from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
+from icmj.measurement.spectrum import Spectrum, spectrum
+from icmj.measurement.stabilogram import Diffusion, diffusion
+from icmj.series.even import even_series
+from icmj.series.series import Series
+
+FEWEST = 20  # rows below which there is nothing to measure
+SLOPE = (0.1, 0.7)  # Hz
+SEGMENTS = 2  # lengths of a segment of the spectrum in the record
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Where the power of a signal is, within a band.
+
+    Attributes:
+        mean: ∫f P df / ∫P df [Hz].
+        median: below which half of the power is [Hz].
+        edge: below which 95 % of the power is [Hz].
+        slope: of log P against log f from 0.1 to 0.7 Hz, whatever the band; NaN where there are fewer than four lines.
+    """
+
+    mean: float
+    median: float
+    edge: float
+    slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """Measures of one coordinate, about its mean.
+
+    Attributes:
+        name, unit: of the coordinate.
+        mean: [unit].
+        rms: root mean square about the mean [unit] (Prieto et al. 1996: RDIST).
+        mean_distance: mean magnitude about the mean [unit] (MDIST).
+        range: largest minus smallest value [unit] (RANGE).
+        prediction_range: width of the 95 % prediction interval [unit].
+        speed: length of the way there and back over duration [unit/s] (MVELO).
+        rotation_frequency: speed / (4√2 mean_distance) [Hz], as Prieto et al. print it (MFREQ); 1.11 f of a sinusoid.
+        frequencies: of its power spectrum.
+        diffusion: stabilogram diffusion.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    rms: float
+    mean_distance: float
+    range: float
+    prediction_range: float
+    speed: float
+    rotation_frequency: float
+    frequencies: Frequencies
+    diffusion: Diffusion
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Measures of two coordinates together.
+
+    Attributes:
+        names, unit: of the coordinates.
+        rms, mean_distance: of the distance from the mean point [unit].
+        speed: length of the path over duration [unit/s].
+        rotation_frequency: of the circle of the same mean distance and speed [Hz] (MFREQ).
+        ellipse: 95 % prediction ellipse.
+        frequencies: of the sum of both power spectra.
+        diffusion: stabilogram diffusion, ⟨Δr²⟩.
+    """
+
+    names: tuple[str, str]
+    unit: str
+    rms: float
+    mean_distance: float
+    speed: float
+    rotation_frequency: float
+    ellipse: Ellipse
+    frequencies: Frequencies
+    diffusion: Diffusion
+
+
+@dataclass(frozen=True, eq=False)
+class Sway:
+    """Measures of a swaying point, or of any signals.
+
+    Attributes:
+        series: what was measured: even, filtered if asked for.
+        duration: N / rate [s].
+        rate: samples per second [Hz].
+        band: in which frequencies are taken [Hz].
+        low_pass: corner of the filter before all measures [Hz], or ``None``.
+        coordinates: one for each signal.
+        plane: of two signals of the same unit together, else ``None``.
+        spectrum: of every signal.
+    """
+
+    series: Series
+    duration: float
+    rate: float
+    band: tuple[float, float]
+    low_pass: float | None
+    coordinates: tuple[Coordinate, ...]
+    plane: Plane | None
+    spectrum: Spectrum
+
+
+def measure_sway(
+    series: Series,
+    columns: Sequence[str] = (),
+    *,
+    rate: float | None = None,
+    low_pass: float | None = None,
+    band: tuple[float, float] = (0.0, np.inf),
+) -> Sway:
+    """Measure the sway in some signals; two of the same unit are taken as the coordinates of a point, too.
+
+    Args:
+        series: such as :func:`icmj.read_series` or ``Result.to_series`` give.
+        columns: which of its signals; all by default.
+        rate: at which to sample it [Hz], by a cubic spline; as it is sampled by default.
+        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase; none by default.
+        band: in which mean, median and edge frequency are taken [Hz]; Prieto et al. took 0.15 to 5 Hz.
+
+    Raises:
+        DataError: if there is no such signal, values are missing, there are gaps or too few rows, or corner or band do
+            not fit the rate.
+    """
+    series = even_series(series.chosen(columns) if columns else series, rate)
+    N = len(series)
+    if N < FEWEST:
+        raise DataError(f"{N} rows; expected at least {FEWEST}")
+    step = float(series.t[-1] - series.t[0]) / (N - 1)
+    if not 0 <= band[0] < band[1]:
+        raise DataError(f"a band of {band[0]:g} to {band[1]:g} Hz; expected two rising numbers from 0 on")
+    if low_pass is not None:
+        series = replace(series, values=_filtered(series.values, low_pass, 1 / step))
+    found = spectrum(series.t, series.values, SEGMENTS)
+    coordinates = tuple(
+        _coordinate(name, unit, values, step, frequencies(found.frequency, power, band))
+        for name, unit, values, power in zip(series.names, series.units, series.values.T, found.power.T, strict=True)
+    )
+    plane = None
+    if len(coordinates) == 2 and len(set(series.units)) == 1:
+        plane = _plane(series, step, frequencies(found.frequency, found.power.sum(axis=1), band))
+    return Sway(series, N * step, 1 / step, band, low_pass, coordinates, plane, found)
+
+
+def from_torque(series: Series, torque: str, weight: float) -> Series:
+    """The centre of pressure in front of the ankle from the torque there, −τ / weight, as the signal ``cop`` [m].
+
+    It is what a foot at rest that carries ``weight`` feels: the share of horizontal force and of the foot's own mass,
+    both small in quiet standing, is left out.
+
+    Args:
+        series: holds the torque on the body [N m], positive where it leans the body forwards.
+        torque: which signal that is.
+        weight: vertical force on the foot [N].
+
+    Raises:
+        DataError: if there is no such signal, or the weight is not positive.
+    """
+    if not (np.isfinite(weight) and weight > 0):
+        raise DataError(f"a weight must be positive and finite, got {weight:g} N")
+    return replace(series, values=-series[torque][:, None] / weight, names=("cop",), units=("m",))
+
+
+def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0, np.inf)) -> Frequencies:
+    """Where the power of a spectrum is, integrated by trapezoids; NaN where there is none.
+
+    Args:
+        frequency: [Hz], rising, shape (F,).
+        power: density, shape (F,).
+        band: what of it counts [Hz].
+
+    Raises:
+        DataError: if fewer than two lines are in the band.
+    """
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    f, P = frequency[inside], power[inside]
+    if len(f) < 2:
+        raise DataError(f"no two lines of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
+    below = np.concatenate([[0.0], np.cumsum(np.diff(f) * (P[1:] + P[:-1]) / 2)])
+    if not below[-1] > 0:
+        return Frequencies(np.nan, np.nan, np.nan, np.nan)
+    median, edge = np.interp([0.5, 0.95], below / below[-1], f)
+    mean = np.trapezoid(f * P, f) / below[-1]
+    return Frequencies(float(mean), float(median), float(edge), _slope(frequency, power))
+
+
+def _slope(f: Array, P: Array) -> float:
+    low = (f >= SLOPE[0]) & (f <= SLOPE[1]) & (P > 0)
+    return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1)[1]) if low.sum() >= 4 else np.nan
+
+
+def _coordinate(name: str, unit: str, values: Array, step: float, found: Frequencies) -> Coordinate:
+    about = values - values.mean()
+    distance = float(np.abs(about).mean())
+    speed = float(np.abs(np.diff(values)).sum() / (len(values) * step))
+    return Coordinate(
+        name=name,
+        unit=unit,
+        mean=float(values.mean()),
+        rms=float(np.sqrt((about**2).mean())),
+        mean_distance=distance,
+        range=float(np.ptp(values)),
+        prediction_range=prediction_range(values),
+        speed=speed,
+        rotation_frequency=speed / (4 * np.sqrt(2) * distance) if distance > 0 else np.nan,
+        frequencies=found,
+        diffusion=diffusion(values, 1 / step),
+    )
+
+
+def _plane(series: Series, step: float, found: Frequencies) -> Plane:
+    values = series.values
+    distance = np.hypot(*(values - values.mean(axis=0)).T)
+    speed = float(np.hypot(*np.diff(values, axis=0).T).sum() / (len(values) * step))
+    first, second = series.names
+    return Plane(
+        names=(first, second),
+        unit=series.units[0],
+        rms=float(np.sqrt((distance**2).mean())),
+        mean_distance=float(distance.mean()),
+        speed=speed,
+        rotation_frequency=speed / (2 * np.pi * distance.mean()) if distance.any() else np.nan,
+        ellipse=prediction_ellipse(values),
+        frequencies=found,
+        diffusion=diffusion(values, 1 / step),
+    )
+
+
+def _filtered(values: Array, corner: float, rate: float) -> Array:
+    from scipy.signal import butter, sosfiltfilt
+
+    if not 0 < corner < rate / 2:
+        raise DataError(f"a low-pass of {corner:g} Hz; expected between 0 and half the rate, {rate / 2:g} Hz")
+    return np.asarray(sosfiltfilt(butter(2, corner, fs=rate, output="sos"), values, axis=0), float)
