@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
     from icmj.simulation.simulation import Simulation
     from icmj.study.study import run_case, run_study
+    from icmj.sweeps.dataset import read_sweep
     from icmj.sweeps.sweep import sweep
     from icmj.theory.error_system import ErrorSystem, error_system
     from icmj.theory.prediction import Prediction, predict
@@ -161,6 +162,7 @@ _HOMES = {
         "run_case",
         "run_study",
     ),
+    "icmj.sweeps.dataset": ("read_sweep",),
     "icmj.sweeps.sweep": ("sweep",),
     "icmj.theory.error_system": (
         "ErrorSystem",
@@ -259,6 +261,7 @@ __all__ = [
     "prepare",
     "read_log",
     "read_series",
+    "read_sweep",
     "run_case",
     "run_study",
     "simulate",

@@ -84,7 +84,7 @@ class Report:
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """Logs; those of one case on both plants are shown together."""
+    """Logs, of which those of one case on both plants are shown together, and folders of sweeps."""
     out: Path = Path("report.html")
     """The page; its figures go into a folder beside it."""
 

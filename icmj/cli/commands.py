@@ -154,8 +154,16 @@ def report(command: arguments.Report) -> None:
     from icmj.study.study import report as build
 
     with Working("building the report", ERR):
-        comparisons = build(command.logs, command.out)
-    _show(comparisons)
+        folders = [path for path in command.logs if path.is_dir()]
+        sweeps = []
+        if folders:
+            from icmj.sweeps.dataset import read_sweep
+
+            sweeps = [read_sweep(folder) for folder in folders]
+        logs = [path for path in command.logs if path not in folders]
+        comparisons = build(logs, command.out, sweeps=sweeps)
+    if comparisons:
+        _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)
 
 

@@ -20,6 +20,7 @@ from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import DrawnPanel, Picture, Section
 from icmj.report.statements import in_paper_order
 from icmj.result.result import Result
+from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +30,12 @@ if TYPE_CHECKING:
 TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
+SWEPT = "What linear theory predicts and what simulated plants do, over what varies from point to point."
 
-def build_report(results: Sequence[Result], out: Path, *, figures: Path | None = None) -> None:
+
+def build_report(
+    results: Sequence[Result], out: Path, *, figures: Path | None = None, sweeps: Sequence[Swept] = ()
+) -> None:
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
     Args:
@@ -38,18 +43,19 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
             are drawn in degrees, other outputs in the unit that their plant tells.
         out: the page.
         figures: folder of the single figures, ``<stem>_figures`` beside the page if ``None``.
+        sweeps: sweeps as read from their folders, shown after the runs, or alone.
 
     Raises:
-        ReportError: if there are no results, two of the same run, or the files cannot be written. Nothing is left
-            under the page's name then, unless it was there before.
+        ReportError: if there are no results and no sweeps, two of the same run, or the files cannot be written. Nothing
+            is left under the page's name then, unless it was there before.
     """
-    cases = in_paper_order(paired(results))
+    cases = in_paper_order(paired(results)) if results or not sweeps else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch(out) as staged:
-            page = render(cases, staged)
+            page = render(cases, staged, sweeps)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
@@ -65,21 +71,26 @@ def build_report(results: Sequence[Result], out: Path, *, figures: Path | None =
         ) from error
 
 
-def render(cases: Sequence[CaseRuns], folder: Path) -> str:
+def render(cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = ()) -> str:
     """Draw every figure into ``folder`` and return the page's HTML."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     panels, laws, noisy = _draw(cases, folder)
-    parts: list[Section | None] = [
-        sections.summary(cases),
-        sections.statements(cases),
-        sections.figures(cases, panels),
-        sections.noise(cases, noisy, first_number=len(cases) + 1),
-        sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
-        sections.attractors(cases),
-        sections.designs(cases),
-        sections.settings(cases),
-    ]
+    before = len(cases) + len(noisy) + len(laws)
+    swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
+    parts: list[Section | None] = [swept]
+    if cases:
+        parts = [
+            sections.summary(cases),
+            sections.statements(cases),
+            sections.figures(cases, panels),
+            sections.noise(cases, noisy, first_number=len(cases) + 1),
+            sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
+            sections.attractors(cases),
+            swept,
+            sections.designs(cases),
+            sections.settings(cases),
+        ]
     environment = Environment(
         loader=PackageLoader("icmj.report", "templates"),
         autoescape=True,
@@ -93,7 +104,7 @@ def render(cases: Sequence[CaseRuns], folder: Path) -> str:
     return environment.get_template("page.html.j2").render(
         title=TITLE,
         subtitle=SUBTITLE,
-        abstract=sections.abstract(cases),
+        abstract=sections.abstract(cases) if cases else SWEPT,
         sections=[part for part in parts if part is not None],
         version=VERSION,
     )
@@ -125,6 +136,20 @@ def _draw(
                     _save(spectrum_figure(case), folder, f"{case.name}_spectra", f"{title}, spectra of the outputs"),
                 )
     return panels, laws, noisy
+
+
+def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture, str]]]:
+    """Pictures and captions of every sweep."""
+    from icmj.report.maps.pictures import pictures
+
+    with style.applied():
+        return {
+            swept.name: [
+                (_save(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
+                for each in pictures(swept)
+            ]
+            for swept in sweeps
+        }
 
 
 def _drawn(panel: Panel, case: CaseRuns, folder: Path) -> DrawnPanel:

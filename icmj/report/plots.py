@@ -7,6 +7,8 @@ other outputs in their own unit. Typical use::
     figure, axes = matplotlib.pyplot.subplots()
     icmj.plots.phase(axes, icmj.read_log("runs/out/three-link-0.9.mujoco.rrd"))
 
+Those of a sweep take it, and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
+
 Raised by all of them: ReportError, if there is no result, if two are of different cases or of the same plant, or if a
 result does not hold what is asked for.
 """
@@ -17,10 +19,12 @@ from typing import TYPE_CHECKING
 
 from icmj.errors import ReportError
 from icmj.report import law, noise
+from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.panels import eigenvalues, modes, time
 from icmj.report.panels.phase import draw_phase
 from icmj.result.result import Result
+from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,6 +103,26 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
         raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
     law.draw_law(axes, found.law, law.threshold_unit(found))
     _legend(axes, legend)
+
+
+def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> None:
+    """Of a sweep over ``x`` and ``y``: relative error of the theory's interval, contours at 0.1, 1 and 10 %."""
+    draw_validity(axes, swept, x, y, plant)
+    if not legend and (drawn := axes.get_legend()) is not None:
+        drawn.remove()
+
+
+def critical_interval(axes: Axes, swept: Swept, x: str, *, legend: bool = True) -> None:
+    """Of a sweep over ``x``: Δ_crit, and the intervals of the cycles that were measured."""
+    draw_curve(axes, swept, x)
+    _legend(axes, legend)
+
+
+def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> None:
+    """Of a sweep over two initial states: the motion that each start leads to."""
+    draw_basins(axes, swept, x, y, plant)
+    if not legend and (drawn := axes.get_legend()) is not None:
+        drawn.remove()
 
 
 def _case(results: tuple[Result, ...]) -> CaseRuns:

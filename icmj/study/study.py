@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from icmj.comparison.comparison import Comparison
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
+    from icmj.result.swept import Swept
     from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
@@ -249,8 +250,10 @@ def run_study(
     return Outputs(logs, out / "report.html", out / "summary.json", comparisons)
 
 
-def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> tuple[Comparison, ...]:
-    """Build the report page, and if asked the summary, from logs alone.
+def report(
+    logs: Sequence[Path], out: Path, *, summary: Path | None = None, sweeps: Sequence[Swept] = ()
+) -> tuple[Comparison, ...]:
+    """Build the report page, and if asked the summary, from logs alone, and from sweeps.
 
     Raises:
         LogError, ReportError: if a log cannot be read or the page cannot be built.
@@ -265,7 +268,7 @@ def report(logs: Sequence[Path], out: Path, *, summary: Path | None = None) -> t
         ready(out.parent)
     except OSError as error:
         raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
-    build_report(results, out)
+    build_report(results, out, sweeps=sweeps)
     if summary is not None:
         records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
         try:

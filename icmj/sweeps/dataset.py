@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 
 from icmj.base.files import clear_leftovers, ready, whole, write_text
 from icmj.errors import SweepError
+from icmj.result.swept import Swept
 from icmj.sweeps.chunk import Computed
 from icmj.sweeps.columns import meanings
 from icmj.sweeps.plan import Plan, versions
@@ -97,6 +98,18 @@ def facts_of(folder: Path) -> Mapping[str, Any]:
     return found
 
 
+def read_sweep(folder: Path | str) -> Swept:
+    """A sweep as far as it is finished, with what its pictures need.
+
+    Raises:
+        SweepError: if the folder is not that of a sweep, or nothing is finished there.
+    """
+    folder = Path(folder)
+    facts = facts_of(folder)
+    varies = tuple(zip(facts["varies"], facts["fields"], strict=True))
+    return Swept(facts["name"], facts["title"] or facts["name"], varies, facts["points"], read_table(folder))
+
+
 def read_table(folder: Path) -> pa.Table:
     """All rows of a folder that are there, in order, as one table.
 
@@ -125,6 +138,7 @@ def _begin(folder: Path, plan: Plan) -> None:
             "chunk": plan.chunk,
             "seed": plan.points.seed,
             "varies": list(plan.points.names),
+            "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],
             "outputs": list(plan.outputs),
             "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
             "versions": versions(),

@@ -8,6 +8,7 @@ from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.settings import rule_fact, settings
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
+from icmj.report.sections.sweeps import sweeps
 
 __all__ = [
     "DrawnPanel",
@@ -25,4 +26,5 @@ __all__ = [
     "settings",
     "statements",
     "summary",
+    "sweeps",
 ]

@@ -1,0 +1,7 @@
+"""Pictures of sweeps, each drawn into axes from the rows alone."""
+
+from icmj.report.maps.basins import draw_basins
+from icmj.report.maps.curve import draw_curve
+from icmj.report.maps.validity import draw_validity
+
+__all__ = ["draw_basins", "draw_curve", "draw_validity"]

@@ -1,0 +1,66 @@
+"""Rows of a sweep laid on the grid that they were computed on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.base.array import Array
+from icmj.errors import ReportError
+from icmj.result.swept import Swept
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Two things that vary, every value of the one with every value of the other.
+
+    Attributes:
+        x, y: their values, rising, shapes (m,) and (n,).
+        row: which row of the table stands at (y, x), shape (n, m); −1 where none is finished.
+    """
+
+    x: Array
+    y: Array
+    row: NDArray[np.int64]
+
+    def lay(self, values: Array) -> Array:
+        """A column on the grid, NaN where no point is finished; shape (n, m)."""
+        return np.where(self.row >= 0, np.append(values, np.nan)[self.row], np.nan)
+
+
+def grid(swept: Swept, x: str, y: str) -> Grid:
+    """The grid of two columns.
+
+    Raises:
+        ReportError: if a column is not there or not of numbers, or the points are not on a grid.
+    """
+    for name in (x, y):
+        if name not in swept.table.column_names:
+            raise ReportError(
+                f"sweep {swept.name!r} has no column {name!r}; there are {', '.join(swept.table.column_names[:8])} …"
+            )
+    try:
+        columns = [swept.numbers(name) for name in (x, y)]
+    except (TypeError, ValueError) as error:
+        raise ReportError(f"sweep {swept.name!r}: {x} and {y} are not both numbers") from error
+    (xs, i), (ys, j) = (np.unique(column, return_inverse=True) for column in columns)
+    if len(xs) * len(ys) > max(swept.points, 1) or len(xs) < 2 or len(ys) < 2:
+        raise ReportError(f"sweep {swept.name!r}: {x} and {y} are not on a grid; give both of them low, high and count")
+    row = np.full((len(ys), len(xs)), -1)
+    row[j, i] = np.arange(len(i))
+    return Grid(xs, ys, row)
+
+
+def edges(values: Array, logarithmic: bool = False) -> Array:
+    """Edges of the cells around values, half way between them; shape (m + 1,)."""
+    at = np.log(values) if logarithmic else values
+    middle = (at[1:] + at[:-1]) / 2
+    found = np.concatenate([[2 * at[0] - middle[0]], middle, [2 * at[-1] - middle[-1]]])
+    return np.exp(found) if logarithmic else found
+
+
+def even(values: Array) -> bool:
+    """Whether values are spaced by equal ratios, not by equal differences."""
+    return bool(values[0] > 0 and len(values) > 2 and values[-1] / values[0] > 20)

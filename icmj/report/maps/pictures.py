@@ -1,0 +1,90 @@
+"""Which pictures there are of a sweep, from what varies in it and what was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.errors import ReportError
+from icmj.report import style
+from icmj.report.maps.basins import draw_basins
+from icmj.report.maps.curve import draw_curve
+from icmj.report.maps.validity import draw_validity
+from icmj.result.swept import Swept
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDE = 130.0  # mm
+
+
+@dataclass(frozen=True, eq=False)
+class SweptPicture:
+    """One picture of a sweep: the end of its file name, the figure, and what is to be seen."""
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def pictures(swept: Swept) -> Iterator[SweptPicture]:
+    """All that can be drawn of a sweep: a map of validity, basins, or a curve of Δ_crit."""
+    numeric = [(name, field) for name, field in swept.varies if _varies(swept, name)]
+    plants = [plant for plant in ("linear", "mujoco") if f"{plant}_kind" in swept.table.column_names]
+    starts = [name for name, field in numeric if field.startswith(("simulation.initial", "simulation.observer"))]
+    if len(numeric) == 1:
+        (name, _), *_ = numeric
+        figure, (axes,) = style.new_figure(70.0, width=_WIDE)
+        draw_curve(axes, swept, name)
+        style.legend(figure, axes, columns=5)
+        caption = f"Critical interval against {name}; marks: intervals of the cycles that were measured."
+        yield SweptPicture("delta_crit", figure, caption)
+    if len(numeric) != 2:
+        return
+    (x, _), (y, _) = numeric
+    for plant in plants:
+        try:
+            if len(starts) == 2:
+                figure, (axes,) = style.new_figure(95.0, width=_WIDE)
+                _below_the_legend(figure)
+                draw_basins(axes, swept, x, y, plant)
+                caption = f"The motion that each start leads to, {style.NAME[plant]} plant."
+                yield SweptPicture(f"basins_{plant}", figure, caption)
+            else:
+                yield SweptPicture(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
+        except ReportError:  # not on a grid, so there is no map of it
+            return
+
+
+def _validity(swept: Swept, x: str, y: str, plant: str) -> Figure:
+    figure, (axes,) = style.new_figure(80.0, width=_WIDE)
+    _below_the_legend(figure)
+    mesh = draw_validity(axes, swept, x, y, plant)
+    bar = figure.colorbar(mesh, ax=axes, ticks=range(-8, 0), pad=0.02)
+    bar.ax.set_yticklabels([rf"$10^{{{tick}}}$" for tick in range(-8, 0)])
+    bar.set_label("relative error of the interval")
+    return figure
+
+
+def _below_the_legend(figure: Figure) -> None:
+    axes = figure.axes[0]
+    box = axes.get_position()
+    axes.set_position((box.x0, box.y0, box.width, box.height * 0.97))
+
+
+def _caption(plant: str) -> str:
+    return (
+        f"Relative error of the linear theory’s interval, {style.NAME[plant]} plant, with contours at 0.1, 1 and 10 %. "
+        "Hatched: where the run fell, settled on another motion, or had not settled when it ended."
+    )
+
+
+def _varies(swept: Swept, name: str) -> bool:
+    """Whether a column has numbers of which at least two differ."""
+    try:
+        return len(np.unique(swept.numbers(name))) > 1
+    except (TypeError, ValueError):
+        return False
