@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     from icmj.controller.design import Design, design_lq
     from icmj.controller.hold import Hold, system_matched, zero_order
     from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, EventTrigger, output_weight
+    from icmj.cycle.branch import Branch, SpecialPoint
     from icmj.cycle.cycle import Cycle, find_cycle
+    from icmj.cycle.follow import branch_off, follow
+    from icmj.cycle.storage import read_branch, write_branch
     from icmj.engine.accuracy import choose_timestep
     from icmj.engine.deviation import Deviation
     from icmj.engine.plant import MujocoPlant, load_plant
@@ -92,6 +95,7 @@ _HOMES = {
     "icmj.controller.hold": (
         "Hold",
         "system_matched",
+        "write_branch",
         "zero_order",
     ),
     "icmj.controller.trigger": (
@@ -101,7 +105,10 @@ _HOMES = {
         "EventTrigger",
         "output_weight",
     ),
+    "icmj.cycle.branch": ("Branch", "SpecialPoint"),
     "icmj.cycle.cycle": ("Cycle", "find_cycle"),
+    "icmj.cycle.follow": ("branch_off", "follow"),
+    "icmj.cycle.storage": ("read_branch", "write_branch"),
     "icmj.engine.accuracy": ("choose_timestep",),
     "icmj.engine.deviation": ("Deviation",),
     "icmj.engine.plant": (
@@ -198,6 +205,7 @@ def __dir__() -> list[str]:
 
 __all__ = [
     "Bias",
+    "Branch",
     "Case",
     "Change",
     "ClockTrigger",
@@ -233,10 +241,12 @@ __all__ = [
     "Series",
     "Settings",
     "Simulation",
+    "SpecialPoint",
     "Statistics",
     "Step",
     "Sway",
     "attractors",
+    "branch_off",
     "build_report",
     "centre_of_pressure",
     "choose_timestep",
@@ -247,6 +257,7 @@ __all__ = [
     "diffusion",
     "error_system",
     "find_cycle",
+    "follow",
     "load_plant",
     "load_run",
     "measure",
@@ -259,6 +270,7 @@ __all__ = [
     "plots",
     "predict",
     "prepare",
+    "read_branch",
     "read_log",
     "read_series",
     "read_sweep",
@@ -269,6 +281,7 @@ __all__ = [
     "statistics",
     "sweep",
     "system_matched",
+    "write_branch",
     "write_log",
     "write_series",
     "zero_order",

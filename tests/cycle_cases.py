@@ -8,6 +8,8 @@ from typing import Any
 
 import icmj
 from icmj.case.case import Case
+from icmj.cycle.branch import Branch
+from icmj.cycle.follow import follow
 from icmj.cycle.return_map import ReturnMap
 from icmj.runfile.reading import load_run
 
@@ -26,3 +28,10 @@ def return_map(of: Case, plant: str = "mujoco") -> ReturnMap:
     """Its return map."""
     actual = of.actual.linearisation.plant if plant == "linear" else of.actual
     return ReturnMap(actual, of.controller, of.settings)
+
+
+@cache
+def branch(name: str, parameter: str, to: float, **how: Any) -> Branch:
+    """A branch of a shipped case."""
+    run = load_run(RUNS / f"{name}.toml").with_(**{"simulation.limit": how.pop("limit", 3.0)})
+    return follow(run, parameter, to, **how)

@@ -14,6 +14,7 @@ from icmj.case.doubts import doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
+from icmj.controller.design import Design
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
@@ -90,12 +91,9 @@ def prepare(run: RunFile, *, like: Case | None = None) -> Case:
     _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
     notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
-        if known and known.run.design == run.design:
-            design = known.controller.design
-        else:
-            design = designed(assumed.linearisation.plant, run.design)
-        rule = run.controller.trigger(design)
-        controller = Controller(design, run.controller.made_hold(design), rule, _delay(run))
+        design = known.controller.design if known and known.run.design == run.design else None
+        controller, rule = controlled(run, assumed, design)
+        design = controller.design
         system = error_system(
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
@@ -105,6 +103,17 @@ def prepare(run: RunFile, *, like: Case | None = None) -> Case:
         raise type(error)(f"{run.path}: {error}{why}") from error
     notices += tuple(reach(actual, prediction))
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
+
+
+def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
+    """The controller of a run file and its event rule, for its assumed plant; with a ``design`` that is at hand.
+
+    Raises:
+        DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
+    """
+    design = design or designed(assumed.linearisation.plant, run.design)
+    rule = run.controller.trigger(design)
+    return Controller(design, run.controller.made_hold(design), rule, _delay(run)), rule
 
 
 def revised(case: Case, run: RunFile) -> Case:

@@ -77,6 +77,33 @@ class Cycle(Overrides):
 
 
 @dataclass(frozen=True)
+class Continue(Overrides):
+    """Follow the cycle along a parameter: past folds, to where it changes or ends; stored, and drawn.
+
+    Example: icmj continue runs/simple-1.7.toml --parameter b --from 1.7 --to 1.2 --branches
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run file."""
+    parameter: str
+    """b, q_t, delay, delta_min, rho, a change such as mass:trunk (its factor), or a dotted key of the run file."""
+    to: float
+    """Its last value."""
+    from_: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Its first value; the run file's own by default."""
+    plant: Literal["linear", "mujoco"] = "mujoco"
+    """Plant that moves. With mujoco, the linear prediction is drawn beneath."""
+    start: Literal["auto", "prediction", "simulation"] = "auto"
+    """First guess of the first cycle."""
+    points: int = 40
+    """Cycles on the branch at least, if it runs through."""
+    branches: bool = False
+    """Follow also what branches off."""
+    out: Path = Path("runs/out")
+    """Folder for branches (Parquet) and figures (PDF, SVG)."""
+
+
+@dataclass(frozen=True)
 class Report:
     """Build the comparison report from logs alone.
 
@@ -168,6 +195,7 @@ Command = (
     | Annotated[Analyse, tyro.conf.subcommand("analyse")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Cycle, tyro.conf.subcommand("cycle")]
+    | Annotated[Continue, tyro.conf.subcommand("continue")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]

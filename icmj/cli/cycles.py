@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
@@ -16,7 +17,9 @@ from icmj.cli.working import Working
 
 if TYPE_CHECKING:
     from icmj.case.case import Case
+    from icmj.cycle.branch import Branch
     from icmj.cycle.cycle import Cycle
+    from icmj.cycle.return_map import PlantKind
 
 
 @execute.register
@@ -37,6 +40,77 @@ def cycle(command: arguments.Cycle) -> None:
         print(json.dumps(plain_cycle(found, case), indent=2, allow_nan=False))
         return
     _show(found, case)
+
+
+@execute.register
+def continue_(command: arguments.Continue) -> None:
+    """Follow a branch, and what branches off; store and list them."""
+    from icmj.cycle.follow import BRANCHING, branch_off, follow
+    from icmj.cycle.storage import write_branch
+    from icmj.errors import CycleError
+    from icmj.runfile.overrides import overridden
+    from icmj.runfile.reading import load_run
+    from icmj.study.study import open_folder
+
+    run = overridden(load_run(command.run), command.set)
+    name = f"{run.case.name}.{command.parameter.replace(':', '-')}"
+    with Working(name, ERR) as working:
+
+        def walked(plant: PlantKind, what: str) -> Branch:
+            return follow(
+                run, command.parameter, command.to, start_at=command.from_, plant=plant, start=command.start,
+                points=command.points, progress=lambda done: working.tell(what, done),
+            )  # fmt: skip
+
+        found, off = [walked(command.plant, f"{name}, {command.plant}")], list[str]()
+        for special in found[0].specials if command.branches else ():
+            if special.kind in BRANCHING:
+                working.tell(f"branch at {special.value:.4g}", 0.0)
+                try:
+                    found.append(branch_off(found[0], special, points=command.points))
+                except CycleError as error:
+                    off.append(str(error))
+        open_folder(command.out)
+        files = []
+        for i, branch in enumerate(found):
+            files.append(command.out / f"{name}{f'.{i}' if i else ''}.{command.plant}.parquet")
+            write_branch(branch, files[-1])
+    for branch in found:
+        _show_branch(branch)
+    for words in off:
+        OUT.print(f"note: {escape(words)}", highlight=False, style="yellow")
+    for file in files:
+        OUT.print(f"branch   {escape(str(file))}", highlight=False)
+
+
+def _show_branch(branch: Branch) -> None:
+    table = Table(title=f"{escape(branch.run.case.title)}: {branch.name} ({branch.plant})", title_justify="left")
+    table.box = SIMPLE_HEAD
+    for column in (
+        branch.parameter,
+        "interval (s)",
+        "period (s)",
+        *(f"peak of {n}" for n in branch.outputs),
+        "|μ|",
+        "",
+    ):
+        table.add_column(column, justify="right")
+    marks = {special.index: special.kind for special in branch.specials}
+    shown = sorted({*marks, *np.linspace(0, len(branch) - 1, min(len(branch), 12)).astype(int).tolist()})
+    for i in shown:
+        intervals = ", ".join(f"{interval:.6g}" for interval in branch.intervals[i])
+        peaks = (f"{peak:.4g} {unit}".rstrip() for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
+        table.add_row(
+            f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, f"{branch.largest[i]:.4g}",
+            "attracting" if branch.attracting[i] else "repelling",
+        )  # fmt: skip
+        if i in marks:
+            table.add_section()
+    OUT.print(table)
+    for special in branch.specials:
+        OUT.print(escape(special.words), highlight=False)
+    if not branch.specials or branch.specials[-1].words != branch.end:
+        OUT.print(escape(f"The branch {branch.end}."), highlight=False)
 
 
 def plain_cycle(found: Cycle, case: Case) -> dict[str, Any]:

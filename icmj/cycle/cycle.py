@@ -15,6 +15,7 @@ from icmj.cycle.guess import Guess, from_prediction, from_simulation
 from icmj.cycle.jacobian import jacobian, multipliers
 from icmj.cycle.newton import CLOSED, Closed, newton, shortest
 from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
+from icmj.cycle.variation import fast_jacobian
 from icmj.errors import CycleError
 
 Start = Literal["auto", "prediction", "simulation"]
@@ -162,15 +163,25 @@ def exact(loop: ReturnMap, guess: Guess, *, threads: int = 1, closed: float = CL
     p, sign = guess.p, guess.sign
     scale = guess.scale
 
-    def derivative(z: Array) -> Array:
-        return jacobian(loop, z, scale, p, threads=threads).J
-
-    found = newton(loop, guess.z, scale, derivative, p=p, sign=sign, closed=closed)
+    found = closed_cycle(loop, guess, closed)
     if any(loop.collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
         raise CycleError(f"no cycle that the event rule makes: an interval has fallen to the least one, {least:g} s")
     found, p, sign = _shortest_period(loop, found, p, sign, scale)
     return described(loop, found, p, sign, scale, threads=threads)
+
+
+def closed_cycle(loop: ReturnMap, guess: Guess, closed: float = CLOSED) -> Closed:
+    """The cycle nearest to ``guess`` without its multipliers.
+
+    Raises:
+        CycleError: if there is none.
+    """
+
+    def derivative(z: Array) -> Array:
+        return fast_jacobian(loop, loop.turn(z, guess.p), guess.scale)
+
+    return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed)
 
 
 def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:

@@ -65,7 +65,7 @@ def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], N
     Raises:
         CycleError: if the run has no events, falls, or diverges.
     """
-    run = simulate_plant(loop.plant, loop.controller, loop.settings, progress=progress)
+    run = simulate_plant(loop.plant, loop.controller, loop.settings, progress=progress, match="position")
     K = len(run.events)
     if run.outcome.kind not in ("completed", "sliding") or K < 4:
         raise CycleError(f"no cycle to start from: the run {run.outcome.message}, after {K} events")

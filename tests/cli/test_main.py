@@ -8,7 +8,7 @@ import pytest
 
 from icmj.cli.main import main
 
-COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep")
+COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep", "continue")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -110,6 +110,9 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
         (["analyse", "bad.toml"], "bad.toml: not TOML"),
         (["analyse", "lost.toml"], "no such model file"),
         (["run", "lost.toml"], "no such model file"),
+        (["cycle", "lost.toml"], "no such model file"),
+        (["continue", "lost.toml", "--parameter", "strength", "--to", "1"], "no parameter 'strength'"),
+        (["continue", "lost.toml", "--parameter", "b", "--to", "2"], "no such model file"),
         (["run", "lost.toml", "--plant", "paper"], "--plant"),
         (["study", "lost.toml"], "no such model file"),
         (["study", "empty"], "no run file"),

@@ -1,0 +1,134 @@
+"""The curve of cycles: the equation that they satisfy in a state and a parameter, both scaled to be of order one.
+
+A point of it is u = (w, σ). w is z relative to the size of each state and of the threshold, so that on the linear plant
+it does not change with q_t; σ runs from 0 to 1 between the ends of the range, by the logarithm of the parameter where
+that range spans a decade. Lengths are
+measured by |w|²/N + σ², w by its size where that has grown.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.cycle.family import Family
+from icmj.cycle.return_map import ReturnMap, Turn
+from icmj.errors import CycleError
+
+_KEPT = 6  # loops at hand, by their parameter
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where a parameter runs.
+
+    Attributes:
+        start, end: its values at σ = 0 and σ = 1.
+    """
+
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.start) and np.isfinite(self.end) and self.start != self.end):
+            raise CycleError(f"a branch runs between two different values, got {self.start:g} and {self.end:g}")
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether it spans a decade or more."""
+        return min(self.start, self.end) > 0 and not 0.1 < self.start / self.end < 10
+
+    def value(self, sigma: float) -> float:
+        """The parameter at σ."""
+        if sigma in (0.0, 1.0):
+            return self.end if sigma else self.start
+        if self.logarithmic:
+            return float(np.exp(np.log(self.start) + sigma * np.log(self.end / self.start)))
+        return self.start + sigma * (self.end - self.start)
+
+    def sigma(self, value: float) -> float:
+        """σ of a parameter."""
+        if self.logarithmic:
+            return float(np.log(value / self.start) / np.log(self.end / self.start))
+        return (value - self.start) / (self.end - self.start)
+
+    def slope(self, sigma: float) -> float:
+        """d value / dσ."""
+        width = self.end - self.start
+        return self.value(sigma) * float(np.log(self.end / self.start)) if self.logarithmic else width
+
+
+class Curve:
+    """sign · P^p(z; λ) = z as an equation in u.
+
+    Attributes:
+        family: loops by λ.
+        range: of λ.
+        p, sign: what closes after how many intervals.
+        scale: of z at the threshold ``size``, shape (N,).
+        flights: how many intervals were flown.
+    """
+
+    def __init__(self, family: Family, over: Range, p: int, sign: int, scale: Array, size: float) -> None:
+        self.family, self.range, self.p, self.sign = family, over, p, sign
+        self.scale, self.size = scale, size
+        self.longest, self.weight = 0.0, 1.0
+        self.flights = 0
+        self._loops: OrderedDict[tuple[float, float], ReturnMap] = OrderedDict()
+
+    def loop(self, sigma: float) -> ReturnMap:
+        """The return map at σ."""
+        key = (self.range.value(sigma), self.longest)
+        if key not in self._loops:
+            self._loops[key] = self.family.at(key[0], self.longest or None)
+            while len(self._loops) > _KEPT:
+                self._loops.popitem(last=False)
+        return self._loops[key]
+
+    def patient(self, interval: float) -> None:
+        """Let flights last some times as long as the longest ``interval`` so far [s]."""
+        if not 3 * interval < self.longest < 50 * interval:
+            self.longest = 12 * interval
+
+    def unit(self, loop: ReturnMap) -> Array:
+        """What z is relative to, at the threshold of a loop."""
+        return self.scale * (getattr(loop.controller.trigger, "size", self.size) / self.size)
+
+    def z(self, u: Array) -> Array:
+        """The state of a point."""
+        return np.asarray(u[:-1] * self.unit(self.loop(u[-1])))
+
+    def u(self, z: Array, sigma: float) -> Array:
+        """The point of a state."""
+        return np.append(z / self.unit(self.loop(sigma)), sigma)
+
+    def residual(self, u: Array) -> tuple[Array, Turn]:
+        """sign · P^p(z) − z relative to its unit, and the turn.
+
+        Raises:
+            Lost: if a flight does not come to an event.
+        """
+        loop = self.loop(float(u[-1]))
+        unit = self.unit(loop)
+        turn = loop.turn(u[:-1] * unit, self.p)
+        self.flights += self.p
+        return self.sign * turn.end / unit - u[:-1], turn
+
+    def weigh(self, u: Array) -> None:
+        """Measure steps in the state by its size at a point, so that a branch that grows is no longer to walk."""
+        self.weight = max(1.0, float(np.abs(u[:-1]).max()))
+
+    def length(self, du: Array) -> float:
+        """Of a step."""
+        return float(np.sqrt(((du[:-1] / self.weight) ** 2).mean() + du[-1] ** 2))
+
+    def normal(self, tangent: Array) -> Array:
+        """The row that measures along a tangent."""
+        return np.append(tangent[:-1] / (len(tangent) - 1) / self.weight**2, tangent[-1])
+
+    def turn_of(self, before: Array, after: Array) -> float:
+        """Cosine of the angle between two steps."""
+        return float(self.normal(before) @ after / max(self.length(before) * self.length(after), 1e-300))

@@ -1,0 +1,151 @@
+"""How a branch ends: an event grazes, an interval falls to the least one or grows without bound, or the body falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.cycle.branch import Kind, SpecialPoint
+from icmj.cycle.corrector import Missed
+from icmj.cycle.crossing import locate
+from icmj.cycle.curve import Curve
+from icmj.cycle.point import Point
+
+CLOSE = 1e-6  # of the parameter, to which special points are located
+_NEAR = 0.02  # an inner maximum of E this close to zero, relative to the threshold squared, is about to cut in
+_GROWN = 2.5  # times the shortest so far: from here on an interval is suspected of growing without bound
+_SHRINK = 5.0  # by which the distance to a homoclinic point falls in a step
+_LOOSE = 1e-7  # closure there: rounding grows with the interval as the plant's fastest mode does
+
+
+@dataclass(frozen=True, eq=False)
+class Ending:
+    """Why a branch ends.
+
+    Attributes:
+        special: what is there, or ``None`` where it is only the end of the range.
+        words: one sentence.
+    """
+
+    special: SpecialPoint | None
+    words: str
+
+
+def missed(curve: Curve, points: Sequence[Point], why: Missed) -> Ending:
+    """The end of a branch beyond which no cycle was found, however short the step."""
+    last, name = points[-1], curve.family.parameter.name
+    where = f"{name} = {last.value:.8g}"
+    if why.lost is not None and why.lost.outcome.kind == "fell":
+        return _ends(points, "fall", f"The body falls beyond {where}: a position reaches its limit.")
+    if abs(last.graze) < _NEAR:
+        words = (
+            f"The event function grazes zero before the event at {where}: beyond it an earlier event cuts in and there "
+            "is no such cycle."
+        )
+        return _ends(points, "grazing", words)
+    if last.slope < _falling(points):
+        words = f"The event is itself a touch of the threshold at {where}: beyond it the event does not come."
+        return _ends(points, "grazing", words)
+    if why.lost is not None:
+        return _ends(points, "end", f"No cycle beyond {where}: there the motion {why.lost.outcome.message}.")
+    return _ends(points, "end", f"No cycle was found beyond {where}.")
+
+
+def _falling(points: Sequence[Point]) -> float:
+    """What the slope at the event must be below to be called a touch."""
+    return 0.05 * float(np.median([p.slope for p in points]))
+
+
+def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Point | None]) -> Ending | None:
+    """The end of a branch whose shortest interval has just fallen to the least one."""
+    left, right = points[-2:]
+    if right.least > 1e-9:
+        return None
+    least = curve.loop(right.sigma).controller.least
+
+    # beyond the point intervals are the least one exactly, and E at their end says how far it is
+    def f(at: Point) -> float:
+        return at.least if at.least > 1e-9 else -_beyond(curve, at)
+
+    at = locate(left, right, f, between, CLOSE) or right
+    name = curve.family.parameter.name
+    words = f"An interval falls to the least one, {least:g} s, at {name} = {at.value:.8g}: the rule no longer decides."
+    special = SpecialPoint(
+        "least interval", at.value, len(points) - 2, at.states[0], at.intervals, complex("nan"), words
+    )
+    return Ending(special, words)
+
+
+def _beyond(curve: Curve, at: Point) -> float:
+    """How far E has passed zero at the end of the shortest interval, as a time [s]."""
+    loop = curve.loop(at.sigma)
+    sample = at.samples[int(np.argmin(at.intervals))]
+    E = float(loop.controller.trigger.faces(loop.controller.design).levels(sample.x_h[-1:] - sample.x_o[-1:]).max())
+    return max(E, 1e-12) * float(at.intervals.min())
+
+
+def homoclinic(curve: Curve, points: list[Point], settle: Callable[[float, float], Point | None]) -> Ending | None:
+    """The end of a branch whose longest interval grows as −ln|λ − λ*|/μ; λ* is approached until it stands to 1e-6."""
+    longest = np.array([p.intervals.max() for p in points])
+    if len(points) < 5 or longest[-1] < _GROWN * longest.min() or not (np.diff(longest[-4:]) > 0).all():
+        return None
+    guess = _limit(points)
+    if guess is None:
+        return None
+    kept = len(points)
+    for _ in range(25):
+        before = guess
+        curve.patient(float(points[-1].intervals.max()))
+        value = before[0] - (before[0] - points[-1].value) / _SHRINK
+        if settle(value, _LOOSE) is None or points[-1].intervals.max() <= points[-2].intervals.max():
+            break
+        guess = _limit(points)
+        if guess is None:
+            break
+        if abs(guess[0] - before[0]) < 0.1 * CLOSE and abs(guess[0] - points[-1].value) < 1e3 * CLOSE:
+            break
+    guess = guess or before
+    if len(points) < kept + 2 or abs(guess[0] - before[0]) > CLOSE:
+        del points[kept:]
+        return None
+    limit, mu = guess
+    name = curve.family.parameter.name
+    words = (
+        f"The interval grows without bound towards {name}* = {limit:.8g}, as −ln|{name} − {name}*|/({mu:.4g} rad/s): "
+        "a homoclinic orbit, beyond which there is no such cycle."
+    )
+    special = SpecialPoint(
+        "homoclinic", limit, len(points) - 1, points[-1].states[0], points[-1].intervals, complex("nan"), words
+    )
+    return Ending(special, words)
+
+
+def _limit(points: Sequence[Point]) -> tuple[float, float] | None:
+    """λ* and μ of Δ = c − ln|λ − λ*|/μ through the last three points; ``None`` if there are none ahead."""
+    from scipy.optimize import brentq
+
+    x, y = np.array([p.value for p in points[-3:]]), np.array([p.intervals.max() for p in points[-3:]])
+    ratio = (y[2] - y[1]) / (y[1] - y[0])
+    step = x[2] - x[1]
+    if step == 0 or (x[1] - x[0]) * step <= 0:
+        return None
+
+    def f(log_ahead: float) -> float:
+        ahead = x[2] + step * np.exp(log_ahead)
+        a, b, c = (np.log(abs(ahead - xi)) for xi in x)
+        return float((b - c) / (a - b) - ratio)
+
+    low, high = -14.0, 6.0
+    if f(low) * f(high) > 0:
+        return None
+    ahead = x[2] + step * np.exp(brentq(f, low, high, xtol=1e-12))
+    mu = (np.log(abs(ahead - x[1])) - np.log(abs(ahead - x[2]))) / (y[2] - y[1])
+    return float(ahead), float(mu)
+
+
+def _ends(points: Sequence[Point], kind: Kind, words: str, at: Point | None = None, index: int | None = None) -> Ending:
+    at, index = at or points[-1], len(points) - 1 if index is None else index
+    special = SpecialPoint(kind, at.value, index, at.states[0], at.intervals, complex("nan"), words)
+    return Ending(special, words)

@@ -1,0 +1,68 @@
+"""The loops of one run file along one parameter, each built of what the last one had wherever that has not changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from icmj.case.case import controlled
+from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
+from icmj.cycle.parameter import Parameter
+from icmj.cycle.return_map import PlantKind, ReturnMap
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import CycleError
+from icmj.runfile.schema import RunFile
+
+
+class Family:
+    """Return maps of a run file by the value of a parameter; nothing is predicted, so that they are cheap.
+
+    Attributes:
+        run, parameter, plant: what of.
+        built: how many loops were built.
+    """
+
+    def __init__(self, run: RunFile, parameter: Parameter, plant: PlantKind = "mujoco") -> None:
+        self.run, self.parameter, self.plant = run, parameter, plant
+        self.built = 0
+        self._known: dict[str, tuple[Any, Any]] = {}
+
+    def at(self, value: float, longest: float | None = None) -> ReturnMap:
+        """The return map at a value.
+
+        Args:
+            value: of the parameter.
+            longest: flight [s]; the run file's duration by default.
+
+        Raises:
+            IcmjError: if the run file does not allow the value, or there is no loop of it.
+        """
+        run = self.parameter.put(self.run, value)
+        self.built += 1
+        assumed = self._assumed(run)
+        bodies = (run.assumed, run.actual.model_copy(update={"delay": None}))
+        actual: AnyPlant = self._once("actual", bodies, lambda: actual_plant(run, assumed))
+        designed = (self._bare(run), run.design)
+        design = self._once("design", designed, lambda: controlled(run, assumed)[0].design)
+        controller, _ = controlled(run, assumed, design)
+        settings = run.simulation.settings()
+        if longest is not None:
+            settings = replace(settings, duration=longest)
+        if self.plant == "linear":
+            return ReturnMap(actual.linearisation.plant, controller, settings)
+        if not isinstance(actual, MujocoPlant):
+            raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
+        return ReturnMap(actual, controller, settings)
+
+    def _assumed(self, run: RunFile) -> AnyPlant:
+        plant: AnyPlant = self._once("assumed", self._bare(run), lambda: assumed_plant(run))
+        return plant
+
+    @staticmethod
+    def _bare(run: RunFile) -> Any:
+        return run.assumed.model_copy(update={"delay": 0.0})
+
+    def _once(self, what: str, made_of: Any, make: Any) -> Any:
+        if what not in self._known or self._known[what][0] != made_of:
+            self._known[what] = made_of, make()
+        return self._known[what][1]

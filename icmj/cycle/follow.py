@@ -1,0 +1,208 @@
+"""Branches of cycles of a run file: from its cycle at one value of a parameter on, and off from special points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.case.case import prepare
+from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.continuation import Walk, walk
+from icmj.cycle.corrector import Missed, correct
+from icmj.cycle.crossing import direction
+from icmj.cycle.curve import Curve, Range
+from icmj.cycle.cycle import LONGEST, Start, closed_cycle
+from icmj.cycle.family import Family
+from icmj.cycle.guess import Guess, from_prediction, from_simulation
+from icmj.cycle.parameter import parameter
+from icmj.cycle.point import point
+from icmj.cycle.return_map import PlantKind
+from icmj.cycle.variation import fast_jacobian
+from icmj.errors import CycleError
+from icmj.runfile.schema import RunFile
+
+AWAY = 0.02  # of the state's size: the first step onto a branch that branches off
+BRANCHING = ("flip", "symmetry breaking", "branch point")
+
+
+def follow(
+    run: RunFile,
+    name: str,
+    to: float,
+    *,
+    start_at: float | None = None,
+    plant: PlantKind = "mujoco",
+    start: Start | Guess = "auto",
+    points: int = 40,
+    progress: Callable[[float], None] | None = None,
+) -> Branch:
+    """The branch of cycles of a run file along a parameter, by pseudo-arclength continuation.
+
+    Args:
+        run: the run file; its ``simulation.limit`` says from where on the body has fallen.
+        name: of the parameter: ``b``, ``q_t``, ``delay``, ``delta_min``, ``rho``, a change such as ``mass:trunk`` (by a
+            factor), or a dotted key of the run file.
+        to: its last value.
+        start_at: its first value; the run file's own by default.
+        plant: ``linear`` or ``mujoco``.
+        start: first guess of the first cycle; see :func:`icmj.cycle.cycle.find_cycle`.
+        points: least number of cycles, if the branch runs through.
+        progress: called now and then with the part of the range done, 0–1.
+
+    Raises:
+        CycleError: if there is no such parameter, or no cycle to start from, and why.
+        IcmjError: if the run file does not allow a value, or there is no loop of it.
+    """
+    of = parameter(name)
+    first = of.value(run) if start_at is None else start_at
+    over, run = Range(first, to), of.put(run, first)
+    family = Family(run, of, plant)
+    loop = family.at(first)
+    guess = start if isinstance(start, Guess) else _guess(run, family, start)
+    curve = _curve(family, over, guess)
+    curve.longest = LONGEST * guess.longest
+    loop = curve.loop(0.0)
+    try:
+        found = closed_cycle(loop, guess)
+    except CycleError as error:
+        raise CycleError(f"{run.path}: {error}") from error
+    if any(loop.collapsed(interval) for interval in found.turn.intervals):
+        raise CycleError(f"{run.path}: no cycle that the event rule makes: an interval has fallen to the least one")
+    N = len(found.z)
+    row = np.append(np.zeros(N), 1.0)
+    unit = curve.unit(loop)
+    G = curve.sign * fast_jacobian(loop, found.turn, unit) * (unit[None, :] / unit[:, None]) - np.eye(N)
+    at = correct(curve, curve.u(found.z, 0.0), np.column_stack([G, np.zeros(N)]), row)
+    assert not isinstance(at, Missed)
+    walked = walk(curve, point(curve, at), points=points, neutral=found.neutral, progress=progress)
+    return _branch(curve, walked, run, found.neutral)
+
+
+def branch_off(
+    branch: Branch,
+    special: SpecialPoint,
+    *,
+    to: float | None = None,
+    away: float = AWAY,
+    points: int = 40,
+    progress: Callable[[float], None] | None = None,
+) -> Branch:
+    """The branch that begins at a flip, a loss of symmetry or a branch point of another.
+
+    Args:
+        branch: the other.
+        special: one of its special points.
+        to: last value of the parameter on one side; the range of ``branch`` by default.
+        away: length of the first step, relative to the state's size; its sign is the side to go to.
+        points, progress: as for :func:`follow`.
+
+    Raises:
+        CycleError: if nothing branches off there, or no cycle was found on the new branch.
+    """
+    if special.kind not in BRANCHING:
+        raise CycleError(f"nothing branches off from a {special.kind}; take one of {', '.join(BRANCHING)}")
+    of = parameter(branch.parameter)
+    doubled = special.kind != "branch point"
+    p = len(special.intervals) * (2 if doubled else 1)
+    sign = 1 if doubled else branch.sign
+    low, high = float(branch.value.min()), float(branch.value.max())
+    over = Range(low, high) if to is None else Range(low if to > special.value else high, to)
+    family = Family(branch.run, of, branch.plant)
+    size = _size(family, float(branch.value[0]))
+    curve = Curve(family, over, p, sign, branch.scale, size)
+    curve.patient(float(special.intervals.max()))
+    sigma = over.sigma(special.value)
+    loop = curve.loop(sigma)
+    unit = curve.unit(loop)
+    turn = loop.turn(special.state, len(special.intervals))
+    J = fast_jacobian(loop, turn, unit)
+    v = direction(J * (unit[None, :] / unit[:, None]), special.multiplier)
+    u = curve.u(special.state, sigma)
+    curve.weigh(u)
+    J = J @ J if doubled else J
+    D = np.column_stack([sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit)), np.zeros(len(unit))])
+    h = 1e-4
+    ahead = u + np.append(np.zeros(len(unit)), h)
+    D[:, -1] = (curve.residual(ahead)[0] - curve.residual(u)[0]) / h
+    v /= np.abs(v).max()
+    tangent = np.append(v, 0.0)
+    if not doubled:  # across the branch that is known
+        along = _known_tangent(curve, branch, special)
+        tangent -= curve.normal(along) @ tangent / (curve.normal(along) @ along) * along
+    for shorter in (1.0, 0.3, 0.1, 3.0):
+        step = away * shorter * tangent
+        found = correct(curve, u + step, D, curve.normal(tangent))
+        if not isinstance(found, Missed) and curve.turn_of(tangent, found.u - u) > 0.5:
+            break
+    else:
+        raise CycleError(f"no cycle was found on the branch that leaves at {branch.parameter} = {special.value:.6g}")
+    walked = walk(
+        curve, point(curve, found), points=points, tangent=found.u - u, neutral=branch.neutral, progress=progress
+    )
+    return _branch(curve, walked, branch.run, branch.neutral)
+
+
+def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array:
+    i = min(special.index, len(branch) - 2)
+    ends = [curve.u(branch.states[j, 0], curve.range.sigma(float(branch.value[j]))) for j in (i, i + 1)]
+    return np.asarray(ends[1] - ends[0])
+
+
+def _guess(run: RunFile, family: Family, start: Start) -> Guess:
+    case = prepare(run)
+    loop = family.at(family.parameter.value(run))
+    orbit = case.prediction.orbit
+    if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
+        return from_prediction(case, loop, case.rule.size)
+    return from_simulation(loop, case.system.T_hat)
+
+
+def _size(family: Family, value: float) -> float:
+    return float(getattr(family.at(value).controller.trigger, "size", 1.0))
+
+
+def _curve(family: Family, over: Range, guess: Guess) -> Curve:
+    return Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
+
+
+def _branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
+    """A walk as a branch, its courses laid end to end."""
+    points, plant = walked.points, curve.loop(walked.points[0].sigma).linear
+
+    def laid(name: str) -> Array:
+        return np.array([np.concatenate([getattr(sample, name) for sample in at.samples]) for at in points])
+
+    starts = [np.concatenate([[0.0], np.cumsum(at.intervals)[:-1]]) for at in points]
+    t = [
+        np.concatenate([s + sample.t for s, sample in zip(begin, at.samples, strict=True)])
+        for begin, at in zip(starts, points, strict=True)
+    ]
+    return Branch(
+        run=run,
+        parameter=curve.family.parameter.name,
+        plant=curve.family.plant,
+        mirrored=curve.sign < 0,
+        value=np.array([at.value for at in points]),
+        intervals=np.array([at.intervals for at in points]),
+        states=np.array([at.states for at in points]),
+        scale=curve.scale,
+        y_peak=np.array([at.y_peak for at in points]),
+        y_range=np.array([at.y_range for at in points]),
+        multipliers=np.array([at.multipliers for at in points]),
+        closure=np.array([at.closure for at in points]),
+        graze=np.array([at.graze for at in points]),
+        neutral=neutral,
+        t=np.array(t),
+        x=laid("x"),
+        y=laid("y"),
+        u=laid("u"),
+        qpos=laid("qpos"),
+        outputs=plant.outputs,
+        inputs=plant.inputs,
+        names=plant.states,
+        units=plant.output_units or ("",) * plant.n_y,
+        specials=walked.specials,
+        end=walked.end,
+    )

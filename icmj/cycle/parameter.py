@@ -1,0 +1,86 @@
+"""A parameter to continue in: a name that people use, or a key of the run file, and how a run file takes its value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from icmj.errors import CycleError
+from icmj.plant.change import What
+from icmj.runfile.schema import RunFile
+
+KEYS = {
+    "b": ("actual.gain",),
+    "q_t": ("controller.q_t",),
+    "delay": ("assumed.delay", "actual.delay"),
+    "delta_min": ("controller.delta_min",),
+    "rho": ("actual.rho",),
+}
+"""What the names stand for."""
+
+UNITS = {"q_t": "rad", "delay": "s", "delta_min": "s"}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a run file.
+
+    Attributes:
+        name: as it was asked for: one of :data:`KEYS`; a named change such as ``mass:trunk``, whose value is a factor;
+            or a dotted key.
+        keys: of the run file that take its value; none for a named change.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+
+    def put(self, run: RunFile, value: float) -> RunFile:
+        """The run file with this value.
+
+        Raises:
+            RunFileError: if it does not allow it.
+        """
+        if self.keys:
+            return run.with_(**dict.fromkeys(self.keys, value))
+        what, _, of = self.name.partition(":")
+        changes = [entry.model_dump(exclude_none=True) for entry in run.actual.change]
+        mine = {"what": what, **({"of": of} if of else {})}
+        others = [entry for entry in changes if {k: entry.get(k) for k in mine} != mine or "value" in entry]
+        return run.with_(**{"actual.change": [*others, {**mine, "factor": value}]})
+
+    def value(self, run: RunFile) -> float:
+        """The run file's own value.
+
+        Raises:
+            CycleError: if it is not one number.
+        """
+        if not self.keys:
+            what, _, of = self.name.partition(":")
+            for entry in run.actual.change:
+                if entry.what == what and (entry.of or "") == of and entry.factor is not None:
+                    return float(entry.factor)
+            return 1.0
+        found: Any = run
+        for part in self.keys[0].split("."):
+            found = getattr(found, part, None) if not isinstance(found, dict) else found.get(part)
+        if isinstance(found, bool) or not isinstance(found, int | float):
+            raise CycleError(f"{run.path}: {self.name} is {found!r} there; a parameter is one number")
+        return float(found)
+
+
+def parameter(name: str) -> Parameter:
+    """The parameter of a name.
+
+    Raises:
+        CycleError: if there is none.
+    """
+    if name in KEYS:
+        return Parameter(name, KEYS[name])
+    if name.partition(":")[0] in get_args(What):
+        return Parameter(name, ())
+    if "." in name:
+        return Parameter(name, (name,))
+    known = ", ".join(KEYS)
+    raise CycleError(
+        f"no parameter {name!r}; expected one of {known}, a change such as mass:trunk, or a key such as design.R_c"
+    )

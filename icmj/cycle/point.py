@@ -1,0 +1,116 @@
+"""One cycle of a branch with all that is told of it: multipliers, courses of its intervals, how near events graze."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from icmj.base.array import Array
+from icmj.cycle.corrector import Corrected
+from icmj.cycle.curve import Curve
+from icmj.cycle.cycle import extent
+from icmj.cycle.return_map import ReturnMap
+from icmj.cycle.variation import course, fast_jacobian
+from icmj.simulation.course import Sample
+
+NODES = 129  # at which an interval is kept
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A cycle on a branch.
+
+    Attributes:
+        u: where on the curve, shape (N + 1,).
+        value: of the parameter.
+        states: z at the events, shape (p, N).
+        intervals: [s], shape (p,).
+        y_peak, y_range: of the outputs over the period, shape (n_y,).
+        J: DP^p, shape (N, N).
+        multipliers: its eigenvalues by falling magnitude, shape (N,).
+        closure: of the cycle.
+        graze: the highest inner maximum of the event function over the threshold squared: −1 where it has none, 0 where
+            an earlier event is about to cut in.
+        slope: least Δ dE/dt at the events, over the threshold squared: 0 where an event is about to vanish.
+        least: shortest time by which an interval exceeds Δ_min or the delay [s].
+        samples: of each interval.
+        D: derivative of the residual, shape (N, N + 1).
+    """
+
+    u: Array
+    value: float
+    states: Array
+    intervals: Array
+    y_peak: Array
+    y_range: Array
+    J: Array
+    multipliers: NDArray[np.complex128]
+    closure: float
+    graze: float
+    slope: float
+    least: float
+    samples: tuple[Sample, ...]
+    D: Array
+
+    @property
+    def sigma(self) -> float:
+        """The scaled parameter."""
+        return float(self.u[-1])
+
+
+def point(curve: Curve, found: Corrected) -> Point:
+    """All that is told of a point that was found."""
+    loop = curve.loop(float(found.u[-1]))
+    unit, turn = curve.unit(loop), found.turn
+    courses = [course(loop, z, interval) for z, interval in zip(turn.states, turn.intervals, strict=True)]
+    J = fast_jacobian(loop, turn, unit, courses)
+    samples = tuple(along.sample(np.linspace(0, along.cuts[-1], NODES)) for along in courses)
+    D = found.D.copy()
+    D[:, :-1] = curve.sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit))
+    values = np.linalg.eigvals(J).astype(complex)
+    peak, spread = extent(turn, curve.sign)
+    return Point(
+        u=found.u,
+        value=curve.range.value(float(found.u[-1])),
+        states=turn.states,
+        intervals=turn.intervals,
+        y_peak=peak,
+        y_range=spread,
+        J=J,
+        multipliers=values[np.lexsort((-values.imag, -np.round(np.abs(values), 12)))],
+        closure=found.closure,
+        graze=max(_graze(loop, sample) for sample in samples),
+        slope=min(
+            _slope(loop, sample, along.rate, turn.intervals[i])
+            for i, (sample, along) in enumerate(zip(samples, courses, strict=True))
+        ),
+        least=float(turn.intervals.min()) - loop.controller.least,
+        samples=samples,
+        D=D,
+    )
+
+
+def _graze(loop: ReturnMap, sample: Sample) -> float:
+    """The highest maximum of max_j E_j inside the time in which it is watched."""
+    faces = loop.controller.trigger.faces(loop.controller.design)
+    E = faces.levels(sample.x_h - sample.x_o).max(axis=1)
+    watched = sample.t >= loop.controller.least
+    E = E[watched]
+    highest = -1.0
+    for i, (before, after) in enumerate(pairwise(np.diff(E))):
+        if before > 0 >= after:  # a parabola through three points
+            bend = after - before
+            highest = max(highest, float(E[i + 1] - (before + after) ** 2 / (8 * bend) if bend else E[i + 1]))
+    return highest
+
+
+def _slope(loop: ReturnMap, sample: Sample, rate: Array, interval: float) -> float:
+    """Δ dE/dt on the active face at the end."""
+    faces = loop.controller.trigger.faces(loop.controller.design)
+    e = sample.x_h[-1] - sample.x_o[-1]
+    n, n_hat = loop.linear.n, len(e)
+    e_rate = rate[n + n_hat : n + 2 * n_hat] - rate[n : n + n_hat]
+    return float(interval * faces.rates(e, e_rate)[faces.active(e)])

@@ -1,0 +1,121 @@
+"""A branch in a Parquet file: one row a cycle, everything else in the file's metadata, bit for bit both ways."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from icmj.base.files import whole
+from icmj.base.text import one_line
+from icmj.cycle.branch import KINDS, Branch, SpecialPoint
+from icmj.errors import IcmjError, LogError
+from icmj.runfile.reading import parse_run
+
+FORMAT = 1
+_KEY = b"icmj branch"
+_COLUMNS = (
+    *("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze"),
+    *("t", "x", "y", "u", "qpos"),
+)
+_LISTED = ("scale",)
+
+
+def write_branch(branch: Branch, path: Path | str) -> None:
+    """Write a branch as Parquet; under its name the file is whole.
+
+    A column of cycles has lists of numbers, row-major; their shapes are in the metadata. ``multipliers`` are pairs (re,
+    im).
+
+    Raises:
+        LogError: if the file cannot be written.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = Path(path)
+    columns, shapes = {}, {}
+    for name in _COLUMNS:
+        values = getattr(branch, name)
+        if np.iscomplexobj(values):
+            values = np.stack([values.real, values.imag], axis=-1)
+        shapes[name] = list(values.shape[1:])
+        flat = np.ascontiguousarray(values, dtype=float).reshape(len(branch), -1)
+        if values.ndim == 1:
+            columns[name] = pa.array(flat[:, 0])
+        else:
+            ends = np.arange(len(branch) + 1, dtype=np.int64) * flat.shape[1]
+            columns[name] = pa.LargeListArray.from_arrays(pa.array(ends), pa.array(flat.ravel()))
+    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(_head(branch, shapes)).encode()})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole(path) as part:
+            parquet.write_table(table, part)
+    except (OSError, pa.ArrowException) as error:
+        raise LogError(f"{path}: the branch cannot be written ({one_line(error, 200)})") from error
+
+
+def read_branch(path: Path | str) -> Branch:
+    """Read a branch that :func:`write_branch` wrote.
+
+    Raises:
+        LogError: if there is none, or it is not one of this version.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = Path(path)
+    try:
+        table = parquet.read_table(path)
+        head = json.loads(table.schema.metadata[_KEY])
+        if head["format"] != FORMAT:
+            raise LogError(f"{path}: a branch of format {head['format']}; this version reads {FORMAT}")
+        parts: dict[str, Any] = {}
+        for name in _COLUMNS:
+            column = table.column(name).combine_chunks()
+            flat = column.flatten() if isinstance(column, pa.LargeListArray) else column
+            values = flat.to_numpy(zero_copy_only=False).reshape([len(table), *head["shapes"][name]])
+            parts[name] = np.array(values, dtype=float)
+        parts["multipliers"] = parts["multipliers"][..., 0] + 1j * parts["multipliers"][..., 1]
+        return _branch(head, parts)
+    except IcmjError:
+        raise
+    except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:
+        raise LogError(f"{path}: not a branch that icmj wrote ({one_line(error, 200)})") from error
+
+
+def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
+    rest = {f.name: getattr(branch, f.name) for f in fields(branch) if f.name not in (*_COLUMNS, "run", "specials")}
+    return {
+        **{name: value.tolist() if name in _LISTED else value for name, value in rest.items()},
+        "format": FORMAT,
+        "shapes": shapes,
+        "run": {"text": branch.run.text, "path": branch.run.path.as_posix()},
+        "specials": [
+            {
+                **{name: getattr(s, name) for name in ("kind", "value", "index", "words")},
+                "state": s.state.tolist(),
+                "intervals": s.intervals.tolist(),
+                "multiplier": [s.multiplier.real, s.multiplier.imag],
+            }
+            for s in branch.specials
+        ],
+    }
+
+
+def _branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
+    specials = []
+    for s in head["specials"]:
+        if s["kind"] not in KINDS:
+            raise ValueError(f"a special point of kind {s['kind']!r}")
+        arrays = {name: np.array(s[name], dtype=float) for name in ("state", "intervals")}
+        specials.append(SpecialPoint(**{**s, **arrays, "multiplier": complex(*s["multiplier"])}))
+    rest: dict[str, Any] = {name: head[name] for name in ("parameter", "plant", "mirrored", "neutral", "end")}
+    names: dict[str, Any] = {name: tuple(head[name]) for name in ("outputs", "inputs", "names", "units")}
+    run = parse_run(head["run"]["text"], head["run"]["path"])
+    return Branch(
+        run=run, **rest, **names, **parts, scale=np.array(head["scale"], dtype=float), specials=tuple(specials)
+    )

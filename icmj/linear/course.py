@@ -1,0 +1,72 @@
+"""The course of one open-loop interval on the linear plant, exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller, realise, start_state
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.course import Sample
+from icmj.simulation.settings import Bias, Settings, Step
+
+
+class LinearCourse:
+    """See :class:`icmj.simulation.course.Course`."""
+
+    def __init__(
+        self,
+        plant: LinearPlant,
+        controller: Controller,
+        settings: Settings,
+        x: Array,
+        x_o: Array,
+        x_h: Array,
+        length: float,
+    ) -> None:
+        """From an event on, for ``length`` [s]; what disturbs must be constant."""
+        controls = realise(controller)
+        n, size = plant.n, plant.n + controls.layout.size
+        self.plant, self.controller, self._controls = plant, controller, controls
+        delay = controls.delay
+        self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
+        F = np.zeros((size + 1, size + 1))  # the last state is 1: a constant push
+        F[:n, :n], F[:n, n:size] = plant.A, -plant.B @ controls.K
+        F[n:size, :n], F[n:size, n:size] = controls.N @ plant.C, controls.M
+        for source in settings.disturbance:
+            if isinstance(source, Step):
+                F[:n, size] += plant.B[:, plant.inputs.index(source.input)] * source.size
+            elif isinstance(source, Bias):
+                F[n:size, size] += controls.N[:, plant.outputs.index(source.output)] * source.size
+        self._F = F
+        w = np.concatenate([x, start_state(controller, x_o, x_h), [1.0]])
+        self._starts = [w]
+        if len(self.cuts) > 2:
+            from scipy.linalg import expm
+
+            w = expm(F * delay) @ w
+            w[n:size] = controls.G @ w[n:size]
+            self._starts.append(w)
+        self.rate = F[:size] @ self._states(np.array([length]))[0]
+
+    def _states(self, t: Array) -> Array:
+        from scipy.linalg import expm
+
+        states = np.zeros((len(t), len(self._F)))
+        for part, w in enumerate(self._starts):
+            here = (t >= self.cuts[part]) & ((t < self.cuts[part + 1]) | (part == len(self._starts) - 1))
+            if here.any():
+                states[here] = expm(self._F * (t[here] - self.cuts[part])[:, None, None]) @ w
+        return states
+
+    def sample(self, t: Array) -> Sample:
+        """What it does at times within it."""
+        n, w = self.plant.n, self._states(t)
+        x, a = w[:, :n], w[:, n:-1]
+        parts = self._controls.layout.split(a)
+        y, u = x @ self.plant.C.T, -a @ self._controls.K.T
+        return Sample(t, x, parts["x_o"], parts["x_h"], y, u, np.zeros((len(t), 0)))
+
+    def generators(self, t: Array, part: int) -> Array:
+        """F, the same at all times."""
+        return np.broadcast_to(self._F[:-1, :-1], (len(t), len(self._F) - 1, len(self._F) - 1))

@@ -1,0 +1,178 @@
+"""Branches of cycles against the theory, closed forms, and a plant written by hand on SciPy's integrator and solver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cycle_cases import RUNS, branch, case, return_map
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+
+import icmj
+from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.follow import branch_off, follow
+from icmj.cycle.guess import Guess
+from icmj.cycle.jacobian import jacobian
+from icmj.errors import CycleError, RunFileError
+from icmj.runfile.reading import load_run
+
+
+def the(of: Branch, kind: str) -> SpecialPoint:
+    """The one special point of a kind."""
+    found = [special for special in of.specials if special.kind == kind]
+    assert len(found) == 1, of.specials
+    return found[0]
+
+
+def test_on_the_linear_plant_it_is_the_prediction_at_every_gain() -> None:
+    found = branch("simple-0.8", "b", 0.6, plant="linear", points=6)
+    assert found.value[0] == 0.8
+    assert found.value[-1] == 0.6
+    assert found.closure.max() <= 1e-10
+    for i in range(len(found)):
+        predicted = case("simple-0.8", actual__gain=float(found.value[i])).prediction
+        assert found.interval[i] == pytest.approx(predicted.delta_crit, rel=1e-9)
+        np.testing.assert_allclose(found.y_peak[i], predicted.orbit.y_peak, rtol=1e-9)
+        np.testing.assert_allclose(found.multipliers[i], predicted.multipliers, atol=1e-9)
+
+
+def pendulum_interval(of: icmj.Case, z: np.ndarray) -> tuple[float, np.ndarray]:
+    """One interval of θ'' = sin θ + b u under the controller's equations, written down and integrated by DOP853."""
+    d, rule = of.controller.design, of.rule
+    P, b = d.plant, of.run.actual.gain
+    A_c = P.A - P.B @ d.k
+
+    def rhs(t: float, w: np.ndarray) -> np.ndarray:
+        x, x_o, x_h = np.split(w, 3)
+        u = float(-d.k[0] @ x_h)
+        slope = P.A @ x_o + P.B[:, 0] * u + d.L[:, 0] * (x[0] - float(P.C[0] @ x_o))
+        return np.concatenate([[x[1], np.sin(x[0]) + b * u], slope, A_c @ x_h])
+
+    def E(t: float, w: np.ndarray) -> float:
+        e = w[4:] - w[2:4]
+        return float(e @ rule.Q_t @ e - rule.q_t**2)
+
+    E.terminal, E.direction = True, 1
+    run = solve_ivp(rhs, (0, 20), np.append(z, z[2:]), events=E, method="DOP853", rtol=1e-12, atol=1e-14)
+    assert run.status == 1
+    return float(run.t[-1]), run.y[:4, -1]
+
+
+def test_ten_points_of_a_pendulum_written_by_hand() -> None:
+    found = branch("simple-0.8", "b", 0.6, start_at=0.9, points=10)
+    assert len(found) >= 10
+    for i in np.linspace(0, len(found) - 1, 10).astype(int):
+        of = case("simple-0.8", actual__gain=float(found.value[i]))
+        z0, scale = found.states[i, 0], found.scale
+        off = z0 / scale * (1 + 1e-3)
+
+        def gap(w: np.ndarray, of: icmj.Case = of, scale: np.ndarray = scale) -> np.ndarray:
+            return pendulum_interval(of, w * scale)[1] / scale - w
+
+        solved = root(gap, off, tol=1e-12)
+        interval, _ = pendulum_interval(of, solved.x * scale)
+        assert found.interval[i] == pytest.approx(interval, rel=1e-8)
+        np.testing.assert_allclose(z0, solved.x * scale, atol=1e-8 * np.abs(z0).max())
+
+
+def test_without_a_model_error_the_interval_is_infinite_and_the_branch_says_so() -> None:
+    for name, value in (("simple-0.8", 0.8), ("simple-1.2", 1.2)):
+        found = branch(name, "b", 1.0 + 0.1 * (1.0 - value), plant="linear", points=15)
+        end = the(found, "homoclinic")
+        assert end.value == pytest.approx(1.0, abs=1e-6)
+        assert "1 rad/s" in end.words  # the pendulum's own unstable pole
+        assert len(found) < 40
+        # Δ = c − ln|1 − b|, in its last points
+        law = found.interval + np.log(np.abs(1 - found.value))
+        assert np.ptp(law[-3:]) < 1e-3
+
+
+def test_where_the_mirrored_cycle_loses_its_symmetry_the_other_attractor_is_born() -> None:
+    found = branch("simple-1.7", "b", 1.5, plant="linear", points=8)
+    born = the(found, "symmetry breaking")
+
+    def largest(b: float) -> float:
+        values = case("simple-1.7", actual__gain=b).prediction.multipliers
+        return float(values[np.argmin(np.abs(values - 1))].real) - 1
+
+    assert born.value == pytest.approx(brentq(largest, 1.52, 1.54, xtol=1e-9), abs=1e-6)
+    assert born.multiplier == pytest.approx(1, abs=1e-6)
+    assert (found.attracting == (found.value < born.value)).all()
+    other = branch_off(found, born, points=10)
+    assert other.events == 2
+    assert not other.mirrored
+    assert other.value[-1] == pytest.approx(1.7)
+    np.testing.assert_allclose(np.sort(other.intervals[-1]), [0.776, 1.788], atol=6e-4)
+    assert other.attracting.all()
+
+
+def test_an_interval_that_falls_to_the_refractory_period_ends_the_branch() -> None:
+    found = branch("simple-0.8", "delta_min", 2.5, plant="linear", points=8)
+    end = the(found, "least interval")
+    assert end.value == pytest.approx(case("simple-0.8").prediction.delta_crit, abs=1e-6)  # which knows no Δ_min
+    np.testing.assert_allclose(found.interval, end.value, rtol=1e-9)
+
+
+def test_a_body_that_falls_ends_the_branch_where_it_reaches_the_limit() -> None:
+    found = branch("simple-0.8", "q_t", 0.5, limit=0.2, points=10)
+    end = the(found, "fall")
+    # θ itself is the output
+    slope = float(found.y_peak[-1, 0]) / end.value
+    assert found.y_peak[-1, 0] == pytest.approx(0.2, abs=slope * 2e-6)
+
+
+def test_an_event_function_that_grazes_ends_the_branch() -> None:
+    found = branch("simple-1.2", "b", 4.0, plant="linear", points=10)
+    end = the(found, "grazing")
+
+    def admissible(b: float) -> bool:
+        return case("simple-1.2", actual__gain=b).prediction.orbit.admissible
+
+    assert admissible(end.value - 2e-6)
+    assert not admissible(end.value + 2e-6)
+
+
+@pytest.mark.slow
+def test_the_three_link_person_with_strong_muscles_turns_quasi_periodic_and_then_the_branch_folds() -> None:
+    found = branch("three-link-1.1", "b", 1.6, points=12)
+    first = found.specials[0]
+    assert first.kind == "Neimark–Sacker"
+    assert first.value == pytest.approx(1.384448, abs=2e-6)
+    of = case("three-link-1.1", actual__gain=first.value)
+    loop = return_map(of)
+    J = jacobian(loop, first.state, found.scale).J  # by differences of flights, not by variation
+    values = np.linalg.eigvals(J)
+    assert np.abs(values).max() == pytest.approx(1, abs=2e-6)
+    fold = next(special for special in found.specials if special.kind == "fold")
+    assert fold.value == pytest.approx(1.5120616, abs=2e-6)
+    with pytest.raises(CycleError):  # beyond it this cycle is no more
+        icmj.find_cycle(
+            case("three-link-1.1", actual__gain=fold.value + 1e-3),
+            start=Guess(fold.state, found.scale, 1, -1, float(fold.intervals.max())),
+        )
+
+
+@pytest.mark.slow
+def test_the_three_link_person_sways_up_to_half_a_radian_of_threshold() -> None:
+    found = branch("three-link-0.9", "q_t", 0.5, start_at=1e-4, points=12)
+    assert found.value[-1] == 0.5
+    assert found.attracting.all()
+    gap = np.abs(found.interval / case("three-link-0.9").prediction.delta_crit - 1)
+    small = (found.value > 2e-3) & (found.value < 3e-2)
+    slope = np.polyfit(np.log(found.value[small]), np.log(gap[small]), 1)[0]
+    assert slope == pytest.approx(2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "to", "error", "words"),
+    [
+        ("strength", 1.0, CycleError, "no parameter 'strength'"),
+        ("b", 0.8, CycleError, "two different values"),
+        ("controller.hold", 1.0, CycleError, "a parameter is one number"),
+        ("controller.q_tt", 1.0, CycleError, "one number"),
+        ("q_t", -1.0, RunFileError, "q_t"),
+    ],
+)
+def test_what_is_no_parameter_is_refused(name: str, to: float, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        follow(load_run(RUNS / "simple-0.8.toml"), name, to, plant="linear", points=5)
