@@ -9,6 +9,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown, count
 from icmj.case.designs import designed
 from icmj.case.doubts import doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
@@ -33,8 +34,8 @@ from icmj.theory.scaling import scaled
 PlantKind = Literal["linear", "mujoco"]
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Shown):
     """A run file made real.
 
     Attributes:
@@ -57,6 +58,20 @@ class Case:
     system: ErrorSystem
     prediction: Prediction
     notices: tuple[Notice, ...] = ()
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        name, prediction = self.run.case.name, self.prediction.card()
+        assumed, actual = self.system.design.plant, self.system.actual
+        sizes = ", ".join((count(actual.n, "state"), count(actual.n_u, "input"), count(actual.n_y, "output")))
+        rows = (
+            ("case", f"{name}: {self.run.case.title}"),
+            ("actual plant", sizes),
+            ("controller's model", count(assumed.n, "state")),
+            ("run", f"{self.settings.duration:g} s"),
+            *prediction.rows,
+        )
+        return Card(f"{name}, {prediction.line}", rows, "; ".join(notice.words for notice in self.notices))
 
     @property
     def model(self) -> MujocoPlant:

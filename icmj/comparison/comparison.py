@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount, amounts, relative
 from icmj.base.plain import plain
 from icmj.comparison.verdict import verdict_in_words
 from icmj.measurement.measurement import Measurement, measured_gamma
@@ -72,8 +73,8 @@ class RelativeError:
         return float(self.amplitude[np.argmax(np.abs(self.amplitude))])
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """One run beside its prediction.
 
     Attributes:
@@ -82,6 +83,7 @@ class Comparison:
         words: the verdict in one or two sentences for people.
         notices: what to tell of plants and run.
         pressure: of a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; else empty.
+        outputs, output_units: names and units of the outputs.
     """
 
     case: str
@@ -92,6 +94,27 @@ class Comparison:
     words: str
     notices: tuple[str, ...] = ()
     pressure: Mapping[str, float] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        predicted, measured, error = self.predicted, self.measured, self.relative_error
+        named = (self.outputs, self.output_units)
+        rows = (
+            ("case", f"{self.case}, {self.plant} plant"),
+            ("Δ_crit, predicted", amount(predicted.delta_crit, "s")),
+            ("open-loop interval, measured", f"{amount(measured.interval, 's')}, error {relative(error.interval)}"),
+            ("period, predicted", amount(predicted.period, "s")),
+            ("period, measured", f"{amount(measured.period, 's')}, error {relative(error.period)}"),
+            ("peak of the outputs, predicted", amounts(predicted.amplitude, *named)),
+            ("peak of the outputs, measured", amounts(measured.amplitude, *named)),
+            ("largest error of a peak", relative(error.largest_amplitude)),
+            ("on the predicted cycle", "yes" if measured.converged else "no"),
+        )
+        interval = f"{amount(measured.interval, 's')} for Δ_crit = {amount(predicted.delta_crit, 's')}"
+        settled = "on the predicted cycle" if measured.converged else measured.kind
+        return Card(f"{self.case} on the {self.plant} plant, {settled}, {interval}", rows, self.words)
 
 
 def compare(result: Result) -> Comparison:
@@ -136,6 +159,8 @@ def compare(result: Result) -> Comparison:
         verdict_in_words(result, converged),
         result.notices,
         {} if result.simulation.pressure is None else result.simulation.pressure.facts,
+        result.actual.outputs,
+        result.actual.output_units,
     )
 
 

@@ -92,6 +92,10 @@ def _pressure(name: str, simulation: Simulation) -> None:
 
 def _measurement(result: Result) -> None:
     measured = result.measurement
+    for where, told in (("measurement", measured), ("prediction", result.prediction)):
+        for key in ("outputs", "output_units"):
+            count = len(getattr(told, key))
+            _require(count in (0, result.actual.n_y), f"{where}.{key}", f"has {count} words")
     _shape("measurement.amplitude", measured.amplitude, result.actual.n_y)
     _require(measured.intervals.ndim == 1, "measurement.intervals", f"has shape {measured.intervals.shape}")
     _require(bool((measured.intervals > 0).all()), "measurement.intervals", "holds one that is not positive")

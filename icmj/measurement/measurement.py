@@ -3,53 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
+from icmj.measurement.motion import Measurement, MotionKind
 from icmj.measurement.recurrence import Trend, closure, dominant_growth, separation, trend
 from icmj.measurement.statistics import statistics
 from icmj.simulation.simulation import Simulation
 
-MotionKind = Literal[
-    "cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "noisy", "too short", "no events"
-]
-
-
 MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
-
-
-@dataclass(frozen=True, eq=False)
-class Measurement:
-    """The motion at the end of a run, read from its events.
-
-    Attributes:
-        kind: what the motion is; ``homoclinic`` is an interval that keeps growing while the state decays, ``noisy`` a
-            motion that noise drives, which is told by its :mod:`icmj.measurement.statistics`.
-        p: events per period (1, 2, ... 8), or ``None`` where there is no cycle. A mirrored cycle has p = 2.
-        mirrored: whether the second half of the cycle is the first with opposite sign.
-        interval: mean open-loop interval over the last period [s], or the last intervals' mean where there is no
-            cycle, or the mean under noise; ``None`` without events.
-        intervals: the intervals of the last period, shape (p,); empty where there is no cycle.
-        period: time after which the state repeats [s], or ``None``.
-        amplitude: peak magnitude of every output over the last period, shape (n_y,) (over the last ten events
-            where there is no cycle).
-        residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
-            a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
-        words: one sentence for people.
-    """
-
-    kind: MotionKind
-    p: int | None
-    mirrored: bool
-    interval: float | None
-    intervals: Array
-    period: float | None
-    amplitude: Array
-    residual: float
-    words: str
 
 
 @dataclass(frozen=True)
@@ -220,6 +184,8 @@ def _cycle(simulation: Simulation, found: _Return) -> Measurement:
         period=period,
         amplitude=_amplitude(simulation, p),
         residual=residual,
+        outputs=simulation.labels.outputs,
+        output_units=simulation.labels.output_units,
         words=f"Settled on a {name} cycle of {period:.6g} s, open-loop interval {rhythm}; it closes to {residual:.1e}.",
     )
 
@@ -288,6 +254,8 @@ def _other(simulation: Simulation, kind: MotionKind, words: str) -> Measurement:
         amplitude=_amplitude(simulation, 10),
         residual=float("nan"),
         words=words,
+        outputs=simulation.labels.outputs,
+        output_units=simulation.labels.output_units,
     )
 
 

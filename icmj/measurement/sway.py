@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount
 from icmj.errors import DataError
 from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
 from icmj.measurement.spectrum import Spectrum, spectrum
@@ -92,8 +93,8 @@ class Plane:
     diffusion: Diffusion
 
 
-@dataclass(frozen=True, eq=False)
-class Sway:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sway(Shown):
     """Measures of a swaying point, or of any signals.
 
     Attributes:
@@ -115,6 +116,24 @@ class Sway:
     coordinates: tuple[Coordinate, ...]
     plane: Plane | None
     spectrum: Spectrum
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it: the best-known measures of each coordinate and of the plane."""
+        rows: list[tuple[str, str]] = []
+        for c in self.coordinates:
+            speed = f"{c.unit}/s" if c.unit else ""
+            rows += [
+                (f"{c.name}, RMS", amount(c.rms, c.unit, 4)),
+                (f"{c.name}, mean speed", amount(c.speed, speed, 4)),
+                (f"{c.name}, median frequency", amount(c.frequencies.median, "Hz", 4)),
+            ]
+        if self.plane is not None:
+            area = f"{self.plane.unit}²" if self.plane.unit else ""
+            speed = f"{self.plane.unit}/s" if self.plane.unit else ""
+            rows.append(("95 % prediction ellipse", amount(self.plane.ellipse.area, area, 4)))
+            rows.append(("mean speed in the plane", amount(self.plane.speed, speed, 4)))
+        names = ", ".join(c.name for c in self.coordinates)
+        return Card(f"{names}, {self.duration:.6g} s at {self.rate:.6g} Hz", tuple(rows))
 
 
 def measure_sway(

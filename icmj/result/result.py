@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown
 from icmj.base.version import VERSION
 from icmj.controller.controller import Controller
 from icmj.measurement.measurement import Measurement
@@ -55,8 +56,8 @@ class AmplitudeLaw:
     amplitude_slope: float
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
+@dataclass(frozen=True, eq=False, repr=False)
+class Result(Shown):
     """One simulated case, complete: what a log is written from and read into.
 
     Attributes:
@@ -91,6 +92,13 @@ class Result:
     attractors: tuple[Attractor, ...] = ()
     notices: tuple[str, ...] = ()
     statistics: Statistics | None = None
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        run, prediction, motion = self.simulation.card(), self.prediction.card(), self.measurement.card()
+        case = self.run.case
+        rows = (("case", f"{case.name}: {case.title}"), *prediction.rows[:4], *run.rows, *motion.rows[:2])
+        return Card(f"{case.name}, {run.line}; {prediction.line}; {motion.line}", rows, self.measurement.words)
 
     def to_series(self, rate: float | None = None) -> Series:
         """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows controller and pushes.

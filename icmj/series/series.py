@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.card import MISSING, Card, Shown, amount
 from icmj.errors import DataError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+MOST_SHOWN = 40  # signals in a notebook
 
-@dataclass(frozen=True, eq=False)
-class Series:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Series(Shown):
     """Some signals over time.
 
     Attributes:
@@ -53,6 +56,19 @@ class Series:
             raise DataError(f"times do not rise at row {at + 1}: {t[at]:g} s after {t[max(at - 1, 0)]:g} s")
         for name, value in (("t", t), ("values", values), ("names", names), ("units", units)):
             object.__setattr__(self, name, value)
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it: each signal with its least and largest value."""
+        span = f"{len(self)} rows" + (f" from {self.t[0]:g} to {self.t[-1]:.6g} s" if len(self) else "")
+        known = [column[np.isfinite(column)] for column in self.values.T]
+        rows = tuple(
+            (name, f"{amount(float(v.min()), unit)} to {amount(float(v.max()), unit)}" if len(v) else MISSING)
+            for name, unit, v in zip(self.names[:MOST_SHOWN], self.units, known, strict=False)
+        )
+        more = f"and {len(self.names) - MOST_SHOWN} more signals" if len(self.names) > MOST_SHOWN else ""
+        facts = ", ".join(f"{key} {value}" for key, value in self.facts.items())
+        names = ", ".join(self.names[:3]) + (", ..." if len(self.names) > 3 else "")
+        return Card(f"{span}, {len(self.names)} signals ({names})", rows, "; ".join(filter(None, (span, more, facts))))
 
     def __len__(self) -> int:
         return len(self.t)

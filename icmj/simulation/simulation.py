@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.trigger.trigger import Kind
 from icmj.series.even import step_of
@@ -54,8 +55,8 @@ class Events:
         return len(self.t)
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Shown):
     """One simulated run; states are departures from the operating point.
 
     Attributes:
@@ -98,6 +99,25 @@ class Simulation:
     noisy: bool = False
     pressure: Pressure | None = None
     labels: Labels = UNKNOWN
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        intervals, facts = self.events.interval, self.precision
+        reach = np.abs(self.y).max(axis=0, initial=0.0)
+        last = float(intervals[-1]) if len(intervals) else None
+        step = f", step {facts['timestep']:g} s" if "timestep" in facts else ""
+        rows = (
+            ("plant", self.plant),
+            ("control", self.control + (f", delay {self.delay:g} s" if self.delay else "")),
+            ("end", self.outcome.message),
+            ("rows", f"{len(self.t)} from {self.t[0]:g} to {self.t[-1]:.6g} s"),
+            ("events", str(len(self.events))),
+            ("last open-loop interval", amount(last, "s")),
+            ("largest outputs", amounts(reach, self.labels.outputs, self.labels.output_units)),
+            ("integrator", f"{facts.get('integrator', 'not known')}{step}"),
+        )
+        what = f"{self.plant} plant under {self.control} control"
+        return Card(f"{what}, {count(len(self.events), 'event')}, {self.outcome.message}", rows)
 
     def to_series(
         self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount, amounts, number
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule
@@ -27,11 +28,12 @@ from icmj.theory.outlook import Outlook, outlook
 from icmj.theory.reduction import Reduction, reduction, stable_modulo_neutral
 from icmj.theory.return_map import jacobian, multipliers
 
+FEEDBACK = ("state feedback", "observer feedback")
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Shown):
     """Everything that the linear analysis says of one controller on one plant.
 
     Attributes:
@@ -65,6 +67,7 @@ class Prediction:
         beyond: where there is no crossing at ±1 up to ``delta_max``, the first that a quick look further shows (any
             crossing, if there is none at all before), or ``None``.
         growing: whether the largest |λ| still grows at ``delta_max``.
+        outputs, output_units: names and units of the outputs; empty where they are not known.
     """
 
     delta_crit: float | None
@@ -86,6 +89,33 @@ class Prediction:
     family: Family | None = None
     beyond: Crossing | None = None
     growing: bool = False
+    outputs: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        searched = f"up to {self.delta_max:.4g} s"
+        cycle = f"period {amount(self.period, 's')}" if self.cycle else "none predicted"
+        largest = None if self.multipliers is None else float(np.abs(self.multipliers).max(initial=0.0))
+        feedback = zip(FEEDBACK, (self.state_feedback_stable, self.observer_feedback_stable), strict=True)
+        rows = (
+            ("Δ_crit", amount(self.delta_crit, "s") if self.delta_crit is not None else f"none {searched}"),
+            ("λ_crit", number(self.eigenvalue)),
+            ("cycle", cycle),
+            ("orbit", self.verdict),
+            ("largest multiplier", amount(largest, figures=4)),
+            ("γ", amount(self.gamma, figures=4)),
+            ("peak of the outputs", amounts(self.amplitude, self.outputs, self.output_units)),
+            ("crossings of the unit circle", f"{len(self.crossings)} {searched}"),
+            (
+                "continuous control",
+                ", ".join(f"{which} {'stable' if good else 'unstable'}" for which, good in feedback),
+            ),
+        )
+        if self.delta_crit is None:
+            return Card(f"no Δ_crit {searched}", rows)
+        found = f"Δ_crit = {amount(self.delta_crit, 's')}, λ_crit = {number(self.eigenvalue)}"
+        return Card(f"{found}, {cycle if self.cycle else 'no cycle predicted'}, orbit {self.verdict}", rows)
 
 
 def predict(
@@ -144,6 +174,8 @@ def predict(
         family=at.family,
         beyond=ahead.crossing,
         growing=ahead.growing,
+        outputs=system.actual.outputs,
+        output_units=system.actual.output_units,
     )
 
 

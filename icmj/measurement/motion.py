@@ -1,0 +1,62 @@
+"""What a motion is, read from its events, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount, amounts
+
+MotionKind = Literal[
+    "cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "noisy", "too short", "no events"
+]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurement(Shown):
+    """The motion at the end of a run, read from its events.
+
+    Attributes:
+        kind: what the motion is; ``homoclinic`` is an interval that keeps growing while the state decays, ``noisy`` a
+            motion that noise drives, which is told by its :mod:`icmj.measurement.statistics`.
+        p: events per period (1, 2, ... 8), or ``None`` where there is no cycle. A mirrored cycle has p = 2.
+        mirrored: whether the second half of the cycle is the first with opposite sign.
+        interval: mean open-loop interval over the last period [s], or the last intervals' mean where there is no
+            cycle, or the mean under noise; ``None`` without events.
+        intervals: the intervals of the last period, shape (p,); empty where there is no cycle.
+        period: time after which the state repeats [s], or ``None``.
+        amplitude: peak magnitude of every output over the last period, shape (n_y,) (over the last ten events
+            where there is no cycle).
+        residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
+            a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
+        words: one sentence for people.
+        outputs, output_units: names and units of the outputs; empty where they are not known.
+    """
+
+    kind: MotionKind
+    p: int | None
+    mirrored: bool
+    interval: float | None
+    intervals: Array
+    period: float | None
+    amplitude: Array
+    residual: float
+    words: str
+    outputs: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        name: str = self.kind
+        if self.p is not None:
+            name = f"{'mirrored ' if self.mirrored else ''}period-{self.p} cycle"
+        interval = "" if self.interval is None else f", open-loop interval {amount(self.interval, 's')}"
+        rows = (
+            ("motion", name),
+            ("period", amount(self.period, "s")),
+            ("open-loop interval", amount(self.interval, "s")),
+            ("peak of the outputs", amounts(self.amplitude, self.outputs, self.output_units)),
+            ("closes to", amount(self.residual, figures=2)),
+        )
+        return Card(name + interval, rows, self.words)
