@@ -14,6 +14,7 @@ entity                             what
 ``interval``                       ``running`` since the last event, ``events`` Δ_i, ``delta_crit``
 ``modes``                          χ = V⁻¹x̄: ``critical``, ``others``, ±``gamma``, ``events``
 ``phase``                          every output against its rate, scaled to a frame
+``growth``, ``law``                growth under the clock, amplitude law: each in a frame
 ``scene/true``, ``magnified``      bodies and centre of mass; the second with the sway magnified
 =================================  ===================================================================================
 

@@ -8,13 +8,16 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from icmj.log.chart import GROWTH, LAW, charts
 from icmj.log.columns import TIMELINE
 from icmj.log.figure import eye
 from icmj.log.phase import WIDE
 from icmj.result.result import Result
-from icmj.view.units import shared_unit
+from icmj.view.quantity import in_brackets, shared_unit
 
 BACKGROUND = (52, 58, 66, 255)
+DARK = (24, 27, 31, 255)
+CHARTS = {GROWTH: "Growth under the clock", LAW: "Amplitude law"}
 HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a whole run would be a smear
 
 
@@ -23,7 +26,9 @@ def blueprint(result: Result) -> rrb.Blueprint:
     control = result.simulation.control
     window = _window(result)
     left: list[Any] = [_figures(result)] if result.scene is not None else []
-    left.append(_phase_plane())
+    beside = charts(result)
+    pictures = [_phase_plane(), *(_chart(CHARTS[path], path) for path in beside)]
+    left.append(rrb.Tabs(*pictures, active_tab=0) if beside else pictures[0])
     states = [
         _plot("Hold state x_h", "states/hold", window),
         _plot("Observer state x_o", "states/observer", window),
@@ -32,8 +37,8 @@ def blueprint(result: Result) -> rrb.Blueprint:
     if control == "event":
         states.insert(0, _plot("Event function E / threshold²", "trigger", window))
     middle: list[Any] = [
-        _plot(f"Outputs y{shared_unit(result.actual.output_units)}", "outputs", window),
-        _plot(f"Inputs u{shared_unit(result.actual.input_units)}", "inputs", window),
+        _plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", window),
+        _plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", window),
         rrb.Tabs(*states, active_tab=0),
     ]
     if result.simulation.pressure is not None:
@@ -114,6 +119,15 @@ def _phase_plane() -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         name="Phase plane: outputs against their rates",
         origin="phase",
-        background=(24, 27, 31, 255),
+        background=DARK,
         visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.5, 1.35]),
+    )
+
+
+def _chart(name: str, origin: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        name=name,
+        origin=origin,
+        background=DARK,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-0.3, 1.15 * WIDE], y_range=[-1.25, 0.35]),
     )

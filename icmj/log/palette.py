@@ -1,28 +1,35 @@
-"""Colours of the replay: the palette of Okabe and Ito, told apart with any colour vision, on a dark ground."""
+"""Colours of the replay: the hues of Okabe and Ito, told apart with any colour vision, legible on dark and on white.
+
+The viewer's plots are on the ground of its theme, dark or light; so every colour of a series is of middling lightness,
+with a contrast of three to one or more to both. The body and the pictures in a frame have a dark ground of their own.
+"""
 
 from __future__ import annotations
 
 Colour = tuple[int, int, int, int]
 
-ORANGE: Colour = (230, 159, 0, 255)
-SKY: Colour = (86, 180, 233, 255)
+ORANGE: Colour = (208, 128, 0, 255)
+SKY: Colour = (58, 150, 214, 255)
 GREEN: Colour = (0, 158, 115, 255)
-YELLOW: Colour = (240, 228, 66, 255)
+OLIVE: Colour = (150, 140, 10, 255)
 BLUE: Colour = (0, 114, 178, 255)
-VERMILION: Colour = (213, 94, 0, 255)
-PURPLE: Colour = (204, 121, 167, 255)
-WHITE: Colour = (240, 240, 240, 255)
+VERMILION: Colour = (208, 66, 20, 255)
+PURPLE: Colour = (200, 112, 162, 255)
+BROWN: Colour = (150, 98, 60, 255)
 GREY: Colour = (130, 130, 130, 255)
+# on a dark ground of their own only
+WHITE: Colour = (240, 240, 240, 255)
+YELLOW: Colour = (240, 228, 66, 255)
 
 CONTINUOUS = GREY
-PREDICTED = WHITE
-EVENT = YELLOW
+LEVEL: Colour = (176, 96, 152, 255)
+EVENT = VERMILION
 E = SKY
 RUNNING = GREY
 CRITICAL = ORANGE
 OTHER_MODES: Colour = (95, 110, 120, 255)
 
-_CYCLE = (SKY, ORANGE, GREEN, PURPLE, VERMILION, YELLOW, BLUE, WHITE)
+_CYCLE = (SKY, ORANGE, GREEN, PURPLE, VERMILION, OLIVE, BLUE, BROWN)
 
 
 def series(count: int) -> tuple[Colour, ...]:
@@ -31,12 +38,12 @@ def series(count: int) -> tuple[Colour, ...]:
 
 
 def dim(colour: Colour) -> Colour:
-    """The same hue, held back towards the dark ground: a prediction under its measurement, the approach to a cycle."""
+    """The same hue, darker: a prediction under its measurement, the approach to a cycle."""
     r, g, b, a = colour
     return (r * 2 // 5 + 12, g * 2 // 5 + 12, b * 2 // 5 + 12, a)
 
 
-def bright(colour: Colour) -> Colour:
-    """The same hue towards white: what acts, over the command that it is made of."""
+def pale(colour: Colour) -> Colour:
+    """The same hue towards grey: what acts, over the command that it is made of."""
     r, g, b, a = colour
-    return ((r + 255) // 2, (g + 255) // 2, (b + 255) // 2, a)
+    return ((r + 130) // 2, (g + 130) // 2, (b + 130) // 2, a)

@@ -16,8 +16,8 @@ from icmj.log.figure import frames
 from icmj.result.result import Result
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import output_rate
+from icmj.view.quantity import in_brackets, shared_unit
 from icmj.view.timeline import event_rows
-from icmj.view.units import shared_unit
 
 ROOT = "phase"
 WIDE = 1.6  # width of the frame over its height
@@ -37,7 +37,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     def placed(y: Array, rate: Array) -> Array:
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
-    _write_frame(recording, scale_y, scale_rate, result.actual.output_units)
+    _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
     colours = palette.series(result.actual.n_y)
     approach = ~late
     events = event_rows(simulation)
@@ -54,7 +54,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
             line = placed(orbit[0][:, i], orbit[1][:, i])
             recording.log(
                 f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[palette.dim(palette.PREDICTED)], radii=[-3.0], draw_order=10.0 + i),
+                rr.LineStrips2D([line], colors=[palette.dim(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
                 static=True,
             )
         line = placed(y[late, i], rate[late, i])
@@ -97,7 +97,7 @@ def _inside(line: Array, reach: float = 1.2) -> list[Array]:
     ]
 
 
-def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, units: tuple[str, ...]) -> None:
+def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, unit: str) -> None:
     axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
     recording.log(
         f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
@@ -106,14 +106,14 @@ def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: floa
     labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
     recording.log(
         f"{ROOT}/ticks",
-        rr.Points2D(ticks, labels=labels, colors=[palette.GREY], radii=[-2.0], show_labels=True, draw_order=0.5),
+        rr.Points2D(ticks, labels=labels, colors=[palette.WHITE], radii=[-2.0], show_labels=True, draw_order=0.5),
         static=True,
     )
     recording.log(
         f"{ROOT}/names",
         rr.Points2D(
             [[1.15 * WIDE, -0.16], [0.0, -1.3]],
-            labels=[f"y{shared_unit(units)}", f"dy/dt{shared_unit(units, '/s')}"],
+            labels=[f"y{in_brackets(unit)}", f"dy/dt{in_brackets(unit, '/s')}"],
             colors=[palette.WHITE],
             radii=[0.0],
             show_labels=True,

@@ -88,7 +88,7 @@ def _acting(result: Result) -> Iterator[Group]:
     inputs = acting(result)
     if inputs:
         names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
-        colours = tuple(palette.bright(palette.series(result.actual.n_u)[i]) for i in inputs)
+        colours = tuple(palette.pale(palette.series(result.actual.n_u)[i]) for i in inputs)
         values = np.ascontiguousarray(result.simulation.applied[:, inputs])
         yield Group("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
 
@@ -122,7 +122,7 @@ def _trigger(result: Result) -> Iterator[Group]:
         return
     events = simulation.events
     t, E = with_resets(simulation, simulation.E[:, None] / faces.unit, -np.ones((len(events), 1)))
-    yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.PREDICTED,), 1.0)
+    yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (palette.LEVEL,), 1.5)
     yield Group("trigger/E", t, E, ("E / threshold²",), (palette.E,))
     if len(events):
         at = np.zeros((len(events), 1))
@@ -139,7 +139,7 @@ def _intervals(result: Result) -> Iterator[Group]:
     if prediction.delta_crit is not None:
         name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
         line = np.full((2, 1), prediction.delta_crit)
-        yield Group("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (palette.PREDICTED,), 1.5)
+        yield Group("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (palette.LEVEL,), 1.5)
     if len(simulation.events):
         at = simulation.events.interval[:, None]
         yield Group("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
@@ -157,7 +157,7 @@ def _modes(result: Result) -> Iterator[Group]:
         yield Group("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
     if prediction.gamma is not None:
         lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
-        yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.PREDICTED,) * 2, 1.0)
+        yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.LEVEL,) * 2, 1.5)
     yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (palette.CRITICAL,))
     if len(simulation.events):
         events = simulation.events

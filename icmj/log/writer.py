@@ -20,6 +20,7 @@ from icmj.comparison.comparison import compare
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary
 from icmj.log.blueprint import blueprint
+from icmj.log.chart import write_charts
 from icmj.log.columns import time_column
 from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
@@ -86,6 +87,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
     for group in signals.groups(result):
         _write_group(recording, group)
     write_phase_plane(recording, result)
+    write_charts(recording, result)
     if result.scene is not None:
         write_figures(recording, result.scene, result.simulation.t)
     recording.flush(timeout_sec=60.0)

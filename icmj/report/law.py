@@ -8,7 +8,7 @@ import numpy as np
 
 from icmj.report import style
 from icmj.result.result import AmplitudeLaw, Result
-from icmj.view.quantity import in_unit, shared_unit
+from icmj.view.quantity import in_unit, threshold_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,16 +22,6 @@ def law_figure(result: Result) -> Figure:
     draw_law(axes, result.law, threshold_unit(result))
     style.legend(figure, axes)
     return figure
-
-
-def threshold_unit(result: Result) -> str:
-    """Unit of the threshold: that of the outputs where the rule weighs these alone; "" where it has none to tell."""
-    plant, facts = result.assumed, result.controller.trigger.facts()
-    weight = facts.get("Q_t")
-    of_outputs = facts.get("on") == "output"
-    if isinstance(weight, np.ndarray):
-        of_outputs = weight.shape == (plant.n, plant.n) and np.allclose(weight, plant.C.T @ plant.C, atol=1e-12)
-    return shared_unit(plant.output_units) if of_outputs else ""
 
 
 def draw_law(axes: Axes, law: AmplitudeLaw, unit: str = "") -> None:

@@ -25,6 +25,7 @@ from icmj.report.panels import eigenvalues, modes, time
 from icmj.report.panels.phase import draw_phase
 from icmj.result.result import Result
 from icmj.result.swept import Swept
+from icmj.view.quantity import threshold_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +102,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
         raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
-    law.draw_law(axes, found.law, law.threshold_unit(found))
+    law.draw_law(axes, found.law, threshold_unit(found))
     _legend(axes, legend)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.plant.linear_plant import LinearPlant
+from icmj.result.result import Result
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,11 @@ def in_unit(words: str, unit: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
+def in_brackets(unit: str, per: str = "") -> str:
+    """`` [rad/s]`` for rad and "/s", to be put behind a name; nothing where there is no unit."""
+    return f" [{unit}{'' if unit == EACH else per}]" if unit else ""
+
+
 EACH = "each in its own unit"
 
 
@@ -43,6 +49,16 @@ def shared_unit(units: Sequence[str]) -> str:
 def quantities(plant: LinearPlant) -> tuple[Quantity, ...]:
     """One for each output of ``plant``."""
     return tuple(_quantity(unit) for unit in plant.output_units or ("",) * plant.n_y)
+
+
+def threshold_unit(result: Result) -> str:
+    """Unit of the threshold: that of the outputs where the rule weighs these alone; "" where it has none to tell."""
+    plant, facts = result.assumed, result.controller.trigger.facts()
+    weight = facts.get("Q_t")
+    of_outputs = facts.get("on") == "output"
+    if isinstance(weight, np.ndarray):
+        of_outputs = weight.shape == (plant.n, plant.n) and np.allclose(weight, plant.C.T @ plant.C, atol=1e-12)
+    return shared_unit(plant.output_units) if of_outputs else ""
 
 
 def _quantity(unit: str) -> Quantity:

@@ -42,6 +42,7 @@ def variants() -> dict[str, Result]:
     return {
         "with figures": with_scene(usual, plant),
         "without figures": usual,
+        "without charts": replace(usual, growth=None, law=None),
         "no prediction": replace(usual, prediction=replace(usual.prediction, cycle=False, **nothing)),
         "standing": standing(),
         "continuous": replace(usual, simulation=never, controller=usual.controller.triggered_by(Continuous())),
@@ -64,7 +65,7 @@ def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> Non
     write_log(variants()["with figures"], tmp_path / "x.rrd")
     views = arranged(tmp_path / "x.rrd")
     kinds = [kind for kind, _ in views.values()]
-    assert kinds.count("3D") == kinds.count("2D") == kinds.count("TextDocument") == 1
+    assert kinds.count("3D") == kinds.count("TextDocument") == 1
     origins = {origin.strip("/") for kind, origin in views.values() if kind == "TimeSeries"}
     assert origins == {
         *("outputs", "inputs", "states/hold", "states/observer", "states/plant", "trigger", "interval", "modes")
@@ -74,3 +75,18 @@ def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> Non
 def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:
     write_log(variants()["without figures"], tmp_path / "x.rrd")
     assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
+
+
+def test_growth_and_amplitude_law_have_a_view_each(tmp_path: Path) -> None:
+    for name, expected in (("without figures", {"phase", "growth", "law"}), ("without charts", {"phase"})):
+        write_log(variants()[name], tmp_path / "x.rrd")
+        views = arranged(tmp_path / "x.rrd").values()
+        assert {origin.strip("/") for kind, origin in views if kind == "2D"} == expected
+
+
+def test_views_name_the_unit_of_what_they_show(tmp_path: Path) -> None:
+    usual = variants()["without figures"]
+    for units, words in ((("m",), "Outputs y [m]"), ((), "Outputs y")):
+        shown = replace(usual, actual=replace(usual.actual, output_units=units))
+        write_log(shown, tmp_path / "x.rrd")
+        assert words in arranged(tmp_path / "x.rrd")

@@ -10,8 +10,9 @@ from report_cases import result
 
 from icmj.controller.trigger import BoxTrigger, EventTrigger
 from icmj.report import style
-from icmj.report.law import law_figure, threshold_unit
+from icmj.report.law import law_figure
 from icmj.result.result import AmplitudeLaw
+from icmj.view.quantity import threshold_unit
 
 Q_T = np.array([1e-2, 1e-3, 1e-4])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from icmj.plant.linear_plant import LinearPlant
-from icmj.view.quantity import in_unit, quantities, shared_unit
+from icmj.view.quantity import in_brackets, in_unit, quantities, shared_unit
 
 
 def plant(*units: str) -> LinearPlant:
@@ -33,3 +33,10 @@ def test_a_rate_is_per_second_and_what_is_not_known_has_no_unit() -> None:
 def test_several_share_a_unit_or_say_that_they_do_not() -> None:
     for units, words in ((("m", "m"), "y (m)"), (("m", "rad"), "y (each in its own unit)"), ((), "y"), (("", ""), "y")):
         assert in_unit("y", shared_unit(units)) == words
+
+
+def test_a_unit_in_brackets_says_per_second_only_of_itself() -> None:
+    assert in_brackets("rad") == " [rad]"
+    assert in_brackets("rad", "/s") == " [rad/s]"
+    assert in_brackets("each in its own unit", "/s") == " [each in its own unit]"
+    assert in_brackets("", "/s") == ""

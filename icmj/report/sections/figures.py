@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from icmj.report import numbers
-from icmj.report.law import threshold_unit
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.wording import verdicts
-from icmj.view.quantity import in_unit
+from icmj.view.quantity import in_unit, threshold_unit
 
 
 def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]]) -> Section:
