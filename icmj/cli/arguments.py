@@ -152,6 +152,10 @@ class Linearise:
     """Sensors or joints; the one word joints means all joints, and all sensors are taken by default."""
     json: bool = False
     """Print JSON instead of tables."""
+    full: bool = False
+    """Print the matrices however large they are."""
+    out: Path | None = None
+    """Save A, B, C, poles, names and units to this .npz file."""
 
 
 @dataclass(frozen=True)

@@ -194,6 +194,7 @@ def person(command: arguments.Person) -> None:
 @execute.register
 def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
+    from icmj.cli.matrices import save_plant, show_plant
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
     from icmj.plant.operating import OperatingRule
@@ -210,20 +211,15 @@ def linearise(command: arguments.Linearise) -> None:
         )
     linearisation = loaded.linearisation
     plant = linearisation.plant
+    if command.out is not None:
+        save_plant(plant, command.out)
     if command.json:
         print(json.dumps(plain_linearisation(linearisation, loaded.quality), allow_nan=False))
         return
-    for name, matrix, rows, columns in (
-        ("A", plant.A, plant.states, plant.states),
-        ("B", plant.B, plant.states, plant.inputs),
-        ("C", plant.C, plant.outputs, plant.states),
-    ):
-        table = Table(name, *(escape(c) for c in columns), box=SIMPLE_HEAD)
-        for label, values in zip(rows, matrix, strict=True):
-            table.add_row(escape(label), *(f"{value:.5g}" for value in values))
-        OUT.print(table)
-    OUT.print("poles (rad/s): " + ", ".join(_complex(pole) for pole in plant.poles), highlight=False)
+    show_plant(plant, OUT, full=command.full)
     _tell(loaded.quality.notices)
+    if command.out is not None:
+        OUT.print(f"matrices  {escape(str(command.out))}", highlight=False)
 
 
 @execute.register

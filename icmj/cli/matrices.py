@@ -1,0 +1,117 @@
+"""How a linear plant is shown on a terminal: whole where it is small, in outline where it is large, and saved as arrays."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from icmj.base.files import write_bytes
+from icmj.errors import ModelError
+
+if TYPE_CHECKING:
+    from icmj.base.array import Array
+    from icmj.plant.linear_plant import LinearPlant
+
+FEW = 8  # states whose matrices are shown without being asked for
+GAP = 3  # columns of the terminal between two of a table
+
+
+def show_plant(plant: LinearPlant, out: Console, *, full: bool = False) -> None:
+    """Matrices and poles; of a plant with more than :data:`FEW` states an outline, unless ``full``."""
+    if full or plant.n <= FEW:
+        for name, matrix, rows, columns in _matrices(plant):
+            _show_matrix(name, matrix, rows, columns, out)
+    else:
+        _show_outline(plant, out)
+    _show_poles(plant, out)
+    if not full and plant.n > FEW:
+        out.print("--full prints the matrices, --out FILE.npz saves them.", style="dim")
+
+
+def save_plant(plant: LinearPlant, path: Path) -> None:
+    """A, B, C, poles, names and units as arrays for ``numpy.load``.
+
+    Raises:
+        ModelError: if the file cannot be written, or is not called ``.npz``.
+    """
+    if path.suffix != ".npz":
+        raise ModelError(f"{path}: the matrices are saved as .npz; call it {path.with_suffix('.npz').name}")
+    names = {kind: np.array(getattr(plant, kind), dtype=str) for kind in ("states", "inputs", "outputs")}
+    units = {f"{kind[:-1]}_units": np.array(getattr(plant, f"{kind[:-1]}_units"), dtype=str) for kind in names}
+    stream = BytesIO()
+    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "poles": plant.poles}
+    np.savez_compressed(stream, allow_pickle=False, **matrices, **names, **units)
+    try:
+        write_bytes(path, stream.getvalue())
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _matrices(plant: LinearPlant) -> tuple[tuple[str, Array, tuple[str, ...], tuple[str, ...]], ...]:
+    return (
+        ("A", plant.A, plant.states, plant.states),
+        ("B", plant.B, plant.states, plant.inputs),
+        ("C", plant.C, plant.outputs, plant.states),
+    )
+
+
+def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple[str, ...], out: Console) -> None:
+    """In blocks of as many columns as fit beside the names of the rows."""
+    cells = [["·" if value == 0 else f"{value:.5g}" for value in column] for column in matrix.T]
+    widths = [max(map(len, (head, *column))) + GAP for head, column in zip(columns, cells, strict=True)]
+    room = out.width - max((len(row) for row in rows), default=0) - GAP
+    blocks: list[list[int]] = [[]]
+    for i, width in enumerate(widths):
+        if blocks[-1] and sum(widths[j] for j in blocks[-1]) + width > room:
+            blocks.append([])
+        blocks[-1].append(i)
+    for block in blocks:
+        table = Table(name, *(escape(columns[i]) for i in block), box=SIMPLE_HEAD)
+        for k, label in enumerate(rows):
+            table.add_row(escape(label), *(cells[i][k] for i in block))
+        out.print(table)
+
+
+def _show_outline(plant: LinearPlant, out: Console) -> None:
+    """Names with units, and what drives and what shows each state."""
+    out.print(f"{plant.n} states, {plant.n_u} inputs, {plant.n_y} outputs", highlight=False)
+    table = Table(box=SIMPLE_HEAD)
+    for column in ("state", "unit", "largest in A", "driven most by", "shown most by"):
+        table.add_column(column, no_wrap=column == "state")
+    units = plant.state_units or ("",) * plant.n
+    for i, (state, unit) in enumerate(zip(plant.states, units, strict=True)):
+        table.add_row(
+            escape(state), unit, *(escape(_largest(row, names)) for row, names in (
+                (plant.A[i], plant.states), (plant.B[i], plant.inputs), (plant.C[:, i], plant.outputs),
+            )),
+        )  # fmt: skip
+    out.print(table)
+
+
+def _largest(values: Array, names: tuple[str, ...]) -> str:
+    if not len(values) or not np.abs(values).max():
+        return "·"
+    at = int(np.abs(values).argmax())
+    return f"{names[at]} {values[at]:.4g}"
+
+
+def _show_poles(plant: LinearPlant, out: Console) -> None:
+    """Poles from the most unstable on, each pair once, with what they mean in time."""
+    table = Table("pole (rad/s)", "damping", "time constant (s)", "frequency (Hz)", box=SIMPLE_HEAD)
+    for pole in sorted((p for p in plant.poles if p.imag >= 0), key=lambda p: (-p.real, p.imag)):
+        size = abs(pole)
+        oscillates = pole.imag > 1e-9 * max(1.0, size)
+        table.add_row(
+            f"{pole.real:.6g} ± {pole.imag:.6g}j" if oscillates else f"{pole.real:.6g}",
+            f"{-pole.real / size:.3g}" if oscillates else "–",
+            f"{-1 / pole.real:.4g}" if abs(pole.real) > 1e-9 else "–",
+            f"{pole.imag / (2 * np.pi):.4g}" if oscillates else "–",
+        )
+    out.print(table)
