@@ -1,4 +1,4 @@
-"""How a linear plant is shown on a terminal: whole where it is small, in outline where it is large, and saved as arrays."""
+"""How a linear plant is shown on a terminal: whole where it is small, in outline where it is large; and saved."""
 
 from __future__ import annotations
 
