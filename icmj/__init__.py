@@ -26,6 +26,7 @@ from icmj.base.version import VERSION
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, open_loop, prepare, simulate, simulate_plant
+    from icmj.case.iosystem import to_iosystem
     from icmj.comparison.comparison import Comparison, compare
     from icmj.controller.controller import Controller, continuous_limit
     from icmj.controller.delay import Delay
@@ -82,6 +83,7 @@ _HOMES = {
         "simulate",
         "simulate_plant",
     ),
+    "icmj.case.iosystem": ("to_iosystem",),
     "icmj.comparison.comparison": (
         "Comparison",
         "compare",
@@ -281,6 +283,7 @@ __all__ = [
     "statistics",
     "sweep",
     "system_matched",
+    "to_iosystem",
     "write_branch",
     "write_log",
     "write_series",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from icmj.plant.linear_plant import LinearPlant
@@ -42,3 +43,21 @@ def labels_of(actual: LinearPlant, assumed: LinearPlant) -> Labels:
         actual.output_units,
         assumed.state_units,
     )
+
+
+def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
+    """Names of inputs, outputs and states of a closed loop for python-control.
+
+    Inputs are d_<input> and n_<output>, outputs <output> and u_<input>, states those of the plant, then for each
+    segment of the controller, such as x_o, x_o_<state>.
+    """
+    return {
+        "inputs": plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
+        "outputs": plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
+        "states": plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
+    }
+
+
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Without points, which python-control keeps for itself."""
+    return [name.replace(".", "_") for name in names]

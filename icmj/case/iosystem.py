@@ -1,0 +1,78 @@
+"""Plants and closed loops as input-output systems of python-control, to connect, simulate and analyse them there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from icmj.case.plants import AnyPlant
+from icmj.controller.controller import Controller
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import Match, matched
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem, StateSpace
+
+
+def to_iosystem(
+    plant: LinearPlant | AnyPlant,
+    controller: Controller | None = None,
+    *,
+    dt: float | None = None,
+    match: Match = "name",
+) -> StateSpace | NonlinearIOSystem:
+    """A plant, or the closed loop of it, as a system of python-control; all in departures from the operating point.
+
+    =============================  ==================================================================================
+    plant alone                    ``StateSpace`` of a linear plant, ``NonlinearIOSystem`` of a model on the engine
+    ``Continuous()``               the same of the loop; states (x, x_o)
+    ``ClockTrigger(Δ)``            linear plant: ``StateSpace`` in discrete time, dt = Δ; states (x, x_o) at ticks
+    an event rule                  linear plant: ``NonlinearIOSystem`` in discrete time, looked at every ``dt``, so that
+                                   events are late by up to ``dt``; states (x, x_o, x_h, time since the last event)
+    =============================  ==================================================================================
+
+    A loop's inputs are d_<input>, which acts beside the command, and n_<output>, an error of the observer's reading;
+    its outputs are the plant's and u_<input>, the command. For exact events take :func:`icmj.simulate_plant` and
+    ``to_timeresponse()`` of the run.
+
+    Args:
+        plant: a linear plant, one of :func:`icmj.load_plant`, or of a case.
+        controller: design, hold and trigger; none for the plant alone.
+        dt: how often an event rule is looked at [s].
+        match: how inputs and outputs of plant and controller's model belong together.
+
+    Raises:
+        AnalysisError: if there is a delay, an event rule without ``dt`` or the other way round, a model on the engine
+            under anything but continuous control, or plant and controller do not fit.
+    """
+    linear = plant if isinstance(plant, LinearPlant) else plant.linearisation.plant
+    engine = plant if isinstance(plant, MujocoPlant) else None
+    if controller is None:
+        if engine is None:
+            return linear.statespace()
+        from icmj.engine.iosystem import plant_system
+
+        return plant_system(engine)
+    trigger = controller.trigger
+    if (dt is None) != (trigger.kind != "event"):
+        raise AnalysisError(
+            "an event rule needs dt, how often it is looked at; to_iosystem(..., dt=1e-3)"
+            if dt is None
+            else f"dt is for event rules; a {trigger.kind} trigger has its own time"
+        )
+    if engine is not None:
+        if trigger.kind != "continuous":
+            raise AnalysisError(
+                "a model on the engine has events inside its steps; take controller.triggered_by(Continuous()), its "
+                "linear plant (plant.linearisation.plant), or to_timeresponse() of a run"
+            )
+        from icmj.engine.iosystem import continuous_loop as continuous_on_engine
+
+        return continuous_on_engine(engine.matched(controller.design.plant, match), controller)
+    from icmj.linear.iosystem import clocked_loop, continuous_loop, event_loop
+
+    linear = matched(linear, controller.design.plant, match)
+    if dt is not None:
+        return event_loop(linear, controller, dt)
+    return continuous_loop(linear, controller) if trigger.kind == "continuous" else clocked_loop(linear, controller)
