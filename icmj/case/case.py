@@ -114,7 +114,8 @@ def prepare(run: RunFile, *, like: Case | None = None) -> Case:
         )
         prediction = predict(system, rule, delta_max=run.analysis.delta_max)
     except IcmjError as error:
-        why = "".join(f"; {notice.words}" for notice in notices) if isinstance(error, DesignError) else ""
+        reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
+        why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
         raise type(error)(f"{run.path}: {error}{why}") from error
     notices += tuple(reach(actual, prediction))
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)

@@ -16,12 +16,13 @@ from icmj.theory.prediction import Prediction
 
 def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
     """What there is to tell of both plants; what holds for both is told once."""
+    yield from assumed.told
+    told = {notice.kind for notice in assumed.told}
+    yield from (_of(notice, "actual") for notice in actual.told if notice.kind not in told)
     common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
     yield from common
     for which, plant in (("assumed", assumed), ("actual", actual)):
-        for notice in plant.quality.notices:
-            if notice not in common:
-                yield replace(notice, words=f"{notice.words} ({which} plant)")
+        yield from (_of(notice, which) for notice in plant.quality.notices if notice not in common)
     if run.on_engine and keyframe_of(run) is None and run.assumed.keyframe is not None:
         words = (
             f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
@@ -43,8 +44,12 @@ def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice
         yield Notice("sensor bias", "warning", words)
 
 
+def _of(notice: Notice, which: str) -> Notice:
+    return replace(notice, words=f"{notice.words} ({which} plant)")
+
+
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
-    """Inputs that saturate on the predicted orbit itself."""
+    """Inputs that saturate, and joints that reach the ends of their ranges, on the predicted orbit itself."""
     if prediction.orbit is None or not isinstance(actual, MujocoPlant):
         return
     plant, ports = actual.linearisation.plant, actual.linearisation.ports
@@ -57,3 +62,12 @@ def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
                 "theory knows no limits"
             )
             yield Notice("saturation", "warning", words)
+    peaks = dict(zip(plant.states, prediction.orbit.x_peak, strict=True))
+    for joint in actual.quality.room:
+        room, peak = min(joint.down, joint.up), peaks[joint.of]
+        if peak > room:
+            words = (
+                f"the predicted orbit moves {joint.of} by {peak:.3g}, and {max(room, 0):.3g} are left to an end of its "
+                "range; the linear theory knows no limits"
+            )
+            yield Notice("joint limit", "warning", words)

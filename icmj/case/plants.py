@@ -100,16 +100,19 @@ def keyframe_of(run: RunFile) -> str | None:
 
 
 def _outputs(run: RunFile, assumed: AnyPlant) -> tuple[str, ...]:
+    """Those of the assumed plant, by the names that they are asked for by: a joint's may be another sensor's."""
     chosen = run.assumed.selection.outputs
-    if chosen == "joints" and isinstance(assumed, MujocoPlant):
-        return tuple(joint.name for joint in assumed.spec.joints)
-    return assumed.linearisation.plant.outputs if chosen is None or isinstance(chosen, str) else chosen
+    if isinstance(chosen, tuple):
+        return chosen
+    outputs = assumed.linearisation.plant.outputs
+    if chosen != "joints" or not isinstance(assumed, MujocoPlant):
+        return outputs
+    joints = {joint.name for joint in assumed.spec.joints}
+    return tuple(name.removesuffix("_position") if name not in joints else name for name in outputs)
 
 
 def _left_out(run: RunFile, assumed: AnyPlant) -> list[str]:
     """States that the assumed model has and the assumed plant has not."""
-    if run.assumed.states is None and not run.assumed.drop:
-        return []
     kept = assumed.linearisation.plant.states
     return [name for name in assumed.states if name not in kept]
 

@@ -144,8 +144,9 @@ class Linearise:
     """MJCF file, or the name of a shipped model."""
     keyframe: str | None = None
     """Operating point; the reference configuration by default."""
-    operating_point: Literal["as given", "static control", "balance"] = "as given"
-    """What of the keyframe stands; a balance moves the joints, too."""
+    operating_point: Literal["as given", "static control", "balance"] | None = None
+    """What of the keyframe stands; a balance moves joints, too. Without a keyframe: as given if at rest, else balance.
+    """
     free: tuple[str, ...] = ()
     """Joints that a balance may move; all by default."""
     outputs: tuple[str, ...] = ()

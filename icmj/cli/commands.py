@@ -201,23 +201,24 @@ def linearise(command: arguments.Linearise) -> None:
     from icmj.plant.selection import Selection
     from icmj.runfile.shipped import model_file
 
-    outputs = "joints" if command.outputs == ("joints",) else command.outputs or None
+    chosen = "joints" if command.outputs == ("joints",) else command.outputs or None
+    kind = command.operating_point or ("as given" if command.keyframe else "found")
     with Working(f"linearising {command.model.name}", ERR):
         loaded = load_plant(
             model_file(command.model),
             keyframe=command.keyframe,
-            selection=Selection(outputs=outputs),
-            operating=OperatingRule(command.operating_point, command.free),
+            selection=Selection(outputs=chosen),
+            operating=OperatingRule(kind, command.free),
         )
     linearisation = loaded.linearisation
     plant = linearisation.plant
     if command.out is not None:
         save_plant(plant, command.out)
     if command.json:
-        print(json.dumps(plain_linearisation(linearisation, loaded.quality), allow_nan=False))
+        print(json.dumps(plain_linearisation(linearisation, loaded.quality, loaded.told), allow_nan=False))
         return
     show_plant(plant, OUT, full=command.full)
-    _tell(loaded.quality.notices)
+    _tell((*loaded.told, *loaded.quality.notices))
     if command.out is not None:
         OUT.print(f"matrices  {escape(str(command.out))}", highlight=False)
 

@@ -55,11 +55,16 @@ def save_plant(plant: LinearPlant, path: Path) -> None:
 
 
 def _matrices(plant: LinearPlant) -> tuple[tuple[str, Array, tuple[str, ...], tuple[str, ...]], ...]:
+    states = _with_units(plant.states, plant.state_units)
     return (
-        ("A", plant.A, plant.states, plant.states),
-        ("B", plant.B, plant.states, plant.inputs),
-        ("C", plant.C, plant.outputs, plant.states),
+        ("A", plant.A, states, plant.states),
+        ("B", plant.B, states, _with_units(plant.inputs, plant.input_units)),
+        ("C", plant.C, _with_units(plant.outputs, plant.output_units), plant.states),
     )
+
+
+def _with_units(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
 
 
 def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple[str, ...], out: Console) -> None:

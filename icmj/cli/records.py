@@ -54,8 +54,8 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
     )
 
 
-def plain_linearisation(linearisation: Linearisation, quality: Quality) -> dict[str, Any]:
-    """What ``icmj linearise --json`` prints."""
+def plain_linearisation(linearisation: Linearisation, quality: Quality, told: Iterable[Notice]) -> dict[str, Any]:
+    """What ``icmj linearise --json`` prints; ``told`` is what was chosen where nothing was named."""
     plant = linearisation.plant
     return plain(
         {
@@ -73,9 +73,10 @@ def plain_linearisation(linearisation: Linearisation, quality: Quality) -> dict[
                 "errors": dict(zip("ABC", quality.errors, strict=True)),
                 "kinks": [vars(kink) for kink in quality.kinks],
                 "margins": [vars(margin) for margin in quality.margins],
+                "room": [vars(margin) for margin in quality.room],
                 "feedthrough": quality.feedthrough,
                 **{kind: [vars(mode) for mode in getattr(quality, kind)] for kind in MODES},
             },
-            "notices": [vars(notice) for notice in quality.notices],
+            "notices": [vars(notice) for notice in (*told, *quality.notices)],
         }
     )

@@ -10,6 +10,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.linearisation import EPS, Differences, Linearisation, differences, step_of
 from icmj.engine.model import input_names, state_names
+from icmj.engine.stance import limited
 from icmj.engine.units import state_units
 from icmj.plant import modes
 from icmj.plant.quality import BENT, Kink, Margin, Quality, Residual
@@ -41,6 +42,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         kinks=tuple(_kinks(model, linearisation, whole.bend, half.bend)),
         friction=tuple(names[i] for i in np.flatnonzero(model.dof_frictionloss > 0)),
         margins=tuple(_margins(model, linearisation)),
+        room=tuple(_room(model, linearisation)),
         feedthrough=tuple(feedthrough),
         neutral=modes.neutral(plant),
         uncontrollable=modes.uncontrollable(plant),
@@ -92,3 +94,12 @@ def _margins(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Ma
         if model.actuator_ctrllimited[i]:
             ctrl, (low, high) = linearisation.point.ctrl[i], model.actuator_ctrlrange[i]
             yield Margin(input_names(model)[i], float(ctrl - low), float(high - ctrl))
+
+
+def _room(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Margin]:
+    names, kept = state_names(model), set(linearisation.ports.states)
+    for i in limited(model):
+        if i in kept:
+            joint = model.dof_jntid[i]
+            at, (low, high) = linearisation.point.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+            yield Margin(names[i], float(at - low), float(high - at))

@@ -9,6 +9,7 @@ weight by giving way, so a body on a floor is first set down until they bear it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -18,7 +19,7 @@ from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import OperatingPoint, input_names, model_name, state_names
-from icmj.engine.stance import free, posed, softened, vertical
+from icmj.engine.stance import Room, posed, softened, starts, vertical, ways
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.operating import OperatingRule
@@ -32,14 +33,30 @@ _HOLD = 1e-4  # how much leaving where a last round begins counts beside it
 _STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
 
 
-def equilibrium(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
-    """The operating point that ``rule`` makes of ``given``.
+def equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> Iterator[OperatingPoint]:
+    """The operating points that ``rule`` makes of ``given``, the nearest first.
+
+    There is one, but for a balance, which may lie at the end of a range: then one is sought from bent joints.
 
     Raises:
         ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
     """
     given = posed(model, given, rule)
-    return given if rule.kind == "as given" else _Search(model, given, rule).run()
+    if rule.kind in ("as given", "found"):
+        yield given
+    if rule.kind == "as given":
+        return
+    failed, found = None, False
+    for moving in ways(model, rule):
+        for start, room in starts(model, given, rule, moving):
+            try:
+                yield _Search(model, start, rule, moving, room).run()
+            except ModelError as error:
+                failed = failed or error
+                break
+            found = True
+    if failed and not found:
+        raise failed
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +71,12 @@ class _Forces:
 class _Search:
     """Newton's method on z = (free positions, controls, activations), all as departures from what is given."""
 
-    def __init__(self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray, room: Room
+    ) -> None:
         self.model, self.given, self.rule = model, given, rule
         self.data = mujoco.MjData(model)
-        self.free = free(model, rule)
+        self.free, self.room = moving, room
         self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
         self.z = np.zeros(model.nv + model.nu + model.na)
@@ -80,7 +99,7 @@ class _Search:
                 self.set_down()
                 for _ in range(self.model.nu + 1):
                     self.solve()
-                    if not self.held():
+                    if not self.held() or self.cramped():
                         self.approach()
                     beyond = self.beyond()
                     if not beyond.any():
@@ -192,8 +211,9 @@ class _Search:
 
         from scipy.optimize import least_squares
 
-        nv, nu, tight = self.model.nv, self.model.nu, 1e-15
+        nv, nu, tight = self.model.nv, self.model.nu, 1e-6 if effort else 1e-15
         low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
+        low[:nv], high[:nv] = self.room
         if effort > 0:  # close to a balance ranges would only hamper
             low[nv : nv + nu], high[nv : nv + nu] = self.low - self.given.ctrl, self.high - self.given.ctrl
         bounds = low[moving], high[moving]
@@ -260,6 +280,12 @@ class _Search:
         ctrl = self.given.ctrl + self.z[self.model.nv :][: self.model.nu]
         slack = 1e-9 * (1 + np.abs(ctrl))
         return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
+
+    def cramped(self) -> bool:
+        """Whether a joint is where it has no room."""
+        low, high = self.room
+        position = self.z[: self.model.nv]
+        return bool((position < low - 1e-6).any() or (position > high + 1e-6).any())
 
     def held(self) -> bool:
         """Whether what is left over is nothing."""

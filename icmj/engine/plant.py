@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,19 +12,22 @@ import numpy as np
 
 from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
-from icmj.engine.equilibrium import equilibrium
+from icmj.engine.equilibrium import equilibria
 from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
+from icmj.engine.stance import moved
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, picked, ports
+from icmj.plant.modes import adrift
+from icmj.plant.notice import Notice
 from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
-from icmj.plant.quality import Quality
+from icmj.plant.quality import Quality, dropped
 from icmj.plant.selection import Selection
 
 
@@ -35,11 +39,13 @@ class MujocoPlant:
         path: the MJCF file.
         spec: its model, deviated; copy before editing (``spec.copy()``).
         linearisation: at the operating point, with the point itself and the ports.
+        told: what was chosen where nothing was named.
     """
 
     path: Path
     spec: mujoco.MjSpec
     linearisation: Linearisation
+    told: tuple[Notice, ...] = ()
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -105,19 +111,56 @@ def load_plant(
             :func:`icmj.engine.equilibrium.equilibrium`, :func:`icmj.engine.linearisation.linearise` and
             :mod:`icmj.engine.soundness`.
     """
-    path = Path(path)
+    path, rule = Path(path), operating or OperatingRule()
     with sound(path):
         spec = load_spec(path, deviation, person)
         check_names(path, spec)
-        selection = sensed(spec, selection or Selection())
+        chosen, told = sensed(spec, selection or Selection())
         model = spec.compile()
         check_sizes(path, model)
-        ports = ports_of(model, selection, deviation)
+        ports = ports_of(model, chosen, deviation)
+        if chosen.spare and chosen.drop:  # what shows a dropped state is left out below
+            ports = ports_of(model, replace(chosen, drop=()), deviation)
         given = start or operating_point(model, keyframe)
-        try:
-            point = equilibrium(model, given, operating or OperatingRule())
-        except ModelError as error:
-            raise ModelError(f"{path}: {error}") from error
-        linearisation = linearise(model, ports=ports, point=point)
-        check_plant(path, linearisation.plant)
-    return MujocoPlant(path, spec, linearisation)
+        points = _told_where(path, equilibria(model, given, rule))
+        raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told) for point in points)
+        plants = (_without(plant, model, chosen, deviation) for plant in raw)
+        plant = _best(plants) if rule.kind in ("balance", "found") else next(plants)
+        check_plant(path, plant.linearisation.plant)
+        if rule.kind == "found":
+            plant = replace(plant, told=(*moved(model, given, plant.linearisation.point), *plant.told))
+        return plant
+
+
+def _told_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[OperatingPoint]:
+    try:
+        yield from points
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+
+
+def _best(plants: Iterator[MujocoPlant]) -> MujocoPlant:
+    """The first at an operating point that a prediction can be about, or else the one that comes nearest to it."""
+    found: list[MujocoPlant] = []
+    for plant in plants:
+        found.append(plant)
+        if all(plant.quality.merits):
+            break
+    return max(found, key=lambda plant: plant.quality.merits)
+
+
+def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, deviation: Deviation | None) -> MujocoPlant:
+    """Without the states to be dropped, or with a word those adrift, and where outputs are spare what shows them."""
+    linear = plant.linearisation.plant
+    drop = chosen.drop or (adrift(linear) if chosen.states is None else ())
+    there = [linear.states.index(name) for name in drop if name in linear.states]
+    shown = np.abs(linear.C[:, there]).max(axis=1, initial=0.0) > 1e-9
+    if not there or (shown.any() and not chosen.spare):
+        return plant
+    outputs = chosen.outputs
+    if chosen.spare:  # what is left may show nothing, as the first entry of a quaternion
+        shows = ~shown & (np.abs(linear.C).max(axis=1) > 1e-9)
+        outputs = tuple(name for name, shows in zip(linear.outputs, shows, strict=True) if shows)
+    ports = ports_of(model, replace(chosen, outputs=outputs, drop=drop), deviation)
+    kept = replace(plant, linearisation=linearise(model, ports=ports, point=plant.linearisation.point))
+    return kept if chosen.drop else replace(kept, told=(*plant.told, dropped(drop)))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import mujoco
 
 from icmj.engine.model import output_names, sensor_entries
+from icmj.plant.notice import Notice
 from icmj.plant.selection import Selection
 
-RATE = "_rate"
+RATE, TURN = "_rate", "_turn"
 _SENSORS = {
     mujoco.mjtJoint.mjJNT_HINGE: (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL),
     mujoco.mjtJoint.mjJNT_SLIDE: (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL),
@@ -17,33 +19,53 @@ _SENSORS = {
 }
 
 
-def sensed(spec: mujoco.MjSpec, selection: Selection) -> Selection:
-    """The selection with sensors for all its outputs: those that the model lacks are added where a joint is meant.
+def sensed(spec: mujoco.MjSpec, selection: Selection) -> tuple[Selection, tuple[Notice, ...]]:
+    """The selection with sensors for all its outputs, and a word where they were not named.
 
-    ``"joints"`` means the positions of all joints; ``<joint>`` and ``<joint>_rate`` those of one. A ball joint gives
-    its quaternion, a free joint the position of its body and, as ``<joint>_turn``, its quaternion. Names that are
-    neither a sensor nor a joint stay, for :func:`icmj.engine.ports.ports_of` to refuse.
+    ``"joints"`` means the positions of all joints, and so does a model without sensors; ``<joint>`` and
+    ``<joint>_rate`` those of one. A ball joint gives its quaternion, a free joint the position of its body and, as
+    ``<joint>_turn``, its quaternion; ``.0`` and so on single entries. Sensors that the model lacks are added. Names
+    that are neither a sensor nor a joint stay, for :func:`icmj.engine.ports.ports_of` to refuse.
     """
+    told: tuple[Notice, ...] = ()
     if selection.outputs is None:
-        return selection
+        if len(spec.sensors) or not len(spec.joints):
+            return selection, ()
+        selection = replace(selection, outputs="joints")
+        told = (Notice("outputs", "warning", 'the model has no sensors; its outputs are its joints ("joints")'),)
     joints = {}
     for i, joint in enumerate(spec.joints):
         joint.name = joint.name or f"joint{i}"
         joints[joint.name] = joint
     everything = selection.outputs == "joints"
-    wanted = tuple(joints) if everything or isinstance(selection.outputs, str) else selection.outputs
-    if isinstance(selection.outputs, str) and not everything:
-        wanted = (selection.outputs,)
+    wanted = tuple(joints) if everything else selection.outputs
+    assert wanted is not None
     model = spec.compile()
     known = {*output_names(model), *sensor_entries(model)}
     outputs: list[str] = []
-    for name in wanted:
-        of = name if name in joints else name.removesuffix(RATE)
-        if (name in known and not everything) or of not in joints:
+    added: dict[tuple[str, bool], list[str]] = {}
+    for name in (wanted,) if isinstance(wanted, str) else wanted:
+        of, rate, turn, entry = _meant(name, joints)
+        if (name in known and not everything) or of is None:
             outputs.append(name)
             continue
-        outputs += _added(spec, joints[of], rate=of != name, taken=known)
-    return replace(selection, outputs=tuple(outputs))
+        if (of, rate) not in added:
+            added[of, rate] = _added(spec, joints[of], rate, taken=known)
+        labels = added[of, rate][1:] if turn else added[of, rate][:1] if entry else added[of, rate]
+        outputs += [f"{label}{entry}" for label in labels]
+    return replace(selection, outputs=tuple(outputs), spare=everything), told
+
+
+def _meant(name: str, joints: Mapping[str, object]) -> tuple[str | None, bool, bool, str]:
+    """The joint that an output is of, whether its rate, whether its quaternion, and which entry, such as ".0"."""
+    head, dot, number = (name, "", "") if name in joints else name.partition(".")
+    for rate in (False, True):
+        for turn in (False, True):
+            joint = head.removesuffix(TURN) if turn else head
+            joint = joint.removesuffix(RATE) if rate else joint
+            if joint in joints and head == f"{joint}{RATE * rate}{TURN * turn}":
+                return joint, rate, turn, f"{dot}{number}"
+    return None, False, False, ""
 
 
 def _added(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, rate: bool, taken: set[str]) -> list[str]:
@@ -55,7 +77,7 @@ def _added(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, rate: bool, taken: set[s
     pair = ("FRAMELINVEL", "FRAMEANGVEL") if rate else ("FRAMEPOS", "FRAMEQUAT")
     return [
         _sensor(spec, label, getattr(mujoco.mjtSensor, f"mjSENS_{sort}"), mujoco.mjtObj.mjOBJ_XBODY, body.name, taken)
-        for label, sort in zip((name, f"{name}_turn"), pair, strict=True)
+        for label, sort in zip((name, f"{name}{TURN}"), pair, strict=True)
     ]
 
 

@@ -9,9 +9,15 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from icmj.engine.model import OperatingPoint, model_name
+from icmj.base.array import Array
+from icmj.engine.model import OperatingPoint, model_name, state_names
+from icmj.engine.units import state_units
 from icmj.errors import ModelError
+from icmj.plant.notice import Notice
 from icmj.plant.operating import OperatingRule
+
+Room = tuple[Array, Array]  # how far each degree of freedom may go down and up
+_BENDS = (0.1, 0.25)  # of a joint's range
 
 
 @contextmanager
@@ -52,10 +58,69 @@ def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
 
 def free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
     """Degrees of freedom that may move."""
-    if rule.kind == "static control":
+    if rule.kind not in ("balance", "found"):
         return np.zeros(0, dtype=int)
     chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
     return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
+
+
+def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
+    """Degrees of freedom that may move: as few as a free body needs to be balanced by its joints alone, then all.
+
+    It keeps its place and stays upright; only its height is found.
+    """
+    moving = free(model, rule)
+    loose = [i for i in moving if model.jnt_type[model.dof_jntid[i]] == int(mujoco.mjtJoint.mjJNT_FREE)]
+    heights = [i for i in loose if i == model.jnt_dofadr[model.dof_jntid[i]] + 2]
+    upright = np.array([i for i in moving if i not in loose or i in heights], dtype=int)
+    return [upright, moving] if loose and not rule.free and len(upright) > len(heights) else [moving]
+
+
+def starts(
+    model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray
+) -> Iterator[tuple[OperatingPoint, Room]]:
+    """Where to seek a balance from, and how far to go: from what is given, then from joints bent into their ranges.
+
+    Those of the rule's pose are not.
+    """
+    yield given, room(model, given, rule, 0.0)
+    for share in _BENDS:
+        start = bent(model, given, moving, rule, share)
+        if not np.array_equal(start.qpos, given.qpos):
+            yield start, room(model, start, rule, share / 2)
+
+
+def bent(
+    model: mujoco.MjModel, given: OperatingPoint, moving: np.ndarray, rule: OperatingRule, share: float
+) -> OperatingPoint:
+    """What is given, with joints that may move at least ``share`` of their range away from its ends."""
+    low, high = room(model, given, rule, share)
+    step = np.zeros(model.nv)
+    step[moving] = np.clip(0.0, low, high)[moving]
+    qpos = given.qpos.copy()
+    mujoco.mj_integratePos(model, qpos, step, 1.0)
+    return replace(given, qpos=qpos)
+
+
+def room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
+    """How far every degree of freedom may go down and up to be ``share`` of its range away from its ends.
+
+    Without a share, and where there is no range, it is not bounded; nor are joints in the rule's pose.
+    """
+    low, high = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for i in limited(model) if share else ():
+        joint = int(model.dof_jntid[i])
+        if model.joint(joint).name not in rule.pose:
+            at, (least, most) = given.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+            low[i], high[i] = least + share * (most - least) - at, most - share * (most - least) - at
+    return low, high
+
+
+def limited(model: mujoco.MjModel) -> list[int]:
+    """Degrees of freedom of hinges and slides that have a range."""
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = (int(joint) for joint in model.dof_jntid)
+    return [i for i, j in enumerate(joints) if model.jnt_limited[j] and model.jnt_type[j] in kinds]
 
 
 def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
@@ -71,3 +136,19 @@ def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
         if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
             return int(i)
     return None
+
+
+def moved(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint) -> Iterator[Notice]:
+    """How far the operating point found is from the pose given, if it is."""
+    gap = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
+    units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]
+    far = [i for i in np.argsort(-np.abs(gap)) if abs(gap[i]) > max(1e-9, 1e-3 * np.abs(gap).max())]
+    if not far and np.array_equal(given.ctrl, found.ctrl):
+        return
+    names = state_names(model)
+    steps = [f"{names[i]} {gap[i]:+.3g} {units[i]}".rstrip() for i in far[:4]]
+    more = f" and {len(far) - 4} more" if len(far) > 4 else ""
+    where = f"away from it by {', '.join(steps)}{more}" if far else "with controls that hold it"
+    words = f"the pose is not at rest; balanced {where}. Name a keyframe, a pose or operating_point to have another"
+    yield Notice("operating point", "warning", words)

@@ -84,9 +84,10 @@ def markdown(result: Result, compared: Comparison) -> str:
         ("period [s]", predicted.period, measured.period, error.period),
         ("γ", predicted.gamma, measured.gamma, error.gamma),
         *(
-            (f"peak {name}", *numbers)
-            for name, *numbers in zip(
+            (f"peak {name} [{unit}]" if unit else f"peak {name}", *numbers)
+            for name, unit, *numbers in zip(
                 outputs,
+                result.actual.output_units,
                 nothing if predicted.amplitude is None else predicted.amplitude,
                 measured.amplitude,
                 nothing if error.amplitude is None else error.amplitude,

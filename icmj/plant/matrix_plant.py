@@ -7,6 +7,7 @@ from functools import cached_property
 
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.modes import idle, neutral, uncontrollable, unobservable
+from icmj.plant.notice import Notice
 from icmj.plant.quality import Quality, Residual
 
 
@@ -36,6 +37,11 @@ class MatrixPlant:
     def states(self) -> tuple[str, ...]:
         """All states."""
         return self.linearisation.plant.states
+
+    @property
+    def told(self) -> tuple[Notice, ...]:
+        """What was chosen where nothing was named: nothing is."""
+        return ()
 
     @cached_property
     def quality(self) -> Quality:

@@ -57,6 +57,27 @@ def idle(plant: LinearPlant) -> tuple[str, ...]:
     )
 
 
+def adrift(plant: LinearPlant) -> tuple[str, ...]:
+    """States on which no rate depends and that no input brings back: where on a level floor a body stands.
+
+    Without them the plant has no such mode.
+    """
+    size = max(1.0, float(np.abs(plant.A).max(initial=0.0)))
+    columns = np.linalg.norm(plant.B, axis=0)
+    whole = np.hstack([plant.A, size * plant.B / np.where(columns > 0, columns, 1.0)])
+    U, values, _ = np.linalg.svd(whole)
+    kept = U[:, values < _RANK * size].T  # wᵀ[A, B] = 0: what wᵀx is never changes
+    found: list[str] = []
+    for name in idle(plant):
+        w = kept[:, plant.states.index(name)]
+        if np.linalg.norm(w) < _RANK:
+            continue
+        found.append(name)
+        # what else never changes, once this state is gone
+        kept = np.linalg.svd(w[None, :])[2][1:] @ kept
+    return tuple(found)
+
+
 def _hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[Mode, ...]:
     # rows and outputs brought to one size, so that neither units nor a weak input look like a missing rank
     size = max(1.0, float(np.abs(A).max(initial=0.0)))

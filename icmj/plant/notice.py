@@ -10,7 +10,8 @@ from icmj.errors import ModelError
 
 Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
-    "sensor bias", "dropped state", "keyframe", "saturation", "large step", "paper",
+    "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "saturation", "joint limit",
+    "large step", "paper",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-OperatingKind = Literal["as given", "static control", "balance"]
+OperatingKind = Literal["as given", "static control", "balance", "found"]
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class OperatingRule:
     Attributes:
         kind: ``as given``: pose, velocity, activation and control are the keyframe's. ``static control``: the pose is,
             and controls and activations are those that hold it. ``balance``: the joints in ``free`` move, too.
+            ``found``: as given where that is at rest, else balance.
         free: joints that may move, by name; all where there is none.
         pose: positions of hinge and slide joints, instead of the keyframe's [rad, m].
 

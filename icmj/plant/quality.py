@@ -17,6 +17,8 @@ AT_REST = 1e-6
 """Largest acceleration, as a fraction of gravity, of a plant that is at rest."""
 BENT = 1e-2
 """Largest relative disagreement of two one-sided differences of a smooth plant."""
+ROOMY = 0.01
+"""Least distance of a joint from the ends of its range, as a share of it, where there is a choice."""
 COARSE = 1e-4
 """Largest relative error of A, B or C that goes without a word."""
 
@@ -57,7 +59,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Margin:
-    """How far an input may go from the operating point before it saturates, down and up, in its unit."""
+    """How far an input or a joint may go from the operating point to the ends of its range, in its unit."""
 
     of: str
     down: float
@@ -75,6 +77,7 @@ class Quality:
         kinks: where the plant is not smooth.
         friction: joints with dry friction, which has no linear model at rest.
         margins: of the inputs that saturate.
+        room: of the states that are joints with a range.
         feedthrough: outputs that jump with the inputs (D ≠ 0).
         neutral, uncontrollable, unobservable: modes by their states.
         idle: states that move nothing.
@@ -86,6 +89,7 @@ class Quality:
     kinks: tuple[Kink, ...] = ()
     friction: tuple[str, ...] = ()
     margins: tuple[Margin, ...] = ()
+    room: tuple[Margin, ...] = ()
     feedthrough: tuple[str, ...] = ()
     neutral: tuple[Mode, ...] = ()
     uncontrollable: tuple[Mode, ...] = ()
@@ -96,6 +100,17 @@ class Quality:
     def at_rest(self) -> bool:
         """Whether the plant stays where it is."""
         return self.residual.share <= AT_REST and not self.moving
+
+    @property
+    def merits(self) -> tuple[bool, ...]:
+        """What makes it one that a prediction can be about, the gravest first.
+
+        That it rests; is smooth, there and about; that inputs reach what does not come to rest by itself; that joints
+        have room.
+        """
+        reached = all(mode.stable for mode in self.uncontrollable)
+        roomy = all(min(joint.down, joint.up) > ROOMY * (joint.down + joint.up) for joint in self.room)
+        return self.at_rest, not self.kinks, max(self.errors) <= COARSE, reached, roomy
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -123,7 +138,7 @@ class Quality:
         for output in self.feedthrough:
             words = (
                 f"output {output!r} jumps with the inputs (D ≠ 0), which closes an algebraic loop through the "
-                "controller; leave it out of outputs"
+                'controller; leave it out of outputs, or take outputs = "joints"'
             )
             yield Notice("feedthrough", "error", words)
         if not self.kinks and max(self.errors) > COARSE:
@@ -144,6 +159,13 @@ class Quality:
             named = ", ".join(f'"{name}"' for name in idle)
             words += f"; nothing depends on {_list(idle)}: drop = [{named}], and leave it out of outputs"
         return words
+
+
+def dropped(names: tuple[str, ...]) -> Notice:
+    """That states were left out that move nothing and that nothing moves."""
+    named = ", ".join(f'"{name}"' for name in names)
+    words = f"nothing depends on {_list(names)}, and no input moves it: dropped, as drop = [{named}] would say"
+    return Notice("dropped state", "warning", words)
 
 
 def _unseen(mode: Mode) -> str:

@@ -15,9 +15,11 @@ class Selection:
             ``<joint>_rate`` for their velocities; ``"joints"`` for the positions of all joints.
         states: those kept; in the model's order.
         drop: those left out, where ``states`` is ``None``.
+        spare: outputs that show a state left out are left out with it; so it is with ``"joints"``.
     """
 
     inputs: tuple[str, ...] | None = None
     outputs: tuple[str, ...] | str | None = None
     states: tuple[str, ...] | None = None
     drop: tuple[str, ...] = ()
+    spare: bool = False

@@ -59,7 +59,8 @@ class PlantTable(MatrixTable):
     @property
     def operating(self) -> OperatingRule:
         """The rule for the operating point that it stands for."""
-        return OperatingRule(self.operating_point or "as given", tuple(self.free), self.pose)
+        named = self.keyframe is not None or self.pose
+        return OperatingRule(self.operating_point or ("as given" if named else "found"), tuple(self.free), self.pose)
 
     @model_validator(mode="after")
     def _model_or_matrices(self) -> PlantTable:
