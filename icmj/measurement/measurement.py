@@ -13,6 +13,7 @@ from icmj.measurement.recurrence import Trend, closure, dominant_growth, separat
 from icmj.measurement.statistics import statistics
 from icmj.simulation.simulation import Simulation
 
+NOTHING = ": it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance"
 MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
 
 
@@ -84,7 +85,8 @@ def measure(
         interval = None if told.interval is None else told.interval.value
         return replace(_other(simulation, "noisy", told.words), interval=interval)
     if K == 0:
-        return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s.")
+        why = NOTHING if _at_rest(simulation) else ""
+        return _other(simulation, "no events", f"No event in {simulation.outcome.t:g} s{why}.")
     if _homoclinic(simulation, states):
         last = ", ".join(f"{d:.3g}" for d in events.interval[-4:])
         return _other(
@@ -113,6 +115,12 @@ def measure(
                 return _cycle(simulation, finest)
             break
     return _open(simulation, states, returns, running, tolerance, floor)
+
+
+def _at_rest(simulation: Simulation) -> bool:
+    """Whether the run starts at the operating point and nothing drives it away."""
+    driven = simulation.applied.size and not np.array_equal(simulation.applied, simulation.u)
+    return not (simulation.x[:1].any() or simulation.x_o[:1].any() or driven)
 
 
 def reduced_states(x: Array, x_o: Array, T_hat: Array, x_h: Array | None = None) -> Array:

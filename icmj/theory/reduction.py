@@ -11,6 +11,7 @@ with Re μ = 0 put an eigenvalue of φ(Δ) on the unit circle for every Δ, whic
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         prepared: its flow, if at hand.
 
     Raises:
-        AnalysisError: if Ā_C is not finite, or there are neutral directions and a delay.
+        AnalysisError: if Ā_C is not finite, or there are neutral directions and a delay; it names their states.
     """
     whole = prepared or flow(system.A_C)
     size, n_hat = system.n + system.n_hat, system.n_hat
@@ -117,8 +118,8 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         L = neutral(A_q.T, np.eye(len(A_q))[-n_hat:])[: len(A_q) - n_hat]
     except np.linalg.LinAlgError as error:
         raise AnalysisError(f"not analysable: the modes of the error system cannot be told apart ({error})") from error
-    if system.delay:
-        return _delayed(system, whole, bool(D.shape[1] or L.shape[1]))
+    if system.delay and not D.shape[1] and not L.shape[1]:
+        return _delayed(system, whole)
     if not D.shape[1] and not L.shape[1]:
         empty = np.zeros((size, 0))
         same = np.eye(size)
@@ -128,6 +129,8 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     R = Q @ complement(L)
     named = _Named(system, A, scale, shown)
     modes = [*named.unfelt(D), *named.unmoved(Q @ L)]
+    if system.delay:
+        raise AnalysisError(f"not analysable with a delay: {_in_the_way(modes)}")
     m, s = R.shape[1], scale[:size]
     units = np.concatenate([np.ones(m), scale[size:]])  # e_hp gets its own units back; x̄_r has no better ones
     left = np.eye(m, m + n_hat)
@@ -145,13 +148,17 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     )
 
 
-def _delayed(system: ErrorSystem, whole: Flow, neutral_modes: bool) -> Reduction:
+def _in_the_way(modes: Sequence[NeutralMode]) -> str:
+    """What to do about neutral modes where a jump is more than e_hp := 0, so that they cannot be taken out."""
+    names = tuple(dict.fromkeys(name for mode in modes for name in mode.states))
+    drop = ", ".join(f'"{name}"' for name in names if not name.startswith("observer's"))
+    does = "are" if len(names) > 1 else "is"
+    words = f"{', '.join(names)} {does} neutral (no event and no control changes it)"
+    return words + (f"; leave it out of the model, as drop = [{drop}] does, or take the delay out" if drop else "")
+
+
+def _delayed(system: ErrorSystem, whole: Flow) -> Reduction:
     """With a delay a jump is more than e_hp := 0, and nothing is taken out."""
-    if neutral_modes:
-        raise AnalysisError(
-            "not analysable: there are neutral modes and a delay; leave the states out of the model that no output "
-            "sees or no input moves"
-        )
     size = len(system.A_C)
     same, empty = np.eye(size), np.zeros((size, 0))
     return Reduction(

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, neglected, pendulum_design, settings
 
+from icmj.case.case import prepare
+from icmj.case.case import simulate as simulate_case
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import growth_per_interval, measure, measured_gamma, reduced_states
+from icmj.runfile.reading import load_run
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.error_system import error_system
@@ -157,6 +160,25 @@ def test_no_events():
     found = measure(motion(np.zeros((0, 4)), []), T_hat=T_HAT)
     assert (found.kind, found.interval) == ("no events", None)
     assert found.amplitude == pytest.approx([0.25])
+
+
+def test_a_run_in_which_nothing_could_happen_says_so(root):
+    """It starts at rest and nothing disturbs it, on either plant; a start or a push is enough."""
+    run = load_run(root / "runs" / "simple-0.8.toml").with_(**{"simulation.initial": {}, "simulation.duration": 2.0})
+    pushed = [{"kind": "impulse", "input": "torque", "size": 1e-4}]
+    for kind in ("linear", "mujoco"):
+        still, *others = (
+            measure(simulate_case(prepare(one), kind), T_hat=np.eye(2))
+            for one in (
+                run,
+                run.with_(**{"simulation.initial": {"hinge": 1e-6}}),
+                run.with_(**{"simulation.disturbance": pushed}),
+            )
+        )
+        assert still.words == (
+            "No event in 2 s: it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance."
+        )
+        assert [other.words for other in others] == ["No event in 2 s."] * 2
 
 
 def test_short_and_long_run_of_a_simulated_case():

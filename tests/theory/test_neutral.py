@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -20,9 +22,11 @@ from theory_cases import (
 )
 
 from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger
+from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
@@ -222,3 +226,14 @@ def test_stability_modulo_neutral_modes_of_small_matrices():
     assert not stable_modulo_neutral(np.diag([-1.0, 0.1]), b, c)
     assert not stable_modulo_neutral(np.diag([0.0, -1.0]), b, c)
     assert stable_modulo_neutral(np.array([[-1.0, 1.0], [0.0, 0.0]]), b, c)  # seen, but not to be changed
+
+
+@pytest.mark.parametrize("case", ["integrator", "double integrator"])
+def test_with_a_delay_a_neutral_mode_is_refused_by_its_name(case):
+    system = replace(system_beside(**UNSEEN[case]), delay=Delay(0.1))
+    states = system.actual.states[2:]
+    with pytest.raises(AnalysisError, match=r"not analysable with a delay: .*neutral.* drop = \[") as caught:
+        predict(system, rule(system))
+    assert all(f'"{state}"' in str(caught.value) for state in states)
+    assert "\n" not in str(caught.value)
+    assert predict(replace(shipped("b=0.8"), delay=Delay(0.1)), EventTrigger(np.eye(2), 0.01)).delta_crit
