@@ -8,6 +8,7 @@ other outputs in their own unit. Typical use::
     icmj.plots.phase(axes, icmj.read_log("runs/out/three-link-0.9.mujoco.rrd"))
 
 Those of a sweep take it, and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
+Those of sway take what :func:`icmj.measure_sway` returns.
 
 Raised by all of them: ReportError, if there is no result, if two are of different cases or of the same plant, or if a
 result does not hold what is asked for.
@@ -18,11 +19,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from icmj.errors import ReportError
+from icmj.measurement.sway import Sway
 from icmj.report import law, noise
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.pairing import CaseRuns, paired
-from icmj.report.panels import eigenvalues, modes, time
+from icmj.report.panels import eigenvalues, ground, modes, time
 from icmj.report.panels.phase import draw_phase
+from icmj.report.sway import draw_diffusion, draw_path, draw_spectra
 from icmj.result.result import Result
 from icmj.result.swept import Swept
 from icmj.view.quantity import threshold_unit
@@ -106,6 +109,30 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
     _legend(axes, legend)
 
 
+def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> None:
+    """(g) The command and what acts on an input where they differ, by number or name; the first such by default."""
+    case = _case(results)
+    there, names = ground.acting_inputs(case), case.first.actual.inputs
+    if not there:
+        raise ReportError(f"case {case.name!r}: nothing but the command acts on its inputs")
+    wanted = there[0] if input is None else _named("input", names, input, case)
+    if wanted not in there:
+        raise ReportError(f"case {case.name!r}: nothing but the command acts on {names[wanted]!r}")
+    ground.draw_acting(axes, case, wanted)
+    _legend(axes, legend)
+
+
+def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> None:
+    """(h) The centre of pressure along ``x`` or ``y`` against time, of a body that stands on a floor."""
+    case = _case(results)
+    there = ground.pressed_axes(case)
+    if axis not in ("x", "y", None) or not there:
+        why = f"no axis {axis!r}; expected x or y" if there else "nothing stands on a floor"
+        raise ReportError(f"case {case.name!r}: {why}")
+    ground.draw_pressure(axes, case, axis or there[0])
+    _legend(axes, legend)
+
+
 def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> None:
     """Of a sweep over ``x`` and ``y``: relative error of the theory's interval, contours at 0.1, 1 and 10 %."""
     draw_validity(axes, swept, x, y, plant)
@@ -126,6 +153,24 @@ def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", l
         drawn.remove()
 
 
+def sway_path(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+    """The path of a swaying point with its 95 % prediction ellipse."""
+    draw_path(axes, sway)
+    _legend(axes, legend)
+
+
+def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+    """Stabilogram diffusion: mean square displacement against time, with the slopes on short and long times."""
+    draw_diffusion(axes, sway)
+    _legend(axes, legend)
+
+
+def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+    """Power spectra of measured sway; dotted: median frequencies."""
+    draw_spectra(axes, sway)
+    _legend(axes, legend)
+
+
 def _case(results: tuple[Result, ...]) -> CaseRuns:
     cases = paired(results)
     if len(cases) > 1:
@@ -141,12 +186,15 @@ def _under_noise(case: CaseRuns) -> CaseRuns:
 
 
 def _output(case: CaseRuns, output: int | str) -> int:
-    names = case.first.actual.outputs
-    if output in names:
-        return names.index(str(output))
-    if isinstance(output, int) and -len(names) <= output < len(names):
-        return output
-    raise ReportError(f"case {case.name!r}: no output {output!r}; expected one of {', '.join(names)}, or its number")
+    return _named("output", case.first.actual.outputs, output, case)
+
+
+def _named(what: str, names: tuple[str, ...], wanted: int | str, case: CaseRuns) -> int:
+    if wanted in names:
+        return names.index(str(wanted))
+    if isinstance(wanted, int) and -len(names) <= wanted < len(names):
+        return wanted % len(names)
+    raise ReportError(f"case {case.name!r}: no {what} {wanted!r}; expected one of {', '.join(names)}, or its number")
 
 
 def _legend(axes: Axes, wanted: bool) -> None:

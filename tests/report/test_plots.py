@@ -16,6 +16,7 @@ from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.report.pairing import paired
 from icmj.report.panels import PANELS
+from icmj.simulation.pressure import Pressure
 from icmj.simulation.settings import Noise
 
 PLOTS = icmj.plots
@@ -95,6 +96,66 @@ def test_the_amplitude_law_and_the_norm_are_drawn():
         PLOTS.amplitude_law(axes, result("b0.8"))
     with pytest.raises(ReportError, match="χ is undefined"):
         PLOTS.critical_mode(axes, result("exact"))
+
+
+def test_what_acts_beside_the_command_is_drawn():
+    pushed = noisy()
+    for wanted in (None, 0, "torque"):
+        _, left, right = axes_of_mine()
+        PLOTS.acting(right, pushed, input=wanted)
+        ((_, points),) = [each for each in contents(right) if each[0] == "what acts"]
+        np.testing.assert_array_equal(points[:, 1], pushed.simulation.applied[:, 0])
+        assert not left.has_data()
+    with pytest.raises(ReportError, match="nothing but the command"):
+        PLOTS.acting(right, result("b0.8"))
+    with pytest.raises(ReportError, match="no input 'hip'; expected one of torque"):
+        PLOTS.acting(right, pushed, input="hip")
+
+
+def test_the_centre_of_pressure_is_drawn():
+    found = result("b0.8")
+    N = len(found.simulation.t)
+    centre, none = np.column_stack([0.004 * np.sin(found.simulation.t), np.zeros(N)]), np.zeros(0)
+    stands = Pressure(
+        found.simulation.t, centre, np.zeros(2), (), np.zeros((N, 0)), none, none, np.zeros((0, 2)), np.zeros((0, 0))
+    )
+    standing = replace(found, simulation=replace(found.simulation, pressure=stands))
+    _, left, right = axes_of_mine()
+    PLOTS.pressure(right, standing)
+    assert dict(contents(right))["linear"][:, 1] == pytest.approx(1e3 * centre[:, 0])
+    assert "$x$ (mm)" in right.get_ylabel()
+    assert not left.has_data()
+    with pytest.raises(ReportError, match="expected x or y"):
+        PLOTS.pressure(right, standing, axis="z")
+    with pytest.raises(ReportError, match="nothing stands on a floor"):
+        PLOTS.pressure(right, found)
+
+
+@pytest.mark.parametrize("function", ["sway_path", "sway_diffusion", "sway_spectrum"])
+def test_measured_sway_is_drawn(function, root):
+    sway = icmj.measure_sway(icmj.read_series(root / "examples" / "standing.csv", rate=100.0))
+    figure, left, right = axes_of_mine()
+    getattr(PLOTS, function)(right, sway)
+    drawn = dict(contents(right))
+    assert not left.has_data()
+    assert figure.axes == [left, right]
+    assert "cm" in right.get_ylabel()
+    if function == "sway_path":
+        np.testing.assert_array_equal(drawn["path"], sway.series.values)
+        one = icmj.measure_sway(sway.series, ["ap"])
+        with pytest.raises(ReportError, match="two signals of the same unit"):
+            PLOTS.sway_path(right, one)
+    elif function == "sway_diffusion":
+        found = sway.plane.diffusion
+        np.testing.assert_array_equal(
+            drawn[f"plane, H = {found.short.H:.2f}, {found.long.H:.2f}"][:, 1], found.displacement
+        )
+        fitted = [points for label, points in contents(right) if label.startswith("_")]
+        assert len(fitted) == 6
+        (start, end) = fitted[-2]  # the plane's, on short times
+        assert np.log(end[1] / start[1]) / np.log(end[0] / start[0]) == pytest.approx(2 * found.short.H)
+    else:
+        np.testing.assert_array_equal(drawn["ml"][:, 1], sway.spectrum.power[1:, 1])
 
 
 def test_an_output_is_taken_by_number_or_name():

@@ -8,6 +8,8 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from icmj.errors import DataError
 from icmj.series import reading
@@ -145,6 +147,27 @@ def test_pickles_are_not_unpacked(tmp_path):
     np.savez(tmp_path / "bad.npz", t=np.arange(2.0), a=np.array([{}, {}], dtype=object))
     with pytest.raises(DataError, match="not an npz file of plain arrays"):
         read_series(tmp_path / "bad.npz")
+
+
+WORDS = ["0", "1", "2.5", "-3e5", "nan", "inf", ",", ";", "\t", "\n", "\r", " ", "a", "[cm]", '"', "#", "1e999", "0,5"]
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    content=st.binary(max_size=200)
+    | st.lists(st.sampled_from(WORDS), max_size=60).map(lambda words: "".join(words).encode()),
+    kind=st.sampled_from([".csv", ".parquet", ".npz"]),
+)
+def test_whatever_is_in_a_file_it_is_a_series_or_one_line(tmp_path, content, kind):
+    path = tmp_path / f"mutant{kind}"
+    path.write_bytes(content)
+    said = "one line"
+    try:
+        found = read_series(path, rate=10.0)
+        assert found.values.shape == (len(found.t), len(found.names))
+    except DataError as error:
+        said = str(error)
+    assert len(said.splitlines()) == 1
 
 
 @pytest.mark.parametrize(

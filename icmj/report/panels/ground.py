@@ -13,36 +13,44 @@ from icmj.view.acting import acting
 from icmj.view.timeline import latter_part, with_resets
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM = 1e3
 SHOWN = 8  # intervals of a run under noise
 
 
-def _inputs(case: CaseRuns) -> list[int]:
+def acting_inputs(case: CaseRuns) -> list[int]:
+    """Inputs on which something else acts than the command."""
     return sorted({i for result in case.runs.values() for i in acting(result)})
 
 
 def _draw_acting(case: CaseRuns) -> Figure:
     """(g) Command and what acts, of every input where they differ; under noise the latter part."""
-    inputs, plant = _inputs(case), case.last.actual
+    inputs = acting_inputs(case)
     figure, stack = style.new_figure(style.TALL if len(inputs) > 1 else style.HEIGHT, len(inputs))
     for axes, i in zip(stack, inputs, strict=True):
-        result = next(r for r in reversed(case.runs.values()) if i in acting(r))
-        simulation, k = result.simulation, result.controller.design.k[i : i + 1]
-        t, command = with_resets(simulation, simulation.u[:, i : i + 1], -simulation.events.x_o @ k.T)
-        axes.plot(t, command, label="command $u$", **style.CONTINUOUS)
-        axes.plot(simulation.t, simulation.applied[:, i], label="what acts", **style.RUN[simulation.plant])
-        axes.margins(x=0)
-        if simulation.noisy:
-            axes.set_xlim(*latter_part(simulation, SHOWN))
-        unit = plant.input_units[i] if plant.input_units else ""
-        name = plant.inputs[i] if len(inputs) > 1 else "$u$"
-        axes.set_ylabel(f"{name} ({unit})" if unit else name)
-    stack[-1].set_xlabel("$t$ (s)")
+        draw_acting(axes, case, i)
+        axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])
     return figure
+
+
+def draw_acting(axes: Axes, case: CaseRuns, i: int) -> None:
+    """Command and what acts on one input; under noise the latter part."""
+    plant = case.last.actual
+    result = next(r for r in reversed(case.runs.values()) if i in acting(r))
+    simulation, k = result.simulation, result.controller.design.k[i : i + 1]
+    t, command = with_resets(simulation, simulation.u[:, i : i + 1], -simulation.events.x_o @ k.T)
+    axes.plot(t, command, label="command $u$", **style.CONTINUOUS)
+    axes.plot(simulation.t, simulation.applied[:, i], label="what acts", **style.RUN[simulation.plant])
+    axes.margins(x=0)
+    if simulation.noisy:
+        axes.set_xlim(*latter_part(simulation, SHOWN))
+    unit = plant.input_units[i] if plant.input_units else ""
+    name = plant.inputs[i] if len(acting_inputs(case)) > 1 else "$u$"
+    axes.set(xlabel="$t$ (s)", ylabel=f"{name} ({unit})" if unit else name)
 
 
 def _standing(case: CaseRuns) -> dict[str, tuple[Simulation, Pressure]]:
@@ -52,22 +60,31 @@ def _standing(case: CaseRuns) -> dict[str, tuple[Simulation, Pressure]]:
 
 def _draw_pressure(case: CaseRuns) -> Figure:
     """(h) Centre of pressure against time, its place at rest dotted."""
-    found = _standing(case)
-    names = sorted({axis for _, pressure in found.values() for axis in pressure.axes}) or ["x"]
+    names = pressed_axes(case) or ["x"]
     figure, stack = style.new_figure(style.TALL if len(names) > 1 else style.HEIGHT, len(names))
     for axes, name in zip(stack, names, strict=True):
-        i = "xy".index(name)
-        for plant, (run, pressure) in found.items():
-            t, centre = run.t, pressure.centre
-            if len(pressure.t_after):
-                t, centre = with_resets(run, centre, pressure.centre_after)
-            axes.plot(t, MM * centre[:, i], label=style.NAME[plant], **style.RUN[plant])
-        axes.axhline(MM * pressure.at_rest[i], label="at rest", **style.CRITICAL)
-        axes.margins(x=0)
-        axes.set_ylabel(f"centre of pressure, ${name}$ (mm)")
-    stack[-1].set_xlabel("$t$ (s)")
+        draw_pressure(axes, case, name)
+        axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     style.legend(figure, stack[0])
     return figure
+
+
+def pressed_axes(case: CaseRuns) -> list[str]:
+    """The axes, of x and y, along which the centre of pressure moves; none where nothing stands."""
+    return sorted({axis for _, pressure in _standing(case).values() for axis in pressure.axes})
+
+
+def draw_pressure(axes: Axes, case: CaseRuns, axis: str) -> None:
+    """Centre of pressure along one axis, x or y, against time, its place at rest dotted."""
+    i = "xy".index(axis)
+    for plant, (run, pressure) in _standing(case).items():
+        t, centre = run.t, pressure.centre
+        if len(pressure.t_after):
+            t, centre = with_resets(run, centre, pressure.centre_after)
+        axes.plot(t, MM * centre[:, i], label=style.NAME[plant], **style.RUN[plant])
+    axes.axhline(MM * pressure.at_rest[i], label="at rest", **style.CRITICAL)
+    axes.margins(x=0)
+    axes.set(xlabel="$t$ (s)", ylabel=f"centre of pressure, ${axis}$ (mm)")
 
 
 def _acting_caption(case: CaseRuns) -> str:
@@ -80,5 +97,5 @@ def _pressure_caption(case: CaseRuns) -> str:
     return f"Centre of pressure; {pressure.words[-1]}."
 
 
-ACTING = Panel("g", _draw_acting, _acting_caption, lambda case: bool(_inputs(case)))
+ACTING = Panel("g", _draw_acting, _acting_caption, lambda case: bool(acting_inputs(case)))
 PRESSURE = Panel("h", _draw_pressure, _pressure_caption, lambda case: bool(_standing(case)))
