@@ -177,6 +177,21 @@ class Person:
 
 
 @dataclass(frozen=True)
+class New:
+    """Write a commented run file for a model, with its own names in it, or a copy of a shipped case and its models.
+
+    Example: icmj new body.xml --out body.toml
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file, or the name of a shipped model or case."""
+    out: Path | None = None
+    """Run file to write; MODEL.toml in this folder by default. One that is there is never overwritten."""
+    keyframe: str | None = None
+    """Operating point; by default the first keyframe at which the model rests."""
+
+
+@dataclass(frozen=True)
 class Sweep:
     """Compute a case at very many points into a folder of Parquet files; one that was ended goes on where it was.
 
@@ -205,6 +220,7 @@ Command = (
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]
     | Annotated[Person, tyro.conf.subcommand("person")]
+    | Annotated[New, tyro.conf.subcommand("new")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Measure, tyro.conf.subcommand("measure")]

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from icmj.cli import arguments, series_commands
+from icmj.cli import arguments, series_commands, starting
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
@@ -32,6 +32,7 @@ def execute(command: object) -> None:
     raise TypeError(f"no command {type(command).__name__}")
 
 
+execute.register(starting.new)
 execute.register(series_commands.export)
 execute.register(series_commands.measure)
 

@@ -18,24 +18,26 @@ def _table(data: Mapping[str, Any], at: tuple[str, ...]) -> Iterator[str]:
         if isinstance(value, Mapping) or (isinstance(value, list) and value and isinstance(value[0], Mapping)):
             below[key] = value
         elif value is not None:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{key_text(key)} = {value_text(value)}"
     for key, value in below.items():
-        name = ".".join(map(_key, (*at, key)))
+        name = ".".join(map(key_text, (*at, key)))
         for entry in value if isinstance(value, list) else [value]:
             yield f"\n[[{name}]]" if isinstance(value, list) else f"\n[{name}]"
             yield from _table(entry, (*at, key))
 
 
-def _key(key: str) -> str:
-    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _value(key)
+def key_text(key: str) -> str:
+    """A key as TOML writes it."""
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else value_text(key)
 
 
-def _value(value: Any) -> str:
+def value_text(value: Any) -> str:
+    """A value as TOML writes it, on one line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         # JSON's escapes are TOML's, but for one that TOML wants and JSON does not
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(value_text, value))}]"
     return repr(value)

@@ -8,7 +8,7 @@ import pytest
 
 from icmj.cli.main import main
 
-COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep", "continue")
+COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep", "continue", "new")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

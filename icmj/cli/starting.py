@@ -1,0 +1,95 @@
+"""``icmj new``: a run file to begin with, of a model, or of a shipped case."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from icmj.base.text import one_line
+from icmj.cli.arguments import New
+from icmj.cli.working import Working
+from icmj.errors import RunFileError
+
+if TYPE_CHECKING:
+    from icmj.case.drafting import Drafted
+
+ERR = Console(stderr=True)
+
+
+def new(command: New) -> None:
+    """Write the run file, and say what is in it and what may be done with it."""
+    from icmj.runfile.shipped import RUNS, model_file
+
+    given = command.model
+    shipped = RUNS.meant(given)
+    if shipped != given:
+        files = _copy(shipped, command.out or Path(f"{given.name}.toml"))
+        print(f"run file  {files[0]}\nmodel     {', '.join(map(str, files[1:]))}\nnext      icmj analyse {files[0]}")
+        return
+    model = model_file(given)
+    out = command.out or Path(f"{model.stem}.toml")
+    _free(out)
+
+    from icmj.base.files import write_text
+    from icmj.case.drafting import draft_run
+
+    with Working(f"looking at {model.name}", ERR):
+        draft = draft_run(model, out, command.keyframe)
+    write_text(out, draft.text)
+    print(f"run file  {out}")
+    for line in _found(draft):
+        print(line)
+    print(f"next      icmj analyse {out}")
+
+
+def _found(draft: Drafted) -> list[str]:
+    """What was chosen, and what is predicted of it."""
+    if draft.case is None:
+        return [f"note: as it stands it does not run: {one_line(draft.trouble)}"]
+    case = draft.case
+    plant, prediction = case.actual.linearisation.plant, case.prediction
+    table = case.run.assumed
+    where = f"keyframe {table.keyframe}" if table.keyframe else "its reference configuration"
+    how = {"static control": ", held there by its controls", "balance": ", moved to where it balances"}
+    lines = [
+        f"at        {where}{how.get(table.operating_point or '', '')}",
+        f"inputs    {', '.join(plant.inputs)}",
+        f"outputs   {', '.join(plant.outputs)}",
+    ]
+    if prediction.delta_crit is not None and prediction.cycle:
+        lines.append(f"predicted a limit cycle, Δ_crit = {prediction.delta_crit:.4g} s, {prediction.verdict}")
+    else:
+        lines.append("predicted no limit cycle")
+    return lines + [f"note: {one_line(notice)}" for notice in case.notices]
+
+
+def _copy(shipped: Path, out: Path) -> list[Path]:
+    """The run file of a shipped case, and the models that it names, side by side."""
+    from icmj.base.files import write_text
+    from icmj.runfile.reading import load_run
+
+    run = load_run(shipped)
+    _free(out)
+    text = run.text.replace(f"runs/{shipped.name}", str(out))
+    models: dict[str, Path] = {}
+    for name in filter(None, (run.assumed.model, run.actual.model)):
+        models[name] = out.parent / Path(name).name
+        text = text.replace(f'"{name}"', f'"{Path(name).name}"')
+    for name, target in models.items():
+        source = shipped.parent / name
+        if target.exists() and target.read_bytes() != source.read_bytes():
+            raise RunFileError(f"{target}: is there already, and is another model; choose another folder with --out")
+    for name, target in models.items():
+        shutil.copyfile(shipped.parent / name, target)
+    write_text(out, text)
+    return [out, *models.values()]
+
+
+def _free(out: Path) -> None:
+    if out.exists():
+        raise RunFileError(f"{out}: is there already; choose another name with --out")
+    if not out.parent.is_dir():
+        raise RunFileError(f"{out}: no such folder; make it first")

@@ -1,0 +1,72 @@
+"""``icmj new``: a run file to begin with; what is there is not overwritten."""
+
+from pathlib import Path
+
+import pytest
+
+from icmj.cli.main import main
+from icmj.runfile.reading import load_run
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_model_gets_a_run_file_that_analyse_takes(capsys):
+    assert main(["new", "pendulum"]) == 0
+    shown = capsys.readouterr().out
+    assert "run file  pendulum.toml" in shown
+    assert "inputs    torque" in shown
+    assert "Δ_crit = " in shown
+    assert main(["analyse", "pendulum.toml"]) == 0
+    assert "attracting" in capsys.readouterr().out
+    before = Path("pendulum.toml").read_bytes()
+    assert main(["new", "pendulum"]) == 2
+    assert capsys.readouterr().err == "icmj: pendulum.toml: is there already; choose another name with --out\n"
+    assert Path("pendulum.toml").read_bytes() == before
+    assert main(["new", "pendulum", "--out", "another.toml"]) == 0
+    assert load_run("another.toml").case.name == "pendulum"
+
+
+def test_a_shipped_case_comes_with_its_models(capsys, root):
+    assert main(["new", "neglected-0.1", "--out", "mine.toml"]) == 0
+    assert {path.name for path in Path().iterdir()} == {"mine.toml", "pendulum.xml", "pendulum_neglected.xml"}
+    run, shipped = load_run("mine.toml"), load_run("neglected-0.1")
+    assert run.assumed_path.parent == Path()
+    assert run.fingerprint == shipped.fingerprint
+    assert run.case.paper == shipped.case.paper
+    capsys.readouterr()
+    Path("three_link.xml").write_text("<mujoco/>")
+    assert main(["new", "three-link-0.9"]) == 2
+    assert "three_link.xml: is there already, and is another model" in capsys.readouterr().err
+    assert not Path("three-link-0.9.toml").exists()
+    assert Path("three_link.xml").read_text() == "<mujoco/>"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
+        (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
+        (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
+        (["bad.xml"], "bad.xml: not a usable MJCF model"),
+    ],
+)
+def test_what_is_not_there_is_one_line_and_no_file(words, said, capsys, elsewhere):
+    (elsewhere / "bad.xml").write_text("<mujoco")
+    assert main(["new", *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.strip().splitlines()) == 1
+    assert [path.name for path in elsewhere.iterdir()] == ["bad.xml"]
+
+
+def test_what_is_in_the_way_is_a_note(capsys, elsewhere):
+    (elsewhere / "loose.xml").write_text(
+        '<mujoco><worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>'
+    )
+    assert main(["new", "loose.xml"]) == 0
+    assert "note: as it stands it does not run: model" in capsys.readouterr().out
+    assert (elsewhere / "loose.toml").exists()
