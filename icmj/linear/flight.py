@@ -63,11 +63,11 @@ class Stage:
                 if piece.kind != "end":
                     return
 
-    def outcome(self, piece: Piece, t: float) -> Outcome:
-        """What it means that a flight ended at ``t`` with this piece, which is no event; not for the duration's end."""
-        if piece.kind == "fell":
+    def outcome(self, kind: str, z: Array, t: float) -> Outcome:
+        """What it means that a flight ended at ``t`` in ``z`` because it ``fell`` or ``diverged``."""
+        if kind == "fell":
             positions = self.loop.positions
-            state = positions[np.argmax(np.abs(piece.z[positions]))]
+            state = positions[np.argmax(np.abs(z[positions]))]
             return ending.fell(t, self.loop.plant.states[state], self.limit)
         return ending.diverged(t, f"a state exceeded {DIVERGED:g}")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from icmj.base.array import Array
@@ -68,24 +70,60 @@ class History:
         if abs(self._next * self.interval - self.t) <= _SAME:
             self._next += 1
 
-    def simulation(self, outcome: Outcome, noisy: bool) -> Simulation:
-        """Everything collected, as data."""
-        loop = self.loop
+    def collected(self) -> Collected:
+        """Everything collected, with a last row where the run is now."""
         self._record_now()
         t = np.concatenate([times for times, _ in self._recorded])
         Z = np.vstack([states for _, states in self._recorded])
-        step, degree = self._grid
+        n_y, columns = self.loop.plant.n_y, zip(*self._events, strict=True)
+        times, states, high, low = (np.array(values) for values in columns) if self._events else [np.zeros(0)] * 4
+        return Collected(
+            t, Z, times, states.reshape(-1, len(self.z)), high.reshape(-1, n_y), low.reshape(-1, n_y), self._grid
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Collected:
+    """What a run yields, in z = (x, d, e).
+
+    Attributes:
+        t, Z: rows, shapes (N,) and (N, m).
+        event_t, event_Z: events and z just before their resets, shapes (K,) and (K, m).
+        y_max, y_min: extremes of the outputs over the intervals that they end, shape (K, n_y).
+        grid: step [s] and degree of its series.
+    """
+
+    t: Array
+    Z: Array
+    event_t: Array
+    event_Z: Array
+    y_max: Array
+    y_min: Array
+    grid: tuple[float, int]
+
+    def simulation(self, loop: LinearLoop, outcome: Outcome, noisy: bool) -> Simulation:
+        """As data that no longer know of z."""
+        Z, (step, degree) = self.Z, self.grid
+        x, x_o = loop.x(Z), loop.x_o(Z)
+        x_h = x_o + loop.e(Z)
         return Simulation(
             plant="linear",
             control=loop.controller.trigger.kind,
-            t=t,
-            x=loop.x(Z),
-            y=loop.x(Z) @ loop.plant.C.T,
-            u=-loop.x_h(Z) @ loop.controller.design.k.T,
-            x_o=loop.x_o(Z),
-            x_h=loop.x_h(Z),
+            t=self.t,
+            x=x,
+            y=x @ loop.plant.C.T,
+            u=-x_h @ loop.controller.design.k.T,
+            x_o=x_o,
+            x_h=x_h,
             E=loop.faces.E(loop.e(Z)),
-            events=self._event_data(),
+            events=Events(
+                t=self.event_t,
+                x=loop.x(self.event_Z),
+                x_o=loop.x_o(self.event_Z),
+                x_h=loop.x_h(self.event_Z),
+                y_max=self.y_max,
+                y_min=self.y_min,
+            ),
             outcome=outcome,
             precision={
                 "integrator": "matrix exponential",
@@ -98,17 +136,4 @@ class History:
             least=loop.controller.least,
             noisy=noisy,
             labels=labels_of(loop.plant, loop.controller.design.plant),
-        )
-
-    def _event_data(self) -> Events:
-        loop = self.loop
-        Z = np.array([event[1] for event in self._events]).reshape(-1, len(self.z))
-        n_y = loop.plant.n_y
-        return Events(
-            t=np.array([event[0] for event in self._events], dtype=float),
-            x=loop.x(Z),
-            x_o=loop.x_o(Z),
-            x_h=loop.x_h(Z),
-            y_max=np.array([event[2] for event in self._events]).reshape(-1, n_y),
-            y_min=np.array([event[3] for event in self._events]).reshape(-1, n_y),
         )

@@ -6,6 +6,8 @@ hundreds. They only turn, so nothing is ever multiplied by a matrix of their num
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from icmj.base.array import Array
@@ -14,6 +16,20 @@ from icmj.base.bernstein import from_powers
 _STEP_NORM = 2.0  # ‖M h‖ of one step: the terms of its series stay below 2, so nothing cancels
 _LONGEST_SERIES = 48
 _BLOCK = 64  # steps advanced by one matrix product
+
+
+def exponential(M: Array) -> Array:
+    """e^M, balanced first: where states differ by orders of magnitude, SciPy alone loses two digits.
+
+    What does not act on a state, by no way through others, keeps an exact zero: round-off of x must not leak into d.
+    """
+    from scipy.linalg import expm, matrix_balance
+
+    balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
+    acts = np.eye(len(M), dtype=bool) | (M != 0)
+    for _ in range(len(M).bit_length()):
+        acts = acts @ acts
+    return np.where(acts, expm(balanced) * (scale[:, None] / scale), 0.0)
 
 
 class Propagator:
@@ -39,7 +55,7 @@ class Propagator:
             longest: longest step [s].
             drive, omega: W, shape (n, K), and ω [rad/s], shape (K,); no oscillators if ``None``.
         """
-        from scipy.linalg import expm, matrix_balance
+        from scipy.linalg import matrix_balance
 
         self.M = np.asarray(M, dtype=float)
         self._n = n = len(self.M)
@@ -63,16 +79,21 @@ class Propagator:
             total += np.abs(series[-1])
         self.degree, self.block = len(series) - 1, _BLOCK
         self._series = np.array(series)
-        first = np.hstack([expm(self._generator), self._series[:, :, n:].sum(axis=0)])
+        steps = np.arange(_BLOCK + 1)[:, None] * self._angle
+        self._cos, self._sin = np.cos(steps), np.sin(steps)
+
+    @cached_property
+    def _powers(self) -> Array:
+        """The whole state to z at the ends of a block's steps, one under the other."""
+        n = self._n
+        first = np.hstack([exponential(self._generator), self._series[:, :, n:].sum(axis=0)])
         powers = [np.eye(n, self.size), first]
         while len(powers) <= _BLOCK:
             last = first[:, :n] @ powers[-1]
             if len(self._omega):
                 last[:, n:] += self._turned(first[:, n:], len(powers) - 1)
             powers.append(last)
-        self._powers = np.array(powers).reshape(-1, self.size)
-        steps = np.arange(_BLOCK + 1)[:, None] * self._angle
-        self._cos, self._sin = np.cos(steps), np.sin(steps)
+        return np.array(powers).reshape(-1, self.size)
 
     def states(self, z: Array, steps: int = _BLOCK) -> Array:
         """The state at the ends of so many steps from ``z``, itself first; shape (steps + 1, m)."""

@@ -13,9 +13,11 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
+from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of
+from icmj.linear.passage import Passage, suits
 from icmj.linear.flight import Stage, stage
-from icmj.linear.history import History
+from icmj.linear.history import Collected, History
 from icmj.linear.queue import Queue
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
@@ -57,13 +59,23 @@ def simulate(
     prepared = stage(plant, controller, settings)
     known = layout_of(controller).split(a)
     start = prepared.loop.state(x, known["x_o"], known["x_h"])
-    history = History(prepared.loop, settings.record_interval, start)
+    if settings.native and suits(prepared):
+        collected, outcome = Passage(prepared, settings.record_interval).run(start, progress)
+    else:
+        collected, outcome = _piece_by_piece(prepared, settings.record_interval, start, progress)
+    run = collected.simulation(prepared.loop, outcome, settings.noisy)
+    return replace(run, applied=run.u + prepared.disturbance(run.t)) if len(prepared.disturbance) else run
+
+
+def _piece_by_piece(
+    prepared: Stage, interval: float, start: Array, progress: Callable[[float], None] | None
+) -> tuple[Collected, Outcome]:
+    history = History(prepared.loop, interval, start)
     try:
         outcome = _run(prepared, history, progress)
     except KeyboardInterrupt:
         outcome = ending.interrupted(history.t, prepared.duration)
-    run = history.simulation(outcome, settings.noisy)
-    return replace(run, applied=run.u + prepared.disturbance(run.t)) if len(prepared.disturbance) else run
+    return history.collected(), outcome
 
 
 def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:
@@ -77,7 +89,7 @@ def _run(prepared: Stage, history: History, progress: Callable[[float], None] | 
             if progress is not None:
                 progress(t / duration)
         if piece.kind in ("fell", "diverged"):
-            return prepared.outcome(piece, t)
+            return prepared.outcome(piece.kind, piece.z, t)
         if piece.kind == "event":
             history.event()
             if (took := pace.stalled(t)) is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -51,6 +52,12 @@ class Watch:
 
     A curve R_j e(θ) stays within the largest norm of its control points, so a step whose control points are all
     inside every face of the event rule holds no event; only the others are looked at more closely.
+
+    Attributes:
+        propagator: of the motion.
+        faces: of the event rule.
+        rows: what is watched, one row each: components of the hold error in the faces, positions over their limit,
+            outputs; shape (r, m).
     """
 
     def __init__(self, loop: LinearLoop, propagator: Propagator, limit: float) -> None:
@@ -62,10 +69,16 @@ class Watch:
         rows[r + np.arange(len(positions)), positions] = 1 / limit
         rows[r + len(positions) :, loop.layout["x"]] = loop.plant.C
         self._error, self._position, self._output = np.split(np.arange(len(rows)), [r, r + len(positions)])
-        self._rows = rows
-        self._powers = propagator.powers_of(rows)
-        self._controls = propagator.controls_of(rows).reshape(-1, size)
+        self.rows = rows
         self._shape = (propagator.degree + 1, len(rows))
+
+    @cached_property
+    def _powers(self) -> Array:
+        return self.propagator.powers_of(self.rows)
+
+    @cached_property
+    def _controls(self) -> Array:
+        return self.propagator.controls_of(self.rows).reshape(-1, self.propagator.size)
 
     def advance(self, z: Array, length: float, armed: bool) -> Piece:
         """The motion from ``z`` for ``length`` seconds or one block, whichever is shorter, or until something ends it.
@@ -126,7 +139,7 @@ class Watch:
         return kind, first
 
     def _extremes(self, Z: Array, end: Array, controls: Array, theta: float) -> tuple[Array, Array]:
-        rows = self._rows[self._output]
+        rows = self.rows[self._output]
         ends = np.vstack([Z @ rows.T, rows @ end])
         extremes = []
         for sign in (1, -1):

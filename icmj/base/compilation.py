@@ -1,0 +1,57 @@
+"""How this package compiles: with numba, without the GIL, kept on disk so that the next process starts without it.
+
+numba compiles anew when the source file changes that a function stands in, or its closure variables do, but not when a
+function does that it calls. So only entry points are kept, and each holds :func:`contents` of the folder of all that it
+calls as a closure variable.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+def contents(folder: Path, *more: str) -> int:
+    """A number that changes with any Python file in a folder and those beneath it, and with ``more``."""
+    content = b"\0".join([*(file.read_bytes() for file in sorted(folder.rglob("*.py"))), *map(str.encode, more)])
+    return int.from_bytes(hashlib.sha256(content).digest()[:6])
+
+
+def kept(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
+    """``make`` with these options, kept on disk where numba finds a folder that it may write to."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        try:
+            return make(cache=True, **options)(function)
+        except RuntimeError:  # no folder for the cache: compile in every process
+            return make(**options)(function)
+
+    return decorate
+
+
+def entry(function: Callable[..., Any]) -> Any:
+    """``numba.njit`` without the GIL, kept on disk; the function must use a closure variable that is the contents."""
+    return kept(numba.njit, {"nogil": True, "error_model": "numpy"})(function)
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """A function that entry points call."""
+    return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+def summing(function: Callable[..., Any]) -> Any:
+    """:func:`compiled`, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
+    return numba.njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """:func:`compiled` into its callers: a call would copy all arguments, which here are many.
+
+    Sums may be reassociated, so that they vectorise; the order is fixed at compile time all the same.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True}
+    return numba.njit(fastmath={"reassoc", "contract"}, **options)(function)

@@ -1,0 +1,122 @@
+"""What ends a step, and how far the outputs go on it, in compiled code; :mod:`icmj.linear.watch` in Python."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.base.compilation import compiled
+from icmj.linear.native.motion import times
+from icmj.linear.native.polynomial import first_root, largest, to_bernstein
+
+_LARGE, _TINY, _NORMAL = 1e8, 1e-290, 2.3e-308
+NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
+
+
+@compiled
+def first_end(flow, cuts, r, n_pos, z, armed, falls, work):  # type: ignore[no-untyped-def]
+    """(kind, θ) of the first end on the step from ``z``: by the bounds of the whole series, then by roots."""
+    curves, level, stack, spans = work.curves, work.level, work.stack, work.spans
+    A, F, F2 = flow.A, flow.F, flow.F2
+    degree = A.shape[1] - 1
+    kind, first = NOTHING, np.inf
+    if falls:
+        for row in range(r, r + n_pos):
+            times(A[row], z, curves[row])
+            for sign in (1.0, -1.0):
+                for j in range(degree + 1):
+                    level[j] = sign * curves[row, j]
+                level[0] -= 1
+                theta = first_root(level, degree, F, stack, spans)
+                if theta <= 1 and theta < first:
+                    kind, first = FALL, theta
+    if armed:
+        for face in range(len(cuts) - 1):
+            for i in range(degree + 1):
+                level[i] = 0
+            for row in range(cuts[face], cuts[face + 1]):
+                times(A[row], z, curves[row])
+                to_bernstein(curves[row], degree, F, stack[0])
+                for i in range(degree + 1):
+                    level[i] += stack[0, i] ** 2
+            most = 0.0
+            for i in range(degree + 1):
+                most = max(most, level[i])
+            if most < 1 - 1e-12:
+                continue
+            for i in range(2 * degree + 1):
+                level[i] = 0
+            for row in range(cuts[face], cuts[face + 1]):
+                for i in range(degree + 1):
+                    for j in range(degree + 1):
+                        level[i + j] += curves[row, i] * curves[row, j]
+            level[0] -= 1
+            theta = first_root(level, 2 * degree, F2, stack, spans)
+            if theta <= 1 and theta < first:
+                kind, first = EVENT, theta
+    return kind, first
+
+
+@compiled
+def extremes(flow, row, z, theta, high, low, k, work):  # type: ignore[no-untyped-def]
+    """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [0, theta] of the step from ``z``."""
+    curve, stack, spans = work.curves[row], work.stack, work.spans
+    degree = len(curve) - 1
+    times(flow.A[row], z, curve)
+    to_bernstein(curve, degree, flow.F, stack[0])
+    most, least = stack[0, 0], stack[0, 0]
+    for i in range(1, degree + 1):
+        most, least = max(most, stack[0, i]), min(least, stack[0, i])
+    if most > high[k]:
+        high[k] = largest(curve, degree, 1.0, theta, high[k], flow.F, stack, spans)
+    if least < low[k]:
+        low[k] = -largest(curve, degree, -1.0, theta, -low[k], flow.F, stack, spans)
+
+
+@compiled
+def doubtful(flow, cuts, r, coarse, z, out, sizes, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
+    """What the short polynomials cannot exclude on the span from ``z``, of which ``out`` is W z.
+
+    Returns:
+        whether it grows large; whether an event, a fall, an extreme of any output are to be looked for.
+    """
+    m, n_y = len(z), len(high)
+    biggest = 0.0
+    for k in range(m):
+        sizes[k] = abs(z[k])
+        if sizes[k] < _NORMAL:  # rounding would keep the smallest subnormal alive for ever
+            z[k] = 0
+        biggest = max(biggest, sizes[k])
+    if biggest < _TINY:  # zero for every purpose; subnormal numbers would only be slow
+        for k in range(m):
+            z[k] = out[k] = 0
+    times(flow.V, sizes, tails)
+    for k in range(m):
+        biggest = max(biggest, abs(out[k]))
+    wild = not biggest < _LARGE
+    watched, falls, turns = armed and wild, wild, wild
+    if armed:
+        for face in range(len(cuts) - 1):
+            most, tail = 0.0, 0.0
+            for row in range(cuts[face], cuts[face + 1]):
+                tail += tails[row] ** 2
+            for k in range(coarse + 1):
+                square = 0.0
+                for row in range(cuts[face], cuts[face + 1]):
+                    square += out[m + row * (coarse + 1) + k] ** 2
+                most = max(most, square)
+            if not np.sqrt(most) + np.sqrt(tail) < 1 - 1e-12:
+                watched = True
+    at = m + r * (coarse + 1)
+    for k in range(n_y):
+        high[k], low[k] = max(high[k], out[at]), min(low[k], out[at])
+        rise, fall = np.inf, -np.inf
+        for j in range(coarse):
+            change = out[at + j + 1] - out[at + j]
+            rise, fall = min(rise, change), max(fall, change)
+        turning[k] = wild or not (coarse * rise - tails[r + k] >= 0 or coarse * fall + tails[r + k] <= 0)
+        turns = turns or turning[k]
+        at += coarse + 1
+    for k in range(len(out) - at):
+        if not abs(out[at + k]) + tails[r + n_y + k] < 1 - 1e-12:
+            falls = True
+    return wild, watched, falls, turns
