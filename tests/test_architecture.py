@@ -22,7 +22,9 @@ FLOORS = (
     ("cli",),
 )
 LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}
-ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": "engine/native", "tyro": "cli", "pydantic": "runfile"}
+# what is compiled: the loop on the engine, the exact simulation of the linear plant, and how both are
+ROOMS = ("engine/native", "linear/native", "base/compilation")
+ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": ROOMS, "tyro": "cli", "pydantic": "runfile"}
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
-from icmj.linear.passage import Passage, suits
 from icmj.linear.flight import Stage, stage
 from icmj.linear.native.state import Status
+from icmj.linear.passage import Passage, suits
 from icmj.linear.queue import Queue
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of
-from icmj.linear.passage import Passage, suits
 from icmj.linear.flight import Stage, stage
 from icmj.linear.history import Collected, History
+from icmj.linear.passage import Passage, suits
 from icmj.linear.queue import Queue
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending

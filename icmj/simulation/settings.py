@@ -113,7 +113,7 @@ class Settings:
         record_interval: between two recorded rows [s]; events are always recorded.
         limit: the run has *fallen* when any position of the plant departs further than this [rad or m].
         disturbance: what acts on the plant's inputs beside the controller, or on outputs as the observer reads them.
-        native: whether the engine runs compiled code, or the plain-Python loop that it is tested against.
+        native: whether compiled code runs, or the plain-Python loop that it is tested against.
 
     Raises:
         SimulationError: on construction, if a number is out of range, or there would be too many rows to keep.

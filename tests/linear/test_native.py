@@ -11,10 +11,10 @@ from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous
-from icmj.linear.passage import suits
 from icmj.linear.flight import stage
 from icmj.linear.native.polynomial import DEEPEST, first_root, largest
 from icmj.linear.open_loop import open_loop
+from icmj.linear.passage import suits
 from icmj.linear.run import simulate
 from icmj.simulation.settings import Step
 
