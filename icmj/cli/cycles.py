@@ -45,9 +45,12 @@ def cycle(command: arguments.Cycle) -> None:
 @execute.register
 def continue_(command: arguments.Continue) -> None:
     """Follow a branch, and what branches off; store and list them."""
+    from icmj.base.files import write_bytes
     from icmj.cycle.follow import BRANCHING, branch_off, follow
     from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
+    from icmj.report import style
+    from icmj.report.branch import branch_figure
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.study.study import open_folder
@@ -70,17 +73,29 @@ def continue_(command: arguments.Continue) -> None:
                     found.append(branch_off(found[0], special, points=command.points))
                 except CycleError as error:
                     off.append(str(error))
+        beneath = []
+        if command.plant == "mujoco" and found[0].plant == "mujoco":
+            try:
+                beneath = [walked("linear", f"{name}, linear")]
+            except CycleError as error:
+                off.append(f"no linear prediction beneath: {error}")
         open_folder(command.out)
         files = []
         for i, branch in enumerate(found):
             files.append(command.out / f"{name}{f'.{i}' if i else ''}.{command.plant}.parquet")
             write_branch(branch, files[-1])
+        working.tell("drawing", 0.99)
+        with style.applied():
+            figure = branch_figure(found, beneath)
+            for kind in ("pdf", "svg"):
+                files.append(command.out / f"{name}.{command.plant}.{kind}")
+                write_bytes(files[-1], style.save(figure, kind))
     for branch in found:
         _show_branch(branch)
     for words in off:
         OUT.print(f"note: {escape(words)}", highlight=False, style="yellow")
     for file in files:
-        OUT.print(f"branch   {escape(str(file))}", highlight=False)
+        OUT.print(f"{'branch' if file.suffix == '.parquet' else 'figure'}   {escape(str(file))}", highlight=False)
 
 
 def _show_branch(branch: Branch) -> None:

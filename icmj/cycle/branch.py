@@ -33,6 +33,7 @@ class SpecialPoint:
         index: of the branch's point before it.
         state: z at an event there, shape (N,); of ``homoclinic`` and ``grazing`` at the last cycle before it.
         intervals: there [s], shape (p,).
+        y_peak: largest magnitude of every output over the period, shape (n_y,).
         multiplier: the one that crosses the circle; NaN where none does.
         words: one sentence for people.
     """
@@ -42,6 +43,7 @@ class SpecialPoint:
     index: int
     state: Array
     intervals: Array
+    y_peak: Array
     multiplier: complex
     words: str
 

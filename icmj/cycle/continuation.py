@@ -8,6 +8,7 @@ changes (:mod:`icmj.cycle.crossing`); how a branch ends is :mod:`icmj.cycle.endi
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -15,10 +16,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import SpecialPoint
-from icmj.cycle.corrector import Missed, correct
+from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, kappas, locate, value_of
 from icmj.cycle.curve import Curve
-from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed
+from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
 from icmj.cycle.point import Point, point
 
 _DEGREE = 3  # of the predicting polynomial
@@ -26,6 +27,8 @@ _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves
 _JUMP = 0.3  # relative change of an interval that no step of a smooth branch makes
 _ACROSS = 0.35  # below this part of the parameter in the tangent, a step is measured along the curve
 _AHEAD = 0.8  # least cosine of the angle between two steps
+_ROUNDING = 1e-14  # relative, of a flight's end, before the map magnifies it
+_AGAIN = 1.15  # growth of an interval after which it is asked anew whether it is without bound
 _LEAST = 1e-9  # step
 _MOST = 600  # points
 
@@ -74,7 +77,10 @@ def walk(
             progress(float(np.clip(walker.points[-1].sigma, 0, 1)))
     end = walker.ending or Ending(None, f"stopped after {_MOST} points")
     specials = [*walker.specials, *([end.special] if end.special else [])]
-    return Walk(tuple(walker.points), tuple(specials), end.words, curve.flights)
+    # of those that close in on an end, the last is enough
+    kept = [i for i in range(len(walker.points)) if i not in walker.near or i == len(walker.points) - 1]
+    specials = [replace(s, index=max(bisect_right(kept, s.index) - 1, 0)) for s in specials]
+    return Walk(tuple(walker.points[i] for i in kept), tuple(specials), end.words, curve.flights)
 
 
 class _Walker:
@@ -85,7 +91,8 @@ class _Walker:
         self.longest = 1.0 / points
         self.s = [0.0]  # length along the curve
         self.ds = self.longest
-        self.closing = False
+        self.closing, self.asked = False, 0.0
+        self.near: set[int] = set()  # points taken while closing in on an end
         self.tangent = np.zeros_like(first.u)
 
     def begin(self, tangent: Array | None) -> None:
@@ -123,9 +130,11 @@ class _Walker:
             u[-1] = edge
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
-        found = correct(curve, u, last.D, row)
+        found = correct(curve, u, last.D, row, self.closed(last))
         if isinstance(found, Missed) or self.jumped(found.turn.intervals, u):
-            self.closing = self.closing or not isinstance(found, Missed) or found.lost is not None
+            self.closing = (
+                self.closing or not isinstance(found, Missed) or found.lost is not None or touching(self.points)
+            )
             self.shorter(found if isinstance(found, Missed) else Missed(None, found.turn))
             return
         error = float(np.abs(found.u - u)[:-1].max()) / curve.weight
@@ -143,6 +152,11 @@ class _Walker:
             order = min(len(self.points), _DEGREE + 1)
             self.ds *= float(np.clip((_GOOD / max(error, 1e-9)) ** (1 / order), 0.4, 1.7))
             self.ds = min(self.ds, 4 * self.longest, self.longest / max(abs(self.tangent[-1]), 0.25))
+
+    @staticmethod
+    def closed(near: Point) -> float:
+        """Closure that is enough: a map that magnifies what it rounds cannot be asked for more."""
+        return max(CLOSED, _ROUNDING * float(np.abs(near.D).max()))
 
     def jumped(self, intervals: Array, u: Array) -> bool:
         """Whether another cycle was found, or events have changed places."""
@@ -165,15 +179,19 @@ class _Walker:
         new = replace(new, D=self.along(new))
         self.points.append(new)
         self.s.append(self.s[-1] + length)
-        if self.closing and len(self.points) > 2:
-            self.ds = min(self.ds, length)
+        if self.closing:
+            self.near.add(len(self.points) - 1)
         before, after = (kappas(p.multipliers, curve.sign, self.neutral) for p in (last, new))
         for test in crossed(before, after):
             special = self.crossing(test)
             if special is not None:
                 self.specials.append(special)
         self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
-        self.ending = passed(curve, self.points, self.between) or homoclinic(curve, self.points, self.settle)
+        self.ending = (
+            passed(curve, self.points, self.between)
+            or self.without_bound()
+            or worn_out(curve, self.points, self.closed(new))
+        )
 
     def along(self, new: Point) -> Array:
         """The derivative of the residual with its last column from the direction of the curve, where that shows it."""
@@ -196,8 +214,18 @@ class _Walker:
         u = _interpolate(s, us, at)
         row = self.curve.normal((us[-1] - us[-2]) / (s[-1] - s[-2]))
         nearest = self.points[-1] if part > 0.5 else self.points[-2]
-        found = correct(self.curve, u, nearest.D, row)
+        found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
         return None if isinstance(found, Missed) else point(self.curve, found)
+
+    def without_bound(self) -> Ending | None:
+        """Whether the interval is on its way to infinity; asked again only once it has grown further."""
+        longest = float(self.points[-1].intervals.max())
+        if longest < _AGAIN * self.asked:
+            return None
+        self.asked = longest
+        found = homoclinic(self.curve, self.points, self.settle)
+        del self.s[len(self.points) :]
+        return found
 
     def settle(self, value: float, closed: float) -> Point | None:
         """The point at a value of the parameter, with the last as first guess."""
@@ -258,7 +286,16 @@ def described(curve: Curve, test: Test, kappa: complex, at: Point, index: int, t
         angle = abs(np.degrees(np.angle(kappa)))
         kind = "Neimark–Sacker"
         words = f"A pair of multipliers at ±{angle:.4g}° crosses the unit circle {where}: quasi-periodic sway near by."
-    return SpecialPoint(kind, value, index, at.states[0], at.intervals, curve.sign * kappa, words)  # type: ignore[arg-type]
+    return SpecialPoint(
+        kind,  # type: ignore[arg-type]
+        value,
+        index,
+        at.states[0],
+        at.intervals,
+        at.y_peak,
+        curve.sign * kappa,
+        words,
+    )
 
 
 def _interpolate(s: Array, values: Array, at: float) -> Array:

@@ -17,6 +17,9 @@ CLOSE = 1e-6  # of the parameter, to which special points are located
 _NEAR = 0.02  # an inner maximum of E this close to zero, relative to the threshold squared, is about to cut in
 _GROWN = 2.5  # times the shortest so far: from here on an interval is suspected of growing without bound
 _SHRINK = 5.0  # by which the distance to a homoclinic point falls in a step
+_APART = 0.03  # relative, of the intervals of points that a homoclinic one is estimated from
+_WORN = 5e-10  # a closure that cannot be undercut any more
+_AGREE = 0.02  # relative, of two successive estimates of μ
 _LOOSE = 1e-7  # closure there: rounding grows with the interval as the plant's fastest mode does
 
 
@@ -45,7 +48,7 @@ def missed(curve: Curve, points: Sequence[Point], why: Missed) -> Ending:
             "is no such cycle."
         )
         return _ends(points, "grazing", words)
-    if last.slope < _falling(points):
+    if touching(points):
         words = f"The event is itself a touch of the threshold at {where}: beyond it the event does not come."
         return _ends(points, "grazing", words)
     if why.lost is not None:
@@ -53,9 +56,10 @@ def missed(curve: Curve, points: Sequence[Point], why: Missed) -> Ending:
     return _ends(points, "end", f"No cycle was found beyond {where}.")
 
 
-def _falling(points: Sequence[Point]) -> float:
-    """What the slope at the event must be below to be called a touch."""
-    return 0.05 * float(np.median([p.slope for p in points]))
+def touching(points: Sequence[Point]) -> bool:
+    """Whether the event function hardly rises at an event any more."""
+    slopes = [p.slope for p in points]
+    return slopes[-1] < 0.05 * float(np.median(slopes))
 
 
 def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Point | None]) -> Ending | None:
@@ -72,10 +76,7 @@ def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Poi
     at = locate(left, right, f, between, CLOSE) or right
     name = curve.family.parameter.name
     words = f"An interval falls to the least one, {least:g} s, at {name} = {at.value:.8g}: the rule no longer decides."
-    special = SpecialPoint(
-        "least interval", at.value, len(points) - 2, at.states[0], at.intervals, complex("nan"), words
-    )
-    return Ending(special, words)
+    return _ends(points, "least interval", words, at, len(points) - 2)
 
 
 def _beyond(curve: Curve, at: Point) -> float:
@@ -94,39 +95,66 @@ def homoclinic(curve: Curve, points: list[Point], settle: Callable[[float, float
     guess = _limit(points)
     if guess is None:
         return None
-    kept = len(points)
+    kept, estimates = len(points), [guess]
     for _ in range(25):
-        before = guess
         curve.patient(float(points[-1].intervals.max()))
-        value = before[0] - (before[0] - points[-1].value) / _SHRINK
+        value = guess[0] - (guess[0] - points[-1].value) / _SHRINK
         if settle(value, _LOOSE) is None or points[-1].intervals.max() <= points[-2].intervals.max():
             break
         guess = _limit(points)
         if guess is None:
             break
-        if abs(guess[0] - before[0]) < 0.1 * CLOSE and abs(guess[0] - points[-1].value) < 1e3 * CLOSE:
+        estimates.append(guess)
+        if _agree(estimates, 0.1 * CLOSE):
             break
-    guess = guess or before
-    if len(points) < kept + 2 or abs(guess[0] - before[0]) > CLOSE:
+    if not _agree(estimates, CLOSE):
         del points[kept:]
         return None
-    limit, mu = guess
+    limit, mu = estimates[-1]
     name = curve.family.parameter.name
     words = (
         f"The interval grows without bound towards {name}* = {limit:.8g}, as −ln|{name} − {name}*|/({mu:.4g} rad/s): "
         "a homoclinic orbit, beyond which there is no such cycle."
     )
-    special = SpecialPoint(
-        "homoclinic", limit, len(points) - 1, points[-1].states[0], points[-1].intervals, complex("nan"), words
+    return _ends(points, "homoclinic", words, value=limit)
+
+
+def _agree(estimates: Sequence[tuple[float, float]], close: float) -> bool:
+    """Whether the last two estimates of (λ*, μ) are the same."""
+    if len(estimates) < 2:
+        return False
+    (before, mu_before), (after, mu_after) = estimates[-2:]
+    return abs(after - before) < close and abs(mu_after / mu_before - 1) < _AGREE
+
+
+def worn_out(curve: Curve, points: Sequence[Point], closed: float) -> Ending | None:
+    """The end of a branch on which intervals have grown until the map magnifies rounding too much to go on."""
+    longest = np.array([p.intervals.max() for p in points])
+    if closed < _WORN or len(points) < 5 or touching(points) or longest[-1] < _GROWN * longest.min():
+        return None
+    last, name = points[-1], curve.family.parameter.name
+    guess = _limit(points) if longest[-1] > longest[-4] else None
+    towards = "" if guess is None else f", growing without bound towards about {name} = {guess[0]:.6g}"
+    words = (
+        f"At {name} = {last.value:.8g} an interval has grown to {longest[-1]:.4g} s{towards}; over so long a "
+        "time the plant magnifies rounding too much to follow it further."
     )
-    return Ending(special, words)
+    return _ends(points, "end" if guess is None else "homoclinic", words, value=None if guess is None else guess[0])
 
 
 def _limit(points: Sequence[Point]) -> tuple[float, float] | None:
-    """λ* and μ of Δ = c − ln|λ − λ*|/μ through the last three points; ``None`` if there are none ahead."""
+    """λ* and μ of Δ = c − ln|λ − λ*|/μ through three points that are well apart; ``None`` if there is none ahead."""
     from scipy.optimize import brentq
 
-    x, y = np.array([p.value for p in points[-3:]]), np.array([p.intervals.max() for p in points[-3:]])
+    chosen = [points[-1]]
+    for p in reversed(points[:-1]):
+        if p.intervals.max() < (1 - _APART) * chosen[0].intervals.max():
+            chosen.insert(0, p)
+        if len(chosen) == 3:
+            break
+    if len(chosen) < 3:
+        return None
+    x, y = np.array([p.value for p in chosen]), np.array([p.intervals.max() for p in chosen])
     ratio = (y[2] - y[1]) / (y[1] - y[0])
     step = x[2] - x[1]
     if step == 0 or (x[1] - x[0]) * step <= 0:
@@ -145,7 +173,15 @@ def _limit(points: Sequence[Point]) -> tuple[float, float] | None:
     return float(ahead), float(mu)
 
 
-def _ends(points: Sequence[Point], kind: Kind, words: str, at: Point | None = None, index: int | None = None) -> Ending:
+def _ends(
+    points: Sequence[Point],
+    kind: Kind,
+    words: str,
+    at: Point | None = None,
+    index: int | None = None,
+    value: float | None = None,
+) -> Ending:
     at, index = at or points[-1], len(points) - 1 if index is None else index
-    special = SpecialPoint(kind, at.value, index, at.states[0], at.intervals, complex("nan"), words)
+    value = at.value if value is None else value
+    special = SpecialPoint(kind, value, index, at.states[0], at.intervals, at.y_peak, complex("nan"), words)
     return Ending(special, words)

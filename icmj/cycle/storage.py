@@ -99,6 +99,7 @@ def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
                 **{name: getattr(s, name) for name in ("kind", "value", "index", "words")},
                 "state": s.state.tolist(),
                 "intervals": s.intervals.tolist(),
+                "y_peak": s.y_peak.tolist(),
                 "multiplier": [s.multiplier.real, s.multiplier.imag],
             }
             for s in branch.specials
@@ -111,7 +112,7 @@ def _branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
     for s in head["specials"]:
         if s["kind"] not in KINDS:
             raise ValueError(f"a special point of kind {s['kind']!r}")
-        arrays = {name: np.array(s[name], dtype=float) for name in ("state", "intervals")}
+        arrays = {name: np.array(s[name], dtype=float) for name in ("state", "intervals", "y_peak")}
         specials.append(SpecialPoint(**{**s, **arrays, "multiplier": complex(*s["multiplier"])}))
     rest: dict[str, Any] = {name: head[name] for name in ("parameter", "plant", "mirrored", "neutral", "end")}
     names: dict[str, Any] = {name: tuple(head[name]) for name in ("outputs", "inputs", "names", "units")}

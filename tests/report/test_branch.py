@@ -1,0 +1,68 @@
+"""Pictures of branches: what is solid and what is dashed, where the marks stand, and that everything is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cycle_cases import branch
+
+from icmj.cycle.branch import Branch
+from icmj.cycle.follow import branch_off
+from icmj.errors import ReportError
+from icmj.report import style
+from icmj.report.branch import branch_figure, draw_amplitude, draw_intervals
+
+
+@pytest.fixture(scope="module")
+def losing_symmetry() -> Branch:
+    return branch("simple-1.7", "b", 1.5, plant="linear", points=8)
+
+
+def axes_of():
+    from matplotlib.figure import Figure
+
+    return Figure().add_axes((0.1, 0.1, 0.8, 0.8))
+
+
+def test_repelling_is_dashed_up_to_the_point_where_it_becomes_attracting(losing_symmetry: Branch) -> None:
+    axes, special = axes_of(), losing_symmetry.specials[0]
+    draw_intervals(axes, [losing_symmetry])
+    lines = {line.get_label(): line for line in axes.lines}
+    dashed, solid, mark = lines["repelling"], lines["attracting"], lines["symmetry breaking"]
+    assert dashed.get_linestyle() == "--"
+    assert solid.get_linestyle() == "-"
+    assert dashed.get_xdata()[-1] == solid.get_xdata()[0] == special.value
+    assert (np.asarray(dashed.get_xdata())[:-1] > special.value).all()
+    assert (np.asarray(solid.get_xdata())[1:] < special.value).all()
+    assert mark.get_xdata()[0] == special.value
+    np.testing.assert_allclose(np.ravel(mark.get_ydata()), special.intervals)
+
+
+def test_angles_are_in_degrees_and_the_linear_prediction_lies_beneath(losing_symmetry: Branch) -> None:
+    axes = axes_of()
+    draw_amplitude(axes, [losing_symmetry], [losing_symmetry])
+    thick = style.PREDICTED["color"]
+    beneath = [line for line in axes.lines if line.get_color() == thick]
+    others = [line for line in axes.lines if line.get_color() != thick]
+    assert beneath[0].get_label() == "linear"
+    assert min(line.get_linewidth() for line in beneath) > max(line.get_linewidth() for line in others)
+    assert all(axes.lines.index(line) < axes.lines.index(others[0]) for line in beneath)
+    assert np.ravel(others[0].get_ydata())[0] == pytest.approx(np.degrees(losing_symmetry.y_peak[0, 0]))
+    assert "deg" in axes.get_ylabel()
+
+
+def test_the_figure_is_the_same_whenever_it_is_drawn(losing_symmetry: Branch) -> None:
+    off = branch_off(losing_symmetry, losing_symmetry.specials[0], points=5)
+    with style.applied():
+        first, again = (style.save(branch_figure([losing_symmetry, off]), "svg") for _ in range(2))
+    assert first == again
+
+
+def test_what_does_not_go_into_one_picture_is_refused(losing_symmetry: Branch) -> None:
+    with pytest.raises(ReportError, match="no branch"):
+        branch_figure([])
+    other = branch("simple-0.8", "delta_min", 2.5, plant="linear", points=8)
+    with pytest.raises(ReportError, match="different parameters"):
+        branch_figure([losing_symmetry, other])
+    with pytest.raises(ReportError, match="no output 3"):
+        draw_amplitude(axes_of(), [losing_symmetry], output=3)
