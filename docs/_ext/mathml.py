@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
+# a sign behind an operator or an opening bracket belongs to what follows
+SIGN = re.compile(
+    r"(<mo[^>]*>(?:=|\(|\[|,|\+|&#x0003D;|&#x00028;|&#x0005B;|&#x0002C;|&#x021D2;)</mo>)<mo>(&#x02212;|&#x0002B;|−|\+|&#x000B1;)</mo>"
+)
+
 
 def _inline(writer: Any, node: nodes.math) -> None:
-    writer.body.append(convert(node.astext()))
+    writer.body.append(mathml(node.astext()))
     raise nodes.SkipNode
 
 
 def _block(writer: Any, node: nodes.math_block) -> None:
-    writer.body.append(f'<div class="formula">{convert(_laid_out(node.astext()), display="block")}</div>')
+    writer.body.append(f'<div class="formula">{mathml(node.astext(), "block")}</div>')
     raise nodes.SkipNode
 
 
-def _laid_out(text: str) -> str:
-    """Lines that are to stand under each other are put into an ``aligned`` environment."""
-    bare = text.strip()
+def mathml(text: str, display: str = "inline") -> str:
+    """A formula; ``aligned``, and what has lines without saying so, stand under each other."""
+    bare = text.strip().replace(":=", "≔").replace("{aligned}", "{align*}")
     if r"\\" in bare and r"\begin" not in bare:
-        return rf"\begin{{aligned}}{bare}\end{{aligned}}"
-    return bare
+        bare = rf"\begin{{align*}}{bare}\end{{align*}}"
+    drawn = SIGN.sub(r'\1<mo form="prefix">\2</mo>', convert(bare, display=display))
+    return re.sub("<m([io])>≔</m[io]>", '<mo lspace="0.28em" rspace="0.28em">≔</mo>', drawn)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -108,7 +108,7 @@ def load_plant(
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
-            :func:`icmj.engine.equilibrium.equilibrium`, :func:`icmj.engine.linearisation.linearise` and
+            :func:`icmj.engine.equilibrium.equilibria`, :func:`icmj.engine.linearisation.linearise` and
             :mod:`icmj.engine.soundness`.
     """
     path, rule = Path(path), operating or OperatingRule()
