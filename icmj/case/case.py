@@ -20,7 +20,7 @@ from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
@@ -227,6 +227,8 @@ def simulate_plant(
         return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     from icmj.engine.run import simulate as simulate_mujoco
 
+    if not isinstance(plant, MujocoPlant):
+        expect_linear(plant, "the plant to simulate")
     plant = plant.matched(controller.design.plant, match)
     run = simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     return with_pressure(plant, controller, run)

@@ -26,7 +26,7 @@ class Controller:
     """Everything that the closed loop needs besides the plant.
 
     Raises:
-        AnalysisError: on construction, if the trigger is none, or control is continuous and yet delayed.
+        AnalysisError: on construction, if a part is not of its class, or control is continuous and yet delayed.
     """
 
     design: Design
@@ -35,10 +35,15 @@ class Controller:
     delay: Delay = NO_DELAY
 
     def __post_init__(self) -> None:
-        if not isinstance(self.trigger, Trigger):
-            raise AnalysisError(
-                f"the controller's trigger is a {type(self.trigger).__name__}; expected a Trigger, such as EventTrigger"
-            )
+        for part, kind, words in (
+            ("design", Design, "a Design"),
+            ("hold", Hold, "a Hold, such as that of system_matched"),
+            ("trigger", Trigger, "a Trigger, such as EventTrigger"),
+            ("delay", Delay, "a Delay"),
+        ):
+            if not isinstance(getattr(self, part), kind):
+                given = type(getattr(self, part)).__name__
+                raise AnalysisError(f"the controller's {part} is a {given}; expected {words}")
         if self.delay and not self.trigger.holds:
             raise AnalysisError(
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "

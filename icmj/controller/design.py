@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DesignError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,9 @@ def design_lq(
     Raises:
         DesignError: if a weight has the wrong shape or sign or is not symmetric, or a Riccati equation has no
             stabilising solution.
+        AnalysisError: if the plant is not a linear one.
     """
+    expect_linear(plant, "the plant to design for")
     C_w = plant.C.T @ plant.C if Q_c is None else _semidefinite(_square(Q_c, plant.n, "Q_c"), "Q_c")
     B_w = plant.B @ plant.B.T if Q_o is None else _semidefinite(_square(Q_o, plant.n, "Q_o"), "Q_o")
     R_c, R_o = (

@@ -206,6 +206,17 @@ def _linearised(
     return control.ss(A, B, C, D, states=system.state_labels, inputs=system.input_labels, outputs=system.output_labels)
 
 
+def expect_linear(plant: object, what: str) -> None:
+    """See that ``plant`` is a linear plant.
+
+    Raises:
+        AnalysisError: if it is not; of a plant on the engine it says what to give instead.
+    """
+    if not isinstance(plant, LinearPlant):
+        instead = "; give its linearisation.plant" if hasattr(plant, "linearisation") else ""
+        raise AnalysisError(f"{what} is a {type(plant).__name__}; expected a LinearPlant{instead}")
+
+
 def transformation(assumed: LinearPlant, actual: LinearPlant) -> Array:
     """T̂ of x̂ = T̂x, shape (n̂, n): picks from the actual states those of the same name (paper, section 3).
 

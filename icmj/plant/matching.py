@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 Match = Literal["name", "position"]
 # what a plant gets that has no names: of icmj, and of python-control
@@ -37,6 +37,7 @@ def ports(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") -> t
     Raises:
         AnalysisError: see :func:`matched`.
     """
+    expect_linear(actual, "the actual plant")
     if (actual.n_u, actual.n_y) != (assumed.n_u, assumed.n_y):
         raise AnalysisError(
             f"the actual plant has {actual.n_u} inputs and {actual.n_y} outputs, the assumed one "

@@ -13,7 +13,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount, amounts, number
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
-from icmj.controller.trigger import ClockTrigger, EventRule
+from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.theory.clocked import is_stable
 from icmj.theory.crossing import Crossing
 from icmj.theory.crossings import check_range, search
@@ -138,6 +138,7 @@ def predict(
             can be analysed.
     """
     report = progress or (lambda _: None)
+    expect_rule(trigger)
     check_range(system, delta_max)
     prepared = flow(system.A_C)
     prepared.demand(delta_max)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
@@ -64,7 +65,13 @@ def test_clock_needs_a_positive_interval():
         ClockTrigger(0.0)
 
 
-def test_only_a_trigger_triggers():
+@pytest.mark.parametrize(("part", "words"), [
+    ("trigger", "trigger is a float; expected a Trigger"), ("hold", "hold is a float; expected a Hold"),
+    ("delay", "delay is a float; expected a Delay"), ("design", "design is a float; expected a Design"),
+])  # fmt: skip
+def test_each_part_is_of_its_kind(part, words):
     gains = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]))
-    with pytest.raises(AnalysisError, match="trigger is a float; expected a Trigger"):
-        Controller(gains, system_matched(gains), 0.3)
+    parts = {"design": gains, "hold": system_matched(gains), "trigger": ClockTrigger(0.3), "delay": Delay(0.0)}
+    Controller(**parts)
+    with pytest.raises(AnalysisError, match=words):
+        Controller(**{**parts, part: 0.3})

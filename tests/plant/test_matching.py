@@ -20,6 +20,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import deviated, matched, picked
 from icmj.simulation.settings import Impulse, Settings
 from icmj.theory.error_system import error_system
+from icmj.theory.prediction import predict
 
 RNG = np.random.default_rng(3)
 NAMED = LinearPlant(
@@ -69,6 +70,19 @@ def test_other_names_stop_with_one_line_that_says_how_to_go_on():
         matched(twice, NAMED)
     with pytest.raises(AnalysisError, match="must agree"):
         matched(LinearPlant([[0]], [[1]], [[1]]), NAMED)
+
+
+def test_what_is_no_linear_plant_is_refused_with_what_to_give(controller, tmp_path):
+    on_engine = load_plant(two(tmp_path))
+    for give in (lambda plant: error_system(plant, controller.design), design_lq):
+        with pytest.raises(
+            AnalysisError, match=r"a MujocoPlant; expected a LinearPlant; give its linearisation\.plant"
+        ):
+            give(on_engine)
+    with pytest.raises(AnalysisError, match="the plant to simulate is a str; expected a LinearPlant"):
+        simulate_plant("two.xml", controller, SETTINGS)
+    with pytest.raises(AnalysisError, match="the rule is a float; expected an event rule"):
+        predict(error_system(controller.design.plant, controller.design), 0.01)
 
 
 def test_the_family_in_rho_matches_by_name():

@@ -6,7 +6,7 @@ A rule of one's own is a module here: a frozen dataclass that is an :class:`Even
 from icmj.controller.trigger.box import BoxTrigger
 from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.quadratic import EventTrigger, as_weight, output_weight
-from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Trigger
+from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Trigger, expect_rule
 
 TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous)
 """Every kind of trigger, as logs and command line know them."""
@@ -21,5 +21,6 @@ __all__ = [
     "Faces",
     "Trigger",
     "as_weight",
+    "expect_rule",
     "output_weight",
 ]

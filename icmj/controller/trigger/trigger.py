@@ -114,3 +114,13 @@ def checked_delta_min(delta_min: float) -> float:
     if not (np.isfinite(delta_min) and delta_min >= 0):
         raise AnalysisError(f"delta_min must be at least 0 s, got {delta_min}")
     return float(delta_min)
+
+
+def expect_rule(trigger: object) -> None:
+    """See that ``trigger`` is an event rule.
+
+    Raises:
+        AnalysisError: if it is not.
+    """
+    if not isinstance(trigger, EventRule):
+        raise AnalysisError(f"the rule is a {type(trigger).__name__}; expected an event rule, such as EventTrigger")
