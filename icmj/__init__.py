@@ -45,6 +45,9 @@ if TYPE_CHECKING:
     from icmj.experiment.amplitude_law import measure_law
     from icmj.experiment.attractors import attractors
     from icmj.experiment.growth import measure_growth
+    from icmj.identification.identification import Identification, identify
+    from icmj.identification.observed import Observed
+    from icmj.identification.unknown import Unknown
     from icmj.log import read_log, write_log
     from icmj.measurement.measurement import Measurement, measure
     from icmj.measurement.stabilogram import Diffusion, diffusion
@@ -122,6 +125,9 @@ _HOMES = {
     "icmj.experiment.amplitude_law": ("measure_law",),
     "icmj.experiment.attractors": ("attractors",),
     "icmj.experiment.growth": ("measure_growth",),
+    "icmj.identification.identification": ("Identification", "identify"),
+    "icmj.identification.observed": ("Observed",),
+    "icmj.identification.unknown": ("Unknown",),
     "icmj.log": (
         "read_log",
         "write_log",
@@ -224,12 +230,14 @@ __all__ = [
     "EventTrigger",
     "Hold",
     "IcmjError",
+    "Identification",
     "Impulse",
     "LinearPlant",
     "Measurement",
     "MujocoPlant",
     "Noise",
     "Notice",
+    "Observed",
     "OpenLoop",
     "OpenLoopInterval",
     "OperatingRule",
@@ -247,6 +255,7 @@ __all__ = [
     "Statistics",
     "Step",
     "Sway",
+    "Unknown",
     "attractors",
     "branch_off",
     "build_report",
@@ -260,6 +269,7 @@ __all__ = [
     "error_system",
     "find_cycle",
     "follow",
+    "identify",
     "load_plant",
     "load_run",
     "measure",

@@ -17,7 +17,7 @@ FLOORS = (
     ("linear", "engine", "measurement", "runfile"),
     ("case", "result"),
     ("cycle", "experiment", "comparison", "view"),
-    ("log", "report"),
+    ("log", "report", "identification"),
     ("study", "sweeps"),
     ("cli",),
 )

@@ -10,6 +10,7 @@ import tyro
 
 from icmj.cli.overrides import Overrides
 from icmj.cli.series_arguments import Export, Measure
+from icmj.cli.sweep_arguments import Identify, Sweep
 
 
 @dataclass(frozen=True)
@@ -191,25 +192,6 @@ class New:
     """Operating point; by default the first keyframe at which the model rests."""
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """Compute a case at very many points into a folder of Parquet files; one that was ended goes on where it was.
-
-    Example: icmj sweep sweeps/validity.toml --out runs/out/validity
-    """
-
-    sweep: tyro.conf.Positional[Path]
-    """Sweep file."""
-    out: Path | None = None
-    """Folder of the dataset; runs/out/NAME by default."""
-    jobs: int | None = None
-    """Local processes; as many as there are cores by default."""
-    dask: str | None = None
-    """Address of a Dask scheduler, whose workers compute instead."""
-    dry_run: bool = False
-    """Say how many points there are, how long they take and how many bytes, and compute nothing else."""
-
-
 Command = (
     Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[Analyse, tyro.conf.subcommand("analyse")]
@@ -222,6 +204,7 @@ Command = (
     | Annotated[Person, tyro.conf.subcommand("person")]
     | Annotated[New, tyro.conf.subcommand("new")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Identify, tyro.conf.subcommand("identify")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Measure, tyro.conf.subcommand("measure")]
 )

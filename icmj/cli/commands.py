@@ -232,6 +232,14 @@ def sweep(command: arguments.Sweep) -> None:
     carry_out(command, OUT, ERR)
 
 
+@execute.register
+def identify(command: arguments.Identify) -> None:
+    """Estimate a model error from measured motion."""
+    from icmj.cli.identifying import carry_out
+
+    carry_out(command, OUT, ERR)
+
+
 def _show(comparisons: Sequence[Comparison]) -> None:
     """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
     title = "Predicted and measured open-loop interval, in seconds"

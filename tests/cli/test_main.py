@@ -8,7 +8,10 @@ import pytest
 
 from icmj.cli.main import main
 
-COMMANDS = ("study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep", "continue", "new")
+COMMANDS = (
+    "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
+    "continue", "new", "identify",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("command", COMMANDS)

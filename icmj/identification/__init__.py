@@ -1,0 +1,1 @@
+"""The inverse question: which model error made the motion that was measured."""

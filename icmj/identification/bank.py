@@ -1,0 +1,147 @@
+"""Simulated motions at many values of the unknown, under noise of other seeds: a likelihood where none can be written.
+
+The synthetic likelihood of Wood (2010), Nature 466:1102-1104: near each value the summaries of simulated motions are
+taken for normal, with the mean and the covariance of a local linear regression, and Student's distribution for how few
+there are (Sellentin & Heavens 2016, MNRAS 456:L132-L136).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.case.case import Case, PlantKind, simulate
+from icmj.errors import IcmjError, IdentificationError
+from icmj.identification.observed import Observed
+from icmj.identification.summaries import summaries
+from icmj.identification.unknown import Unknown
+from icmj.simulation.simulation import Simulation
+
+GRID = 201
+_WIDTH = 0.07  # of the range: the neighbourhood of the regression
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Motions that were simulated for comparison.
+
+    Attributes:
+        low, high: between what the unknown was drawn.
+        values: of the unknown, shape (N,).
+        told: their summaries, shape (N, d).
+        least, reference: as :func:`icmj.identification.summaries.summaries` takes them [s].
+    """
+
+    low: float
+    high: float
+    values: Array
+    told: Array
+    least: float
+    reference: float
+
+    def posterior(self, observed: Observed) -> tuple[Array, Array]:
+        """Values and their probability density after the observation, before which all are equally likely.
+
+        Raises:
+            IdentificationError: if the observation is too short.
+        """
+        seen = summaries(observed, self.least, self.reference)
+        if seen is None:
+            raise IdentificationError("too short to tell under noise; observe longer")
+        grid = np.linspace(self.low, self.high, GRID)
+        log = np.array([self._log_likelihood(value, seen) for value in grid])
+        density = np.exp(log - log.max())
+        return grid, density / np.trapezoid(density, grid)
+
+    def _log_likelihood(self, value: float, seen: Array) -> float:
+        away = (self.values - value) / (_WIDTH * (self.high - self.low))
+        weight = np.exp(-0.5 * away**2)
+        design = np.column_stack([np.ones_like(away), away])
+        root = np.sqrt(weight)[:, None]
+        fitted = np.linalg.lstsq(design * root, self.told * root, rcond=None)[0]
+        rest = self.told - design @ fitted
+        count = weight.sum() ** 2 / np.sum(weight**2)
+        S = (rest * weight[:, None]).T @ rest / weight.sum() * count / max(count - 2, 1.0)
+        S += 1e-9 * np.trace(S) / len(S) * np.eye(len(S)) + 1e-12 * np.eye(len(S))
+        gap = seen - fitted[0]
+        distance = float(gap @ np.linalg.solve(S, gap))
+        # Student's distribution for a covariance that is itself estimated
+        return -0.5 * float(np.linalg.slogdet(S)[1]) - 0.5 * count * float(np.log1p(distance / (count - 1)))
+
+
+def bank(
+    unknown: Unknown,
+    observed: Observed,
+    plant: PlantKind = "linear",
+    *,
+    size: int = 240,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Bank:
+    """Simulate motions of as long as was observed, at ``size`` values of the unknown.
+
+    Args:
+        unknown: what is sought; its run file has the noise.
+        observed: what is to be compared.
+        plant: on which to simulate.
+        size: how many.
+        seed: of values and noise.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        IdentificationError: if hardly any of them can be compared: the person falls, or there are no events.
+    """
+    middle = unknown.checked()
+    least = middle.controller.least
+    reference = middle.prediction.delta_crit or float(np.median(observed.intervals) if len(observed.times) else 1.0)
+    random = np.random.default_rng(seed)
+    spread = (np.arange(size) + random.random(size)) / size  # one in each of so many equal parts
+    values = unknown.low + (unknown.high - unknown.low) * spread
+    sources = len(unknown.run.simulation.disturbance)
+    seeds = random.integers(0, 2**31, (size, sources))
+    kept, told = [], []
+    like: Case | None = middle
+    for i, value in enumerate(values):
+        changes = {
+            f"simulation.disturbance[{j}].seed": int(seeds[i, j])
+            for j in range(sources)
+            if unknown.run.simulation.disturbance[j].kind == "noise"
+        }
+        case = unknown.case(float(value), like, **{"simulation.duration": observed.duration, **changes})
+        found = None if case is None else _told(case, plant, observed, least, reference)
+        if found is not None and np.isfinite(found).all():
+            kept.append(value)
+            told.append(found)
+        like = case or like
+        if progress is not None:
+            progress((i + 1) / size)
+    if len(kept) < max(40, size // 4):
+        raise IdentificationError(
+            f"of {size} simulated motions only {len(kept)} can be compared with the one observed; narrow the range, or "
+            "see that the run file describes it (threshold, noise, duration)"
+        )
+    return Bank(unknown.low, unknown.high, np.array(kept), np.array(told), least, reference)
+
+
+def _told(case: Case, plant: PlantKind, observed: Observed, least: float, reference: float) -> Array | None:
+    try:
+        run = simulate(case, plant)
+    except IcmjError:
+        return None
+    if run.outcome.kind not in ("completed", "sliding"):
+        return None
+    return summaries(seen_alike(run, observed), least, reference)
+
+
+def seen_alike(run: Simulation, observed: Observed) -> Observed:
+    """A simulated run, of which only that is seen that was observed."""
+    if len(observed.t):
+        t = observed.t - observed.t[0]
+        y = np.column_stack([np.interp(t, run.t, column) for column in run.y.T[: observed.y.shape[1]]])
+        return Observed(np.zeros(0), np.zeros((0, 0)), t, y)
+    seen = Observed.of_simulation(run)
+    outputs = seen.outputs[:, : observed.outputs.shape[1]]
+    return Observed(seen.times, outputs, seen.t, seen.y, 0.0, observed.whole)

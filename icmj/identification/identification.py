@@ -1,0 +1,178 @@
+"""The inverse question of the paper's conclusion: which model error made a measured motion, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.case.case import PlantKind
+from icmj.errors import IdentificationError
+from icmj.identification.bank import Bank, bank
+from icmj.identification.inverse import Candidate, Inverse, refined
+from icmj.identification.observed import FEWEST, Observed
+from icmj.identification.rhythm import Rhythm, rhythm
+from icmj.identification.sequence import Sequence
+from icmj.identification.unknown import Unknown
+
+Way = Literal["rhythm", "sequence", "noise", "none"]
+_FLAT = 0.85  # of the range: an interval that wide tells nothing
+_BAD_FIT = 0.05  # mean intervals: events that the best value does not explain
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What a motion tells of the unknown.
+
+    Attributes:
+        name: of the unknown.
+        value: best value, or ``None`` where the motion cannot tell.
+        intervals: where it lies with 95 % confidence: one pair (low, high), or several where branches cannot be told
+            apart; empty where the motion cannot tell.
+        way: what it was taken from: the settled ``rhythm``, the ``sequence`` of events since the start, motions
+            simulated under ``noise``, or ``none``.
+        words: for people.
+    """
+
+    name: str
+    value: float | None
+    intervals: tuple[tuple[float, float], ...]
+    way: Way
+    words: str
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies in the intervals."""
+        return any(low <= value <= high for low, high in self.intervals)
+
+
+def identify(
+    unknown: Unknown,
+    observed: Observed,
+    *,
+    plant: PlantKind = "linear",
+    refine: bool = True,
+    known: Inverse | Bank | None = None,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Identification:
+    """Estimate one model error from a measured motion, with its uncertainty, or say that the motion cannot tell.
+
+    Without noise in the run file: the value whose cycle has the settled interval and sign; where the motion has not
+    settled and its start is known, the value whose simulated events are those observed. With noise: by simulated
+    motions (:mod:`icmj.identification.bank`).
+
+    Args:
+        unknown: what is sought, and the run file with all that is known.
+        observed: the motion.
+        plant: what moved, and so what is simulated: the linear plant or MuJoCo's.
+        refine: whether the nonlinear plant's exact cycle corrects the linear theory; only for MuJoCo's.
+        known: what was computed for another motion of the same length: predictions, or simulated motions.
+        seed: of simulated motions.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        IcmjError: if the run file cannot have the unknown, or no motion can be simulated.
+    """
+    if unknown.run.simulation.settings().noisy:
+        if not isinstance(known, Bank):
+            known = bank(unknown, observed, plant, seed=seed, progress=progress)
+        return _under_noise(unknown, observed, known)
+    found = rhythm(observed)
+    case = unknown.checked()
+    least = case.controller.least
+    if found is not None and found.interval <= least * (1 + 1e-3) + observed.resolution:
+        return _cannot(
+            unknown, f"every interval is the least one, {least:g} s: the event rule does not decide when to act"
+        )
+    if found is not None:
+        inverse = (
+            known if isinstance(known, Inverse) and known.reaches(found.interval) else Inverse.up_to(unknown, found)
+        )
+        candidates = inverse.candidates(found)
+        if plant == "mujoco" and refine:
+            candidates = [refined(inverse, each, found) for each in candidates]
+        if candidates:
+            return _from_rhythm(unknown, observed, found, candidates, plant)
+    if observed.whole and len(observed.times) >= FEWEST - 2:
+        return _from_sequence(unknown, observed, plant)
+    if found is not None:
+        return _cannot(
+            unknown,
+            f"no value between {unknown.low:g} and {unknown.high:g} predicts an attracting cycle with an interval of "
+            f"{found.interval:.6g} s",
+        )
+    return _cannot(
+        unknown,
+        "the motion does not settle, and neither its start is known nor does the run file have noise to explain it by",
+    )
+
+
+def _from_rhythm(
+    unknown: Unknown, observed: Observed, found: Rhythm, candidates: list[Candidate], plant: PlantKind
+) -> Identification:
+    if len(candidates) > 1 and observed.whole:
+        sequence = Sequence(unknown, observed, plant)
+        count = min(len(observed.times), 6)
+        off = [float(np.sum(sequence.residuals(each.value, count, plant) ** 2)) for each in candidates]
+        candidates = [candidates[int(np.argmin(off))]]
+    best = candidates[0]
+    intervals = tuple((each.value - each.error, each.value + each.error) for each in candidates)
+    if any(not np.isfinite(each.error) for each in candidates):
+        return _cannot(unknown, f"the interval does not depend on {unknown.name} here")
+    values = " or ".join(f"{each.value:.6g} ± {each.error:.1g}" for each in candidates)
+    sign = {1: ", not mirrored", -1: ", mirrored", 0: ""}[found.sign]
+    words = f"{unknown.name} = {values}, from a settled interval of {found.interval:.7g} s{sign}."
+    if len(candidates) > 1:
+        words += " Branches cannot be told apart from this; outputs at the events, or a known start, would."
+    return Identification(unknown.name, best.value if len(candidates) == 1 else None, intervals, "rhythm", words)
+
+
+def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Identification:
+    fit = Sequence(unknown, observed, plant).fit()
+    if fit.residual > _BAD_FIT or not np.isfinite(fit.error):
+        return _cannot(
+            unknown,
+            f"no value between {unknown.low:g} and {unknown.high:g} gives these events: the best one is off by "
+            f"{100 * fit.residual:.2g} % of an interval",
+        )
+    words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."
+    return Identification(unknown.name, fit.value, ((fit.value - fit.error, fit.value + fit.error),), "sequence", words)
+
+
+def _under_noise(unknown: Unknown, observed: Observed, compared: Bank) -> Identification:
+    try:
+        grid, density = compared.posterior(observed)
+    except IdentificationError as error:
+        return _cannot(unknown, str(error))
+    intervals = densest(grid, density)
+    width = sum(high - low for low, high in intervals)
+    best = float(grid[density.argmax()])
+    if width > _FLAT * (unknown.high - unknown.low):
+        return _cannot(
+            unknown, f"under this noise, any value between {unknown.low:g} and {unknown.high:g} is as likely"
+        )
+    where = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
+    words = f"{unknown.name} = {best:.4g}, with 95 % confidence {where}, from the motion under noise."
+    return Identification(unknown.name, best, intervals, "noise", words)
+
+
+def densest(grid: Array, density: Array, share: float = 0.95) -> tuple[tuple[float, float], ...]:
+    """The smallest set of values that holds ``share`` of the probability, as intervals."""
+    step = grid[1] - grid[0]
+    order = np.argsort(-density)
+    held = np.cumsum(density[order]) / density.sum()
+    inside = np.zeros(len(grid), bool)
+    inside[order[: int(np.searchsorted(held, share)) + 1]] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    low, high = grid[0], grid[-1]
+    return tuple(
+        (float(max(low, grid[a] - step / 2)), float(min(high, grid[b - 1] + step / 2)))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    )
+
+
+def _cannot(unknown: Unknown, why: str) -> Identification:
+    return Identification(unknown.name, None, (), "none", f"The motion cannot tell {unknown.name}: {why}.")

@@ -1,0 +1,76 @@
+"""What is not known of the plant: one field of the run file, or a named change, between two bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from icmj.case.case import Case, prepare
+from icmj.errors import IcmjError, IdentificationError
+from icmj.plant.change import Change
+from icmj.runfile.schema import RunFile
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that is sought.
+
+    Attributes:
+        run: the run file; what it says of the unknown itself is not looked at.
+        field: dotted key of the run file, as ``actual.gain`` (b) or ``actual.rho`` (ρ); "" for a change.
+        change: a change of the actual plant whose factor is sought, or ``None``.
+        low, high: between what it is sought.
+        longest: Δ up to which crossings are searched [s]; the run file's if ``None``.
+    """
+
+    run: RunFile
+    field: str = "actual.gain"
+    change: Change | None = None
+    low: float = 0.5
+    high: float = 1.5
+    longest: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+            raise IdentificationError(f"between {self.low:g} and {self.high:g} there is nothing to seek")
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        if self.change is not None:
+            return f"factor on {self.change.what}{f' of {self.change.of}' if self.change.of else ''}"
+        return {"actual.gain": "b", "actual.rho": "ρ"}.get(self.field, self.field)
+
+    def at(self, value: float, **changes: Any) -> RunFile:
+        """The run file with the unknown at ``value``.
+
+        Raises:
+            RunFileError: if it cannot have that value.
+        """
+        if self.longest is not None:
+            changes["analysis.delta_max"] = max(self.longest, self.run.analysis.delta_max)
+        if self.change is None:
+            return self.run.with_(**{self.field: float(value)}, **changes)
+        same = (self.change.what, self.change.of)
+        tables = [table for table in self.run.actual.change if (table.what, table.of) != same]
+        kept = [table.model_dump(exclude_none=True) for table in tables]
+        of = {} if self.change.of is None else {"of": self.change.of}
+        deviation = {"what": self.change.what, **of, "factor": float(value)}
+        return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)
+
+    def case(self, value: float, like: Case | None = None, **changes: Any) -> Case | None:
+        """The case there, or ``None`` where it has none."""
+        try:
+            return prepare(self.at(value, **changes), like=like)
+        except IcmjError:
+            return None
+
+    def checked(self) -> Case:
+        """The case in the middle: see that there is one.
+
+        Raises:
+            IcmjError: if field or change are none of the run file's or of its models.
+        """
+        return prepare(self.at((self.low + self.high) / 2))

@@ -1,0 +1,140 @@
+"""Model errors are found again from the motions that they make: blind, on many motions, with intervals that cover."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.cli.main import main
+from icmj.errors import IcmjError
+from icmj.identification.identification import densest, identify
+from icmj.identification.inverse import Inverse
+from icmj.identification.observed import Observed
+from icmj.identification.unknown import Unknown
+
+PENDULUM = icmj.load_run("simple-0.8")
+# what the code under test is given: nothing of b
+BLIND = Unknown(PENDULUM.with_(**{"actual.gain": None}))
+FAR = Inverse(replace(BLIND, longest=8.0))
+
+
+def motion(b: float, plant: str = "linear", run: icmj.RunFile = PENDULUM, **changes: object) -> icmj.Simulation:
+    return icmj.simulate(icmj.prepare(run.with_(**{"actual.gain": b}, **changes)), plant)
+
+
+@pytest.mark.parametrize("b", [0.8, 0.99, 1.01, 1.2])
+def test_a_settled_rhythm_and_its_sign_tell_b_on_either_side_of_the_exact_model(b: float) -> None:
+    found = identify(BLIND, Observed.of_simulation(motion(b)), known=FAR)
+    assert found.way == "rhythm"
+    assert found.value == pytest.approx(b, rel=1e-8)
+
+
+def test_intervals_that_grow_tell_that_the_model_is_exact() -> None:
+    found = identify(BLIND, Observed.of_simulation(motion(1.0)), known=FAR)
+    assert found.way == "sequence"
+    assert found.value == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_the_run_file_says_of_the_unknown_is_not_looked_at() -> None:
+    seen = Observed.of_simulation(motion(0.9))
+    values = {identify(replace(BLIND, run=PENDULUM.with_(**{"actual.gain": b})), seen).value for b in (0.6, 0.9)}
+    assert len(values) == 1
+    assert values.pop() == pytest.approx(0.9, rel=1e-8)
+
+
+def test_times_alone_leave_two_branches_and_say_so() -> None:
+    run = motion(1.2)
+    found = identify(BLIND, Observed.of_times(np.round(run.events.t[5:], 3)), known=FAR)
+    assert found.value is None
+    assert len(found.intervals) == 2
+    assert found.holds(1.2)
+    assert max(high - low for low, high in found.intervals) < 1e-3
+    assert "Branches cannot be told apart" in found.words
+
+
+@pytest.mark.parametrize("b", [0.8, 1.2])
+def test_a_sampled_output_has_the_rhythm_without_any_event(b: float) -> None:
+    run = motion(b)
+    t = np.arange(10.0, 40.0, 0.04)
+    found = identify(BLIND, Observed.of_samples(t, np.interp(t, run.t, run.y[:, 0])[:, None]), known=FAR)
+    assert found.value == pytest.approx(b, rel=1e-4)
+
+
+def test_any_field_and_any_named_change_can_be_unknown() -> None:
+    heavier = PENDULUM.with_(**{"actual.gain": 1.0, "actual.change": [{"what": "gravity", "factor": 1.15}]})
+    seen = Observed.of_simulation(icmj.simulate(icmj.prepare(heavier), "linear"))
+    gravity = Unknown(PENDULUM.with_(**{"actual.gain": 1.0}), "", icmj.Change("gravity", None, 1.0), 0.8, 1.3)
+    assert identify(gravity, seen).value == pytest.approx(1.15, rel=1e-6)
+    half = PENDULUM.with_(**{"actual.rho": 0.5})
+    seen = Observed.of_simulation(icmj.simulate(icmj.prepare(half), "linear"))
+    assert identify(Unknown(PENDULUM, "actual.rho", low=0.1, high=1.4), seen).value == pytest.approx(0.5, rel=1e-6)
+
+
+def test_the_engine_s_own_cycle_takes_the_nonlinearity_out() -> None:
+    seen = Observed.of_simulation(motion(0.85, "mujoco"))
+    linear = identify(BLIND, seen, plant="mujoco", refine=False, known=FAR)
+    exact = identify(BLIND, seen, plant="mujoco", known=FAR)
+    assert linear.value is not None
+    assert 1e-6 < abs(linear.value / 0.85 - 1) < 1e-4
+    assert exact.value == pytest.approx(0.85, rel=1e-8)
+
+
+def test_motions_that_cannot_tell() -> None:
+    sliding = identify(BLIND, Observed.of_times(np.arange(40) * 0.01))
+    assert "every interval is the least one, 0.01 s" in sliding.words
+    none = identify(BLIND, Observed.of_times(np.arange(10) * 0.05), known=FAR)
+    assert "no value between 0.5 and 1.5 predicts" in none.words
+    wild = identify(BLIND, Observed.of_times(np.cumsum(np.random.default_rng(0).uniform(0.5, 3.0, 30))))
+    assert "does not settle" in wild.words
+    # what does not act on the loop leaves no trace in its motion
+    without = identify(Unknown(PENDULUM, "simulation.limit", low=1.0, high=2.0), Observed.of_simulation(motion(0.8)))
+    for found in (sliding, none, wild, without):
+        assert (found.value, found.intervals, found.way) == (None, (), "none"), found.words
+
+
+def test_a_wrong_unknown_and_a_wrong_record_are_errors() -> None:
+    seen = Observed.of_times(np.arange(10) * 1.8)
+    for unknown in (Unknown(PENDULUM, "actual.gian"), Unknown(PENDULUM, "", icmj.Change("mass", "nobody", 1.0))):
+        with pytest.raises(IcmjError):
+            identify(unknown, seen)
+    for wrong in ([1.0, 2.0], [1.0, 3.0, 2.0, 4.0], [1.0, 2.0, 3.0, np.nan]):
+        with pytest.raises(IcmjError):
+            Observed.of_times(np.array(wrong))
+
+
+def test_the_densest_set_holds_its_share_in_as_many_pieces_as_there_are() -> None:
+    grid = np.linspace(-6, 6, 2401)
+    ((low, high),) = densest(grid, np.exp(-(grid**2) / 2))
+    assert (low, high) == pytest.approx((-1.96, 1.96), abs=0.01)
+    two = np.exp(-((grid - 3) ** 2) * 50) + np.exp(-((grid + 3) ** 2) * 50)
+    assert np.array(densest(grid, two)) == pytest.approx(np.array([[-3.196, -2.804], [2.804, 3.196]]), abs=0.01)
+
+
+def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = PENDULUM.with_(**{"actual.gain": 0.9, "study.attractor_starts": 0, "study.growth_points": 0})
+    result = icmj.run_case(run, "linear")
+    log, times, samples = tmp_path / "a.rrd", tmp_path / "times.csv", tmp_path / "angle.csv"
+    icmj.write_log(result, log)
+    np.savetxt(times, result.simulation.events.t[4:], header="event times (s)")
+    t = np.arange(8.0, 40.0, 0.05)
+    degrees = np.degrees(np.interp(t, result.simulation.t, result.simulation.y[:, 0]))
+    np.savetxt(samples, np.column_stack([t, degrees]), delimiter=",", header="t [s],angle [deg]", comments="")
+    capsys.readouterr()
+    assert main(["identify", str(log), "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["value"] == pytest.approx(0.9, rel=1e-8)
+    assert found["way"] == "rhythm"
+    known = ["--run", str(PENDULUM.path), "--plant", "linear"]
+    assert main(["identify", str(times), str(samples), *known, "--json"]) == 0
+    one, two = json.loads(capsys.readouterr().out)
+    assert any(low <= 0.9 <= high for low, high in one["intervals"])
+    assert two["value"] == pytest.approx(0.9, rel=1e-4)
+    assert main(["identify", str(times)]) == 2
+    assert "--run must say" in capsys.readouterr().err
+    assert main(["identify", str(tmp_path / "none.csv"), *known]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
