@@ -2,7 +2,8 @@
 
 numba compiles anew when the source file changes that a function stands in, or its closure variables do, but not when a
 function does that it calls. So only entry points are kept, and each holds :func:`contents` of the folder of all that it
-calls as a closure variable.
+calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in every process,
+and nothing would ever be found on disk.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numba
 
 
 def contents(folder: Path, *more: str) -> int:
-    """A number that changes with any Python file in a folder and those beneath it, and with ``more``."""
-    content = b"\0".join([*(file.read_bytes() for file in sorted(folder.rglob("*.py"))), *map(str.encode, more)])
+    """A number that changes with any Python file in a folder and those beneath it, with this one, and with ``more``."""
+    files = [Path(__file__), *sorted(folder.rglob("*.py"))]
+    content = b"\0".join([*(file.read_bytes() for file in files), *map(str.encode, more)])
     return int.from_bytes(hashlib.sha256(content).digest()[:6])
 
 

@@ -85,8 +85,10 @@ class Propagator:
     @cached_property
     def _powers(self) -> Array:
         """The whole state to z at the ends of a block's steps, one under the other."""
+        from scipy.linalg import expm
+
         n = self._n
-        first = np.hstack([exponential(self._generator), self._series[:, :, n:].sum(axis=0)])
+        first = np.hstack([expm(self._generator), self._series[:, :, n:].sum(axis=0)])
         powers = [np.eye(n, self.size), first]
         while len(powers) <= _BLOCK:
             last = first[:, :n] @ powers[-1]

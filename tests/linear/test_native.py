@@ -12,6 +12,7 @@ from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous
 from icmj.linear.flight import stage
+from icmj.linear.native.march import march
 from icmj.linear.native.polynomial import DEEPEST, first_root, largest
 from icmj.linear.open_loop import open_loop
 from icmj.linear.passage import suits
@@ -133,3 +134,8 @@ def test_roots_and_extremes_are_those_in_python():
         top = bernstein.largest(-powers, until)
         assert largest(powers, degree, -1.0, until, -1e300, F, stack, spans) == pytest.approx(top, abs=1e-13)
     assert roots > 20
+
+
+def test_what_is_kept_on_disk_is_found_by_the_next_process():
+    # numba looks it up by the closure's contents; a compiled function among them is another in every process
+    assert [type(cell.cell_contents) for cell in march().py_func.__closure__] == [int]

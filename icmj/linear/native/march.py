@@ -57,6 +57,7 @@ def _rows_until(flow, until, start, h, interval, z, row_z, result, spare, rows_t
         counts[Count.NEXT] += 1
 
 
+@compiled
 def _march(sizes, cuts, plan, now, counts, rows_t, rows_z, events, most_events):  # type: ignore[no-untyped-def]
     m, n, n_hat = sizes[Size.STATES], sizes[Size.PLANT], sizes[Size.MODEL]
     r, n_faces, n_pos, n_y = sizes[Size.FACE_ROWS], sizes[Size.FACES], sizes[Size.POSITIONS], sizes[Size.OUTPUTS]
@@ -196,12 +197,11 @@ def march() -> Any:
     It changes ``now`` and ``counts``, fills the buffers from where the counts say, and returns a :class:`Status`.
     """
     source = contents(Path(__file__).parent)
-    inner = compiled(_march)
 
     @entry
     def run(sizes, cuts, plan, now, counts, rows_t, rows_z, events, most_events):  # type: ignore[no-untyped-def]
         if source == 0:
             return -1
-        return inner(sizes, cuts, plan, now, counts, rows_t, rows_z, events, most_events)
+        return _march(sizes, cuts, plan, now, counts, rows_t, rows_z, events, most_events)
 
     return run
