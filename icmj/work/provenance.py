@@ -28,12 +28,24 @@ def provenance(folder: Path) -> dict[str, str]:
 
 
 def git_state(folder: Path) -> str:
-    """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``."""
+    """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``.
+
+    A folder that the checkout ignores is none of it: an environment there holds a package from elsewhere.
+    """
     try:
         commit = _git(folder, "rev-parse", "HEAD")
+        if _ignored(folder):
+            return "no checkout"
         return commit + (" +changes" if _git(folder, "status", "--porcelain", "--untracked-files=no") else "")
     except (OSError, subprocess.SubprocessError):
         return "no checkout"
+
+
+def _ignored(folder: Path) -> bool:
+    try:
+        return bool(_git(folder, "check-ignore", "."))
+    except subprocess.CalledProcessError:  # how it says no
+        return False
 
 
 def _git(folder: Path, *words: str) -> str:

@@ -28,3 +28,7 @@ def test_git_state_is_the_commit_and_tells_changes(tmp_path):
     assert git_state(tmp_path) == commit
     (tmp_path / "a").write_text("2")
     assert git_state(tmp_path) == f"{commit} +changes"
+    # an environment inside a checkout is none of it
+    (tmp_path / ".gitignore").write_text("env/")
+    (tmp_path / "env" / "runs").mkdir(parents=True)
+    assert git_state(tmp_path / "env" / "runs") == "no checkout"
