@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
+from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
 from icmj.case.doubts import doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
@@ -293,4 +294,5 @@ def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> Non
         wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
     for key, name, known in wanted:
         if name not in known:
-            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model; expected one of {', '.join(known)}")
+            hint = did_you_mean(name, known) or f"; expected one of {', '.join(known)}"
+            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")

@@ -68,9 +68,9 @@ class Cycle(Overrides):
     """
 
     run: tyro.conf.Positional[Path]
-    """Run file."""
-    plant: Literal["linear", "mujoco"] = "mujoco"
-    """Plant that moves."""
+    """Run file, or the name of a shipped case."""
+    plant: Literal["linear", "mujoco"] | None = None
+    """Plant that moves; by default MuJoCo's, and the linear one where the run file gives matrices."""
     start: Literal["auto", "prediction", "simulation"] = "auto"
     """First guess: the linear prediction (if there is an orbit, by default), or the end of the run file's run."""
     json: bool = False
@@ -85,15 +85,15 @@ class Continue(Overrides):
     """
 
     run: tyro.conf.Positional[Path]
-    """Run file."""
+    """Run file, or the name of a shipped case."""
     parameter: str
     """b, q_t, delay, delta_min, rho, a change such as mass:trunk (its factor), or a dotted key of the run file."""
     to: float
     """Its last value."""
     from_: Annotated[float | None, tyro.conf.arg(name="from")] = None
     """Its first value; the run file's own by default."""
-    plant: Literal["linear", "mujoco"] = "mujoco"
-    """Plant that moves. With mujoco, the linear prediction is drawn beneath."""
+    plant: Literal["linear", "mujoco"] | None = None
+    """Plant that moves, by default as for cycle. With mujoco, the linear prediction is drawn beneath."""
     start: Literal["auto", "prediction", "simulation"] = "auto"
     """First guess of the first cycle."""
     points: int = 40

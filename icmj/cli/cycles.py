@@ -29,13 +29,13 @@ def cycle(command: arguments.Cycle) -> None:
     from icmj.cycle.cycle import find_cycle
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.study.study import plants_of
 
     run = overridden(load_run(command.run), command.set)
+    plant = command.plant or plants_of(run)[-1]
     with Working(f"cycle of {run.case.name}", ERR) as working:
         case = prepare(run)
-        found = find_cycle(
-            case, command.plant, start=command.start, progress=lambda done: working.tell("simulating", done)
-        )
+        found = find_cycle(case, plant, start=command.start, progress=lambda done: working.tell("simulating", done))
     if command.json:
         print(json.dumps(plain_cycle(found, case), indent=2, allow_nan=False))
         return
@@ -53,9 +53,10 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.report.branch import branch_figure
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
-    from icmj.study.study import open_folder
+    from icmj.study.study import open_folder, plants_of
 
     run = overridden(load_run(command.run), command.set)
+    main_plant = command.plant or plants_of(run)[-1]
     name = f"{run.case.name}.{command.parameter.replace(':', '-')}"
     with Working(name, ERR) as working:
 
@@ -65,7 +66,7 @@ def continue_(command: arguments.Continue) -> None:
                 points=command.points, progress=lambda done: working.tell(what, done),
             )  # fmt: skip
 
-        found, off = [walked(command.plant, f"{name}, {command.plant}")], list[str]()
+        found, off = [walked(main_plant, f"{name}, {main_plant}")], list[str]()
         for special in found[0].specials if command.branches else ():
             if special.kind in BRANCHING:
                 working.tell(f"branch at {special.value:.4g}", 0.0)
@@ -82,7 +83,7 @@ def continue_(command: arguments.Continue) -> None:
         open_folder(command.out)
         files = []
         for i, branch in enumerate(found):
-            files.append(command.out / f"{name}{f'.{i}' if i else ''}.{command.plant}.parquet")
+            files.append(command.out / f"{name}{f'.{i}' if i else ''}.{main_plant}.parquet")
             write_branch(branch, files[-1])
         working.tell("drawing", 0.99)
         with style.applied():

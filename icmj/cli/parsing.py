@@ -7,8 +7,7 @@ import io
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import fields
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import tyro
 
@@ -70,9 +69,7 @@ def _in_words(complaint: str, words: list[str], classes: dict[str, type]) -> str
 def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
     command = words[0]
     cls: Any = classes.get(command)
-    known = (
-        ["--help", *(f"--{field.name.replace('_', '-')}" for field in fields(cls))] if cls else ["--help", "--version"]
-    )
+    known = ["--help", *_options(cls)] if cls else ["--help", "--version"]
     for word in words:
         name = word.partition("=")[0]
         if name.startswith("-") and name.replace("_", "-") not in (*known, "-h"):
@@ -80,8 +77,21 @@ def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
     return f"{command}: one argument too many: {complaint.partition(': ')[2]}"
 
 
-def _missing(command: str, what: str, purpose: str) -> str:
-    return f"{command}: missing {what}: {purpose.strip().rstrip('.')}"
+def _options(cls: type) -> list[str]:
+    """Options of a command, by the names that they have on the command line."""
+    options = []
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        given = (getattr(note, "name", None) for note in getattr(hint, "__metadata__", ()))
+        options.append(f"--{next(filter(None, given), name).replace('_', '-')}")
+    return options
+
+
+def _missing(command: str, what: str) -> str:
+    parts = [part.strip().rstrip(".") for part in what.split("(required)") if part.strip()]
+    if len(parts) > 1 or parts[0].startswith("--"):
+        return f"{command}: missing {' and '.join(' '.join(part.split()[:2]) for part in parts)}"
+    name, _, purpose = parts[0].partition(" ")
+    return f"{command}: missing {name}: {purpose}"
 
 
 def _choice(got: str, option: str, choices: str) -> str:
@@ -94,7 +104,7 @@ def _number(option: str, kind: str, got: str) -> str:
 
 
 _SAYINGS: tuple[tuple[str, Callable[..., str]], ...] = (
-    (r"^Missing from icmj (\w+): (\S+) (.*?)(?:\(required\))?$", _missing),
+    (r"^Missing from icmj (\w+): (.*)$", _missing),
     (r"^invalid choice '(.*)' for argument '(\S+)'\. Expected one of \((.*)\)", _choice),
     (r"^Error parsing (\S+): no type matching \{None\}\|(\w+) could be instantiated from \['(.*)'\]", _number),
     (r"^Error parsing (\S+): could not convert string to (float): '(.*)'", _number),
@@ -107,7 +117,8 @@ def _unboxed(text: str) -> str:
     """The first paragraph in the parser's box, in one line."""
     lines: list[str] = []
     for line in text.splitlines():
-        inner = line.strip(" │|╭╮╰╯─+-")
+        inner = line.strip(" │|╭╮╰╯─+")
+        inner = "" if set(inner) <= {"-"} else inner
         if not inner and lines:
             break  # a rule: what follows repeats the help
         if inner and not line.startswith(("╭", "+")):

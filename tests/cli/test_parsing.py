@@ -16,6 +16,12 @@ from icmj.errors import IcmjError
         ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
         ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
         ("run x -p linear", "run has no option -p; see"),
+        (
+            "continue x --from 1 --to 2 --parameter b --branch",
+            "continue has no option --branch; did you mean --branches?",
+        ),
+        ("continue x --to 1 --parameter b --form 1", "continue has no option --form; did you mean --from?"),
+        ("continue x", "continue: missing --parameter STR and --to FLOAT; see icmj continue --help"),
         ("--vresion", "icmj has no option --vresion; did you mean --version?"),
         ("analyse x y", "analyse: one argument too many: y"),
         ("analyse", "analyse: missing PATH: Run file"),
