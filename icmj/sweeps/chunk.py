@@ -208,6 +208,7 @@ def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
         case.controller,
         case.settings,
         starts=plan.file.ask.attractors,
+        match="position",
         seed=case.run.study.seed,
     )
     return {

@@ -17,6 +17,6 @@ def predicted_growth(result: Result) -> tuple[Array, Array]:
     end = prediction.delta_max
     if prediction.delta_crit is not None:
         end = min(end, BEYOND * prediction.delta_crit)
-    system = error_system(result.actual, controller.design, controller.hold, delay=controller.delay)
+    system = error_system(result.actual, controller.design, controller.hold, delay=controller.delay, match="position")
     found = locus(system, end, points=POINTS)
     return found.delta, found.largest

@@ -7,7 +7,9 @@ from model_cases import MOTOR, pendulum, two, written
 from icmj.case.case import prepare, simulate
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import DesignError, ModelError, RunFileError
+from icmj.report import build_report
 from icmj.runfile.reading import load_run, parse_run
+from icmj.study.study import run_case
 
 NOTES = {  # Δ_crit [s], eigenvalue, cycle predicted (notes, sections 2, 4 and 5)
     "simple-0.8": (1.807, 1, True),
@@ -122,6 +124,24 @@ def test_inputs_and_outputs_are_matched_by_name_between_the_models(tmp_path):
     same, turned = (prepare(brought(tmp_path, actual=a)) for a in ("gain = 0.9", 'model = "turned.xml", gain = 0.9'))
     assert turned.prediction.delta_crit == same.prediction.delta_crit
     assert turned.actual.linearisation.plant.outputs == ("place", "angle")
+
+
+def test_ports_of_other_names_take_the_place_of_the_assumed_ones_where_the_run_file_says_so(tmp_path):
+    """The same pendulum with its motor and sensor under other names: the same case, from prediction to report."""
+    other = pendulum(MOTOR).replace('name="ankle"', 'name="muscle"').replace('name="angle"', 'name="tilt"')
+    written(tmp_path, pendulum(MOTOR)), written(tmp_path, other, "other.xml")
+    named = 'model = "other.xml", gain = 0.9, inputs = ["muscle"], outputs = ["tilt"]'
+    extra = """simulation = { duration = 2.0, initial = { lean = 0.01 } }
+    study = { growth_points = 2, attractor_starts = 1 }"""
+    same, renamed = (
+        run_case(brought(tmp_path, "model.xml", actual, extra=extra), "linear") for actual in ("gain = 0.9", named)
+    )
+    assert renamed.actual.inputs == ("muscle",)
+    np.testing.assert_array_equal(renamed.simulation.y, same.simulation.y)
+    assert renamed.prediction.delta_crit == same.prediction.delta_crit
+    build_report([renamed], tmp_path / "report.html")
+    with pytest.raises(ModelError, match="no input 'ankle'; it has muscle"):
+        prepare(brought(tmp_path, "model.xml", 'model = "other.xml"'))
 
 
 def test_an_output_that_the_actual_model_lacks_is_named(tmp_path):
