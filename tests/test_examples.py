@@ -18,6 +18,7 @@ import pytest
         ("dm_control_model.py", "Settled on a period-1 cycle of 0.65768"),
         ("ball_joint.py", "mujoco  first interval 0.3204"),
         ("muscle.py", "Settled on a period-1 cycle of 1.16"),
+        ("sway.py", "person: RMS 3.0 mm, mean speed 6 mm/s, H on short times 0.71\nmodel: RMS 4."),
     ],
 )
 def test_example_runs(root, command, words):

@@ -1,0 +1,39 @@
+"""Sway of a person and of the model
+=================================
+
+The centre of pressure of someone who stands still, recorded, beside that of the three-link model under noise. Their
+sizes are alike, their speeds are not: the model's command jumps at every event, which muscles would smooth.
+"""
+
+from pathlib import Path
+
+from matplotlib import pyplot as plt
+
+import icmj
+from icmj.measurement.sway import from_torque
+
+examples = Path(__file__).resolve().parent
+recorded = icmj.read_series(examples / "standing.csv", columns=["ap"], rate=100.0)
+
+# The three-link model stands on fixed feet: its centre of pressure is the ankle's torque over the weight above the
+# feet. The torque that acts is b = 0.9 of the command.
+case = icmj.prepare(icmj.load_run(examples.parent / "runs" / "quiet-standing.toml"))
+run = icmj.simulate(case, "linear").to_series(rate=100.0, controller=case.controller)
+simulated = from_torque(run.since(6.0), "u.ankle_torque", 77.68 * 9.81 / 0.9)
+
+person = icmj.measure_sway(icmj.Series(recorded.t, 10 * recorded.values, ("person",), ("mm",)))  # was in cm
+model = icmj.measure_sway(icmj.Series(simulated.t, 1e3 * simulated.values, ("model",), ("mm",)))  # was in m
+for sway in (person, model):
+    found = sway.coordinates[0]
+    short = found.diffusion.short.H
+    print(f"{found.name}: RMS {found.rms:.1f} mm, mean speed {found.speed:.0f} mm/s, H on short times {short:.2f}")
+
+# %%
+# Over seconds both wander alike. Below a tenth of a second the person's sway is smooth, and the model's is not.
+figure, axes = plt.subplots(2, 2, figsize=(8, 5.4), layout="constrained", sharex="col", sharey="col")
+for (left, right), sway in zip(axes, (person, model), strict=True):
+    icmj.plots.sway_diffusion(left, sway)
+    icmj.plots.sway_spectrum(right, sway)
+for above in axes[0]:
+    above.set_xlabel("")
+plt.show()
