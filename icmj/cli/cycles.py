@@ -49,6 +49,7 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.cycle.follow import BRANCHING, branch_off, follow
     from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
+    from icmj.log.branch import write_branch_log
     from icmj.report import style
     from icmj.report.branch import branch_figure
     from icmj.runfile.overrides import overridden
@@ -85,6 +86,8 @@ def continue_(command: arguments.Continue) -> None:
         for i, branch in enumerate(found):
             files.append(command.out / f"{name}{f'.{i}' if i else ''}.{main_plant}.parquet")
             write_branch(branch, files[-1])
+            files.append(files[-1].with_suffix(".rrd"))
+            write_branch_log(branch, files[-1])
         working.tell("drawing", 0.99)
         with style.applied():
             figure = branch_figure(found, beneath)
@@ -96,7 +99,7 @@ def continue_(command: arguments.Continue) -> None:
     for words in off:
         OUT.print(f"note: {escape(words)}", highlight=False, style="yellow")
     for file in files:
-        OUT.print(f"{'branch' if file.suffix == '.parquet' else 'figure'}   {escape(str(file))}", highlight=False)
+        OUT.print(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {escape(str(file))}", highlight=False)
 
 
 def _show_branch(branch: Branch) -> None:

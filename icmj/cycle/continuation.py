@@ -20,9 +20,9 @@ from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, kappas, locate, value_of
 from icmj.cycle.curve import Curve
 from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
-from icmj.cycle.point import Point, point
+from icmj.cycle.point import FINE, Point, point
 
-_DEGREE = 3  # of the predicting polynomial
+_DEGREE = 4  # of the predicting polynomial
 _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves the step as it is
 _JUMP = 0.3  # relative change of an interval that no step of a smooth branch makes
 _ACROSS = 0.35  # below this part of the parameter in the tangent, a step is measured along the curve
@@ -76,10 +76,10 @@ def walk(
         if progress is not None:
             progress(float(np.clip(walker.points[-1].sigma, 0, 1)))
     end = walker.ending or Ending(None, f"stopped after {_MOST} points")
-    specials = [*walker.specials, *([end.special] if end.special else [])]
     # of those that close in on an end, the last is enough
     kept = [i for i in range(len(walker.points)) if i not in walker.near or i == len(walker.points) - 1]
-    specials = [replace(s, index=max(bisect_right(kept, s.index) - 1, 0)) for s in specials]
+    found = [*walker.specials, *([end.special] if end.special else [])]
+    specials = [replace(s, index=max(bisect_right(kept, s.index) - 1, 0)) for s in found]
     return Walk(tuple(walker.points[i] for i in kept), tuple(specials), end.words, curve.flights)
 
 
@@ -124,7 +124,7 @@ class _Walker:
         lands = bool((u[-1] - 1) * (last.sigma - 1) < 0 or (u[-1] * last.sigma < 0))
         direction = (u - last.u) / max(curve.length(u - last.u), 1e-300)
         row = curve.normal(direction)
-        if lands:  # on the end of the range
+        if lands:
             edge = 1.0 if (u[-1] - 1) * (last.sigma - 1) < 0 else 0.0
             u = last.u + (u - last.u) * ((edge - last.sigma) / (u[-1] - last.sigma))
             u[-1] = edge
@@ -137,14 +137,15 @@ class _Walker:
             )
             self.shorter(found if isinstance(found, Missed) else Missed(None, found.turn))
             return
-        error = float(np.abs(found.u - u)[:-1].max()) / curve.weight
-        if curve.turn_of(self.tangent, found.u - last.u) < _AHEAD and self.ds > 1e-4 * self.longest:
-            self.ds *= 0.4  # back where it came from, or round a corner
+        if not lands and (found.u[-1] - 1) * (last.sigma - 1) < 0 and self.ds > 1e-4 * self.longest:
+            self.ds *= 0.7 * (1 - last.sigma) / (found.u[-1] - last.sigma)  # past the end of the range
             return
-        new = point(curve, found)
-        if error > 10 * _GOOD and self.ds > 1e-3 * self.longest:
+        error = float(np.abs(found.u - u)[:-1].max()) / curve.weight
+        back = curve.turn_of(self.tangent, found.u - last.u) < _AHEAD  # where it came from, or round a corner
+        if (back and self.ds > 1e-4 * self.longest) or (error > 10 * _GOOD and self.ds > 1e-3 * self.longest):
             self.ds *= 0.4
             return
+        new = point(curve, found)
         self.accept(new)
         if lands and self.ending is None:
             self.ending = Ending(None, f"reached {curve.family.parameter.name} = {new.value:.6g}")
@@ -215,7 +216,7 @@ class _Walker:
         row = self.curve.normal((us[-1] - us[-2]) / (s[-1] - s[-2]))
         nearest = self.points[-1] if part > 0.5 else self.points[-2]
         found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
-        return None if isinstance(found, Missed) else point(self.curve, found)
+        return None if isinstance(found, Missed) else point(self.curve, found, FINE)
 
     def without_bound(self) -> Ending | None:
         """Whether the interval is on its way to infinity; asked again only once it has grown further."""

@@ -65,7 +65,7 @@ def correct(curve: Curve, u: Array, D: Array, row: Array, closed: float = CLOSED
         return Missed(lost, None)
     closure = float(np.abs(r).max())
     for steps in range(_MOST + 1):
-        if closure <= FLOOR:
+        if closure <= FLOOR or (closure <= closed and steps > 0):
             break
         du = np.linalg.lstsq(np.vstack([D, row]), np.append(-r, 0.0), rcond=1e-11)[0]
         if not np.abs(du).max() < _FAR:

@@ -41,7 +41,7 @@ class Family:
         self.built += 1
         assumed = self._assumed(run)
         bodies = (run.assumed, run.actual.model_copy(update={"delay": None}))
-        actual: AnyPlant = self._once("actual", bodies, lambda: actual_plant(run, assumed))
+        actual: AnyPlant = self._once("actual", bodies, lambda: self._regained(run) or actual_plant(run, assumed))
         designed = (self._bare(run), run.design)
         design = self._once("design", designed, lambda: controlled(run, assumed)[0].design)
         controller, _ = controlled(run, assumed, design)
@@ -53,6 +53,21 @@ class Family:
         if not isinstance(actual, MujocoPlant):
             raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
         return ReturnMap(actual, controller, settings)
+
+    def _regained(self, run: RunFile) -> MujocoPlant | None:
+        """The last actual plant with another input gain, if that is all that differs: its point and model stay."""
+        if "actual" not in self._known:
+            return None
+        (assumed, actual), plant = self._known["actual"]
+        before, after = actual.gain, run.actual.gain
+        same = assumed == run.assumed and actual == run.actual.model_copy(update={"delay": None, "gain": before})
+        plain = isinstance(before, float) and isinstance(after, float) and before != 0 and run.actual.rho == 1.0
+        gains = any(entry.what == "input_gain" for entry in run.actual.change)
+        if not (same and plain and not gains and isinstance(plant, MujocoPlant)):
+            return None
+        here, factor = plant.linearisation, after / before
+        turned = replace(here, plant=here.plant.scaled(factor), ports=replace(here.ports, b=here.ports.b * factor))
+        return replace(plant, linearisation=replace(turned, D=here.D * factor))
 
     def _assumed(self, run: RunFile) -> AnyPlant:
         plant: AnyPlant = self._once("assumed", self._bare(run), lambda: assumed_plant(run))

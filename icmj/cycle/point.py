@@ -16,7 +16,9 @@ from icmj.cycle.return_map import ReturnMap
 from icmj.cycle.variation import course, fast_jacobian
 from icmj.simulation.course import Sample
 
-NODES = 129  # at which an interval is kept
+NODES = 97  # at which an interval is kept
+EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes
+ROUGH, FINE = 1e-4, 1e-6  # before the last extrapolation: along a branch, and where a special point is located
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +63,13 @@ class Point:
         return float(self.u[-1])
 
 
-def point(curve: Curve, found: Corrected) -> Point:
-    """All that is told of a point that was found."""
+def point(curve: Curve, found: Corrected, tolerance: float = ROUGH) -> Point:
+    """All that is told of a point that was found; ``tolerance`` is that of the flow's derivative."""
     loop = curve.loop(float(found.u[-1]))
     unit, turn = curve.unit(loop), found.turn
     courses = [course(loop, z, interval) for z, interval in zip(turn.states, turn.intervals, strict=True)]
-    J = fast_jacobian(loop, turn, unit, courses)
-    samples = tuple(along.sample(np.linspace(0, along.cuts[-1], NODES)) for along in courses)
+    J = fast_jacobian(loop, turn, unit, courses, tolerance)
+    samples = tuple(along.sample(along.cuts[-1] * np.linspace(0, 1, NODES) ** EARLY) for along in courses)
     D = found.D.copy()
     D[:, :-1] = curve.sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit))
     values = np.linalg.eigvals(J).astype(complex)

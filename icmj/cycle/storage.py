@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.cycle.branch import KINDS, Branch, SpecialPoint
@@ -17,7 +19,7 @@ from icmj.runfile.reading import parse_run
 
 FORMAT = 1
 _KEY = b"icmj branch"
-_COLUMNS = (
+COLUMNS = (
     *("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze"),
     *("t", "x", "y", "u", "qpos"),
 )
@@ -37,19 +39,14 @@ def write_branch(branch: Branch, path: Path | str) -> None:
     from pyarrow import parquet
 
     path = Path(path)
-    columns, shapes = {}, {}
-    for name in _COLUMNS:
-        values = getattr(branch, name)
-        if np.iscomplexobj(values):
-            values = np.stack([values.real, values.imag], axis=-1)
-        shapes[name] = list(values.shape[1:])
-        flat = np.ascontiguousarray(values, dtype=float).reshape(len(branch), -1)
-        if values.ndim == 1:
-            columns[name] = pa.array(flat[:, 0])
-        else:
-            ends = np.arange(len(branch) + 1, dtype=np.int64) * flat.shape[1]
-            columns[name] = pa.LargeListArray.from_arrays(pa.array(ends), pa.array(flat.ravel()))
-    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(_head(branch, shapes)).encode()})
+    head, flat = packed(branch)
+    columns = {}
+    for name, values in flat.items():
+        width = values.size // len(branch)
+        ends = np.arange(len(branch) + 1, dtype=np.int64) * width
+        one = getattr(branch, name).ndim == 1
+        columns[name] = pa.array(values) if one else pa.LargeListArray.from_arrays(pa.array(ends), pa.array(values))
+    table = pa.table(columns).replace_schema_metadata({_KEY: head.encode()})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole(path) as part:
@@ -70,25 +67,49 @@ def read_branch(path: Path | str) -> Branch:
     path = Path(path)
     try:
         table = parquet.read_table(path)
-        head = json.loads(table.schema.metadata[_KEY])
-        if head["format"] != FORMAT:
-            raise LogError(f"{path}: a branch of format {head['format']}; this version reads {FORMAT}")
-        parts: dict[str, Any] = {}
-        for name in _COLUMNS:
+        flat = {}
+        for name in COLUMNS:
             column = table.column(name).combine_chunks()
-            flat = column.flatten() if isinstance(column, pa.LargeListArray) else column
-            values = flat.to_numpy(zero_copy_only=False).reshape([len(table), *head["shapes"][name]])
-            parts[name] = np.array(values, dtype=float)
-        parts["multipliers"] = parts["multipliers"][..., 0] + 1j * parts["multipliers"][..., 1]
-        return _branch(head, parts)
-    except IcmjError:
-        raise
+            values = column.flatten() if isinstance(column, pa.LargeListArray) else column
+            flat[name] = values.to_numpy(zero_copy_only=False)
+        return unpacked(table.schema.metadata[_KEY].decode(), flat)
+    except IcmjError as error:
+        raise LogError(f"{path}: {error}") from error
     except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:
         raise LogError(f"{path}: not a branch that icmj wrote ({one_line(error, 200)})") from error
 
 
+def packed(branch: Branch) -> tuple[str, dict[str, Array]]:
+    """A branch as JSON text and flat arrays of numbers by name."""
+    shapes, flat = {}, {}
+    for name in COLUMNS:
+        values = getattr(branch, name)
+        if np.iscomplexobj(values):
+            values = np.stack([values.real, values.imag], axis=-1)
+        shapes[name] = list(values.shape[1:])
+        flat[name] = np.ascontiguousarray(values, dtype=float).ravel()
+    return json.dumps(_head(branch, shapes)), flat
+
+
+def unpacked(text: str, flat: Mapping[str, Array]) -> Branch:
+    """The branch from what :func:`packed` gave.
+
+    Raises:
+        LogError: if it is of another version.
+        LookupError, TypeError, ValueError: if it is none.
+    """
+    head = json.loads(text)
+    if head["format"] != FORMAT:
+        raise LogError(f"a branch of format {head['format']}; this version reads {FORMAT}")
+    parts: dict[str, Any] = {}
+    for name in COLUMNS:
+        parts[name] = np.array(flat[name], dtype=float).reshape([len(flat["value"]), *head["shapes"][name]])
+    parts["multipliers"] = parts["multipliers"][..., 0] + 1j * parts["multipliers"][..., 1]
+    return _branch(head, parts)
+
+
 def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
-    rest = {f.name: getattr(branch, f.name) for f in fields(branch) if f.name not in (*_COLUMNS, "run", "specials")}
+    rest = {f.name: getattr(branch, f.name) for f in fields(branch) if f.name not in (*COLUMNS, "run", "specials")}
     return {
         **{name: value.tolist() if name in _LISTED else value for name, value in rest.items()},
         "format": FORMAT,

@@ -42,7 +42,13 @@ def course(loop: ReturnMap, z: Array, length: float) -> Course:
     return EngineCourse(loop.fly, x, x_o, x_h, length)
 
 
-def fast_jacobian(loop: ReturnMap, turn: Turn, scale: Array, courses: Sequence[Course] | None = None) -> Array:
+def fast_jacobian(
+    loop: ReturnMap,
+    turn: Turn,
+    scale: Array,
+    courses: Sequence[Course] | None = None,
+    tolerance: float = TOLERANCE,
+) -> Array:
     """DP^p along a turn, shape (N, N); by differences of flights where the variation is too rough for panels.
 
     Args:
@@ -50,6 +56,7 @@ def fast_jacobian(loop: ReturnMap, turn: Turn, scale: Array, courses: Sequence[C
         turn: the intervals.
         scale: size of each state, shape (N,).
         courses: of the intervals, if at hand.
+        tolerance: of the variation's flow.
 
     Raises:
         CycleError: if there is no derivative.
@@ -59,7 +66,7 @@ def fast_jacobian(loop: ReturnMap, turn: Turn, scale: Array, courses: Sequence[C
     J = np.eye(loop.size)
     try:
         for along in courses:
-            J = derivative(loop, along) @ J
+            J = derivative(loop, along, tolerance) @ J
     except CycleError:
         return jacobian(loop, turn.states[0], scale, len(turn.intervals)).J
     return J

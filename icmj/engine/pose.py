@@ -25,16 +25,14 @@ def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.
         ModelError: if the simulation is not of this plant.
     """
     model = plant.model
-    qpos_0, nv = plant.linearisation.point.qpos, model.nv
+    nv = model.nv
     if simulation.qpos.size:
         if simulation.qpos.shape != (len(simulation.t), model.nq):
             raise ModelError(
                 f"{plant.path}: the simulation's positions have shape {simulation.qpos.shape}; "
                 f"this model needs {(len(simulation.t), model.nq)}"
             )
-        departure = np.zeros((len(simulation.t), nv))
-        for dq, qpos in zip(departure, simulation.qpos, strict=True):
-            mujoco.mj_differentiatePos(model, dq, 1.0, qpos_0, qpos)
+        departure = departures(plant, simulation.qpos)
     else:
         ports = plant.linearisation.ports
         if simulation.x.shape[1] != len(ports.states):
@@ -42,6 +40,12 @@ def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.
                 f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the plant {len(ports.states)}"
             )
         departure = ports.whole(simulation.x)[:, :nv]
+    return scene_of(plant, departure, magnification)
+
+
+def scene_of(plant: MujocoPlant, departure: Array, magnification: float = 10.0) -> Scene:
+    """Poses at departures of the positions from the operating point, in their tangent space, shape (N, nv)."""
+    model, qpos_0 = plant.model, plant.linearisation.point.qpos
     xpos, xquat, com = _poses(model, qpos_0, departure)
     return Scene(
         tuple(model.body(i).name or f"body{i}" for i in range(model.nbody)),
@@ -52,6 +56,14 @@ def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.
         *_poses(model, qpos_0, magnification * departure),
         magnification=float(magnification),
     )
+
+
+def departures(plant: MujocoPlant, qpos: Array) -> Array:
+    """Departures of MuJoCo's positions from the operating point, in their tangent space; (N, nq) → (N, nv)."""
+    departure = np.zeros((len(qpos), plant.model.nv))
+    for dq, position in zip(departure, qpos, strict=True):
+        mujoco.mj_differentiatePos(plant.model, dq, 1.0, plant.linearisation.point.qpos, position)
+    return departure
 
 
 def _poses(model: mujoco.MjModel, qpos_0: Array, departure: Array) -> tuple[Array, Array, Array]:

@@ -26,7 +26,7 @@ def read_log(path: Path | str) -> Result:
             written.
     """
     path = Path(path)
-    row = _row(path, "/archive")
+    row = static_row(path, "/archive")
     columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
     try:
         version, tree, digest = (columns.pop(name)[0].as_py() for name in ("format", "tree", "sha256"))
@@ -65,7 +65,12 @@ def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
     return topics
 
 
-def _row(path: Path, entity: str) -> dict[str, Any]:
+def static_row(path: Path, entity: str) -> dict[str, Any]:
+    """Static components of an entity, as arrow arrays by name.
+
+    Raises:
+        LogError: if the file is missing, not a recording, or cut short.
+    """
     found: dict[str, Any] = {}
     for _, row in _rows(path, entity):
         found.update(row)

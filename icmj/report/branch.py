@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDE, HIGH = 172.0, 118.0  # mm: two columns
+WIDE, HIGH = 172.0, 124.0  # mm: two columns
 SHADES = ("#a03c00", "#0072b2", "#007a55", "#7a4fa3", "#8a6d00")  # of branches one after another
 LOOK: dict[str, dict[str, Any]] = {
     "fold": {"marker": "<", "label": "fold"},
@@ -46,8 +46,8 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDE * style.MM, HIGH * style.MM))
-    boxes = ((0.075, 0.565), (0.575, 0.565), (0.075, 0.09), (0.575, 0.09))
-    axes = [figure.add_axes((x, y, 0.34 if n == 3 else 0.4, 0.365)) for n, (x, y) in enumerate(boxes)]
+    boxes = ((0.075, 0.545), (0.575, 0.545), (0.075, 0.085), (0.575, 0.085))
+    axes = [figure.add_axes((x, y, 0.34 if n == 3 else 0.4, 0.35)) for n, (x, y) in enumerate(boxes)]
     draw_intervals(axes[0], branches, linear)
     draw_amplitude(axes[1], branches, linear)
     draw_multipliers(axes[2], branches[0])
@@ -55,7 +55,7 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
     for letter, panel in zip("abcd", axes, strict=True):
         panel.text(-0.13, 1.04, f"({letter})", transform=panel.transAxes, weight="bold", size=9.5)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=6, bbox_to_anchor=(0.52, 1.005))
+    figure.legend(handles, labels, loc="upper center", ncols=7, bbox_to_anchor=(0.52, 1.0))
     return figure
 
 
@@ -133,12 +133,14 @@ def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output
     for n, (i, shade) in enumerate(zip(chosen, shades, strict=True)):
         scale = 1 / branch.value[i] if by_size else factor
         if linear is not None:
-            j = int(np.argmin(np.abs(linear.value - branch.value[i])))
+            gap = np.abs(linear.value - branch.value[i]) / np.ptp(branch.value)
+            # past a fold there are several at one value
+            j = int(np.argmin(gap + 0.2 * np.abs(linear.interval / branch.interval[i] - 1)))
             near = abs(linear.value[j] - branch.value[i]) < 0.03 * np.ptp(branch.value)
             if near and (n == 0 or not by_size):
                 own = 1 / linear.value[j] if by_size else factor
                 axes.plot(*_portrait(linear, j, output, own), **{**style.PREDICTED, "linewidth": 3.0})
-        label = f"{branch.value[i]:.3g}"
+        label = f"{branch.value[i]:.2g}" if by_size else f"{branch.value[i]:.3g}"
         axes.plot(*_portrait(branch, i, output, scale), color=shade, linewidth=0.9, label=label)
     name = branch.outputs[output]
     if by_size:
