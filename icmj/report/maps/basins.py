@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.text import one_line
-from icmj.report.maps.grid import edges, grid
+from icmj.report.maps.grid import edges, grid, label
 from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def draw_basins(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear")
     handles = [Patch(facecolor=colour, label=name) for name, colour in zip(shown, _COLOURS, strict=False)]
     if len(frequent) > len(shown):
         handles.append(Patch(facecolor=_OTHERS, label=f"{len(frequent) - len(shown)} others"))
-    axes.set(xlabel=x, ylabel=y)
+    axes.set(xlabel=label(x), ylabel=label(y))
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from icmj.errors import ReportError
 from icmj.report import style
+from icmj.report.maps.grid import label
 from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
@@ -29,10 +30,10 @@ def draw_curve(axes: Axes, swept: Swept, x: str) -> None:
     at, crit, sign = at[order], crit[order], sign[order]
     cycle = swept.numbers("predicted_cycle")[order] > 0
     for value, (colour, words) in _SIGN.items():
-        for there, line, label in ((cycle, "solid", words), (~cycle, (0, (3, 2)), None)):
+        for there, line, told in ((cycle, "solid", rf"$\Delta_{{crit}}$, {words}"), (~cycle, (0, (3, 2)), None)):
             shown = np.where((sign == value) & there, crit, np.nan)
             if np.isfinite(shown).any():
-                axes.plot(at, shown, color=colour, linestyle=line, linewidth=1.6, label=label, zorder=2)
+                axes.plot(at, shown, color=colour, linestyle=line, linewidth=1.6, label=told, zorder=2)
     for plant in ("linear", "mujoco"):
         if f"{plant}_interval" in swept.table.column_names:
             kind = np.array(swept.texts(f"{plant}_kind"))[order]
@@ -47,5 +48,5 @@ def draw_curve(axes: Axes, swept: Swept, x: str) -> None:
                     at, exact, linestyle="none", marker="o", markersize=4.6, markerfacecolor="none",
                     markeredgecolor="#777777", markeredgewidth=0.7, label=f"{style.NAME[plant]}, repelling", zorder=2.5,
                 )  # fmt: skip
-    axes.set(xlabel=x, ylabel=r"$\Delta_{ol}$ (s)", xlim=(at.min(), at.max()))
+    axes.set(xlabel=label(x), ylabel=r"$\Delta_{ol}$ (s)", xlim=(at.min(), at.max()))
     axes.set_ylim(bottom=0)

@@ -64,3 +64,11 @@ def edges(values: Array, logarithmic: bool = False) -> Array:
 def even(values: Array) -> bool:
     """Whether values are spaced by equal ratios, not by equal differences."""
     return bool(values[0] > 0 and len(values) > 2 and values[-1] / values[0] > 20)
+
+
+def label(name: str) -> str:
+    """A column's name as the paper writes it: single letters, with or without an index, are slanted."""
+    letter, _, index = name.partition("_")
+    if len(letter) != 1 or len(index) > 4:
+        return name
+    return f"${letter}_{{{index}}}$" if index else f"${letter}$"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.report.maps.grid import Grid, edges, even, grid
+from icmj.report.maps.grid import Grid, edges, even, grid, label
 from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ _LEAST, _MOST = -8.0, -0.5
 _REGIONS: tuple[tuple[str, str, str], ...] = (
     ("fell", "xxxx", "falls"),
     ("elsewhere", "////", "another motion"),
-    ("open", "....", "not settled"),
+    ("open", "....", "not settled in time"),
 )
 
 
@@ -49,7 +49,7 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
             _hatch(axes, cells, inside, hatch)
             handles.append(Patch(facecolor="white", edgecolor="#777777", hatch=hatch, linewidth=0.4, label=words))
     _contours(axes, laid, size)
-    axes.set(xlim=(cells[0][0], cells[0][-1]), ylim=(cells[1][0], cells[1][-1]), xlabel=x, ylabel=y)
+    axes.set(xlim=(cells[0][0], cells[0][-1]), ylim=(cells[1][0], cells[1][-1]), xlabel=label(x), ylabel=label(y))
     for way, scaled in zip((axes.set_xscale, axes.set_yscale), logarithmic, strict=True):
         if scaled:
             way("log")
@@ -87,7 +87,7 @@ def _hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, hatch: str) -> N
         vertices += [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1]), (x[i], y[j])]
         codes += [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
     axes.add_collection(
-        PathCollection([Path(vertices, codes)], facecolor="white", edgecolor="#777777", hatch=hatch, linewidth=0.0)
+        PathCollection([Path(vertices, codes)], facecolor="white", edgecolor="#999999", hatch=hatch, linewidth=0.0)
     )
 
 
