@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 def say(*words: object, cwd: Path | None = None, **more: str) -> subprocess.CompletedProcess[str]:
     """Run a program as somebody would who knows nothing of this checkout."""
-    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
     environment = {key: value for key, value in os.environ.items() if key not in hidden} | more
     done = subprocess.run(
         [str(word) for word in words], cwd=cwd, env=environment, capture_output=True, text=True, check=False

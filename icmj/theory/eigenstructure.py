@@ -43,7 +43,8 @@ def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
     v = v * np.sign(v[np.abs(v).argmax()])
     values, V = np.linalg.eig(phi)
     k = int(np.abs(values - sign).argmin())
-    order = np.concatenate([[k], [i for i in np.argsort(-np.abs(values), kind="stable") if i != k]])
+    others = [int(i) for i in np.argsort(-np.abs(values), kind="stable") if i != k]
+    order = np.array([k, *others])
     V = V[:, order].astype(complex)
     V[:, 0] = v
     spread = np.linalg.svd(V, compute_uv=False)
