@@ -2,8 +2,8 @@
 
 numba compiles anew when the source file changes that a function stands in, or its closure variables do, but not when a
 function does that it calls. So only entry points are kept, and each holds :func:`contents` of the folder of all that it
-calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in every process,
-and nothing would ever be found on disk.
+calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in every
+process, and nothing would ever be found on disk.
 """
 
 from __future__ import annotations
