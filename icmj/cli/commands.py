@@ -17,7 +17,7 @@ from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from icmj.comparison.comparison import Comparison
 
@@ -240,6 +240,15 @@ def identify(command: arguments.Identify) -> None:
     carry_out(command, OUT, ERR)
 
 
+def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:
+    """What to tell of the runs, each thing once: of a case, where all its runs have it, else of a run."""
+    runs = {c.case: [other for other in comparisons if other.case == c.case] for c in comparisons}
+    for case, same in runs.items():
+        for notice in dict.fromkeys(notice for c in same for notice in c.notices):
+            having = [c.plant for c in same if notice in c.notices]
+            yield f"{case}: {notice}" if len(having) == len(same) > 1 else f"{case} ({having[0]}): {notice}"
+
+
 def _show(comparisons: Sequence[Comparison]) -> None:
     """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
     title = "Predicted and measured open-loop interval, in seconds"
@@ -260,8 +269,8 @@ def _show(comparisons: Sequence[Comparison]) -> None:
             "yes" if c.measured.converged else "no",
         )
     OUT.print(table)
+    _tell(noted(comparisons))
     for c in comparisons:
-        _tell(f"{c.case} ({c.plant}): {notice}" for notice in c.notices)
         if not c.measured.converged:
             OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
 

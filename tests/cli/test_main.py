@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from icmj.cli.commands import noted
 from icmj.cli.main import main
 
 COMMANDS = (
@@ -143,3 +144,12 @@ def test_bad_input_is_one_line_status_2_and_no_file(arguments, words, tmp_path, 
     assert words in lines[0]
     assert "Traceback" not in err + out
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_notice_on_a_case_is_told_once():
+    class Told:
+        def __init__(self, case, plant, *notices):
+            self.case, self.plant, self.notices = case, plant, notices
+
+    runs = [Told("a", "linear", "both"), Told("a", "mujoco", "both", "one"), Told("b", "mujoco", "both")]
+    assert list(noted(runs)) == ["a: both", "a (mujoco): one", "b (mujoco): both"]
