@@ -5,6 +5,10 @@
     python -m benchmarks --save new.json          keep the numbers
     python -m benchmarks --compare old.json new.json
 
+Rows of Drake and jaxonomy need these beside icmj; both install for Python 3.11 with numpy 2.4:
+
+    pip install -e '.[bench]'
+
 Exits with status 1 if a bound is missed.
 """
 
@@ -20,12 +24,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import analysis, precision, startup, stepping, threads
+from benchmarks import analysis, linear, precision, startup, stepping, threads
 from benchmarks.row import Row
 
 
 def _analysis() -> list[Row]:
-    bounds = {"three-link analysis": 50.0}
+    bounds = {"three-link analysis": 50.0, "24 states": 1e3, "54 states": 1e4}
     return [
         Row("analysis", name, 1e3 * seconds, "ms", note, bounds.get(name)) for name, seconds, note in analysis.rows()
     ]
@@ -34,6 +38,7 @@ def _analysis() -> list[Row]:
 GROUPS = {
     "stepping": stepping.rows,
     "precision": precision.rows,
+    "linear": linear.rows,
     "threads": threads.rows,
     "startup": startup.rows,
     "analysis": _analysis,
@@ -42,7 +47,9 @@ GROUPS = {
 
 def main() -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure icmj; see README.")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", choices=list(GROUPS), action="append", help="measure this group only (repeatable)")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="keep the numbers")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"), help="compare two saved results")

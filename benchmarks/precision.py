@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -92,9 +91,6 @@ def rows() -> list[Row]:
         for p in points
         if p.way == "naive Euler"
     ]
-    for package, name in (("pydrake", "Drake"), ("jaxonomy", "jaxonomy")):
-        why = "not installed" if importlib.util.find_spec(package) is None else "installed, but not measured here"
-        table.append(Row(GROUP, name, None, "ms", f"skipped: {why}"))
     return table
 
 

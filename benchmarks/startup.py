@@ -1,27 +1,46 @@
-"""Start-up: the command line's help against numpy's import, and where the time of a second run goes."""
+"""Start-up: the command line's help against numpy's import, what each import costs, and where a second run's time goes.
+
+Times are of the processor, least of several: what a command takes on an idle machine, on any.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import pstats
+import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.row import Row, interleaved, least, median
+from benchmarks.row import Row, interleaved, median
 
 ROOT = Path(__file__).resolve().parent.parent
-REPEATS = 7
+REPEATS = 5
 GROUP = "start-up"
 ICMJ = "from icmj.cli.main import main; main()"
 
 # where a profile shows that the time went: label, end of the file's name, function
 PARTS = [
     ("imports", "importlib._bootstrap>", "_find_and_load"),
-    ("compiled code from the disk cache", "engine/compilation.py", "decorate"),
+    ("compiled code from the disk cache", "numba/core/caching.py", "load_overload"),
     ("stepping", "engine/native/loop.py", "advance"),
     ("writing the log", "log/writer.py", "write_log"),
 ]
+
+
+# what is imported, and by whom
+IMPORTS = {
+    "numpy": "all but --help",
+    "scipy.linalg": "matrix exponential, Riccati equation: every command",
+    "pydantic": "run files: every command",
+    "mujoco": "models and linearisation: every command",
+    "scipy.optimize": "operating points by balance; branches of eigenvalues that meet",
+    "numba": "simulation: run, study",
+    "rerun": "writing and reading logs: run, study, report, replay",
+    "matplotlib.figure": "figures: study, report",
+    "control": "plants to and from python-control: from Python alone",
+}
 
 
 def rows() -> list[Row]:
@@ -36,8 +55,21 @@ def rows() -> list[Row]:
         Row(GROUP, "python -c 'import numpy'", median(times["numpy"]), "s"),
         Row(GROUP, "icmj --help", median(times["help"]), "s"),
         Row(GROUP, "icmj --help / import numpy", ratio, "×", f"median of {REPEATS} pairs", 3.0),
+        *_imports(),
         *_second_run(),
     ]
+
+
+def _imports() -> list[Row]:
+    """What each library adds to a process that has numpy."""
+    bare = _processor([sys.executable, "-c", "pass"])
+    numpy = _processor([sys.executable, "-c", "import numpy"])
+    table = [Row(GROUP, "import numpy", 1e3 * (numpy - bare), "ms", IMPORTS["numpy"])]
+    for name, use in list(IMPORTS.items())[1:]:
+        if importlib.util.find_spec(name.split(".")[0]) is not None:
+            took = _processor([sys.executable, "-c", f"import numpy, {name}"]) - numpy
+            table.append(Row(GROUP, f"import {name}", 1e3 * took, "ms", use))
+    return table
 
 
 def _second_run() -> list[Row]:
@@ -53,7 +85,15 @@ def _second_run() -> list[Row]:
         arguments = ["run", str(folder / case.name), "--plant", "mujoco", "--out", name]
         command = [sys.executable, "-c", ICMJ, *arguments]
         _run(command)
-        table = [Row(GROUP, "second icmj run", least(lambda: _run(command), 3), "s", f"{case.stem}, 10 s")]
+        linear = [word.replace("mujoco", "linear") for word in command]
+        _run(linear)
+        asked = [sys.executable, "-c", ICMJ, "analyse", str(folder / case.name)]
+        note = f"{case.stem}, 10 s"
+        table = [
+            Row(GROUP, "icmj analyse", _processor(asked), "s", case.stem, 1.0),
+            Row(GROUP, "second icmj run", _processor(command), "s", f"{note}, with its amplitude law", 2.5),
+            Row(GROUP, "second icmj run --plant linear", _processor(linear), "s", f"{note}, with its attractors", 2.5),
+        ]
         script = folder / "icmj_main.py"
         script.write_text(ICMJ, encoding="utf-8")
         _run([sys.executable, "-m", "cProfile", "-o", str(folder / "profile"), str(script), *arguments])
@@ -69,6 +109,21 @@ def _second_run() -> list[Row]:
         table.append(Row(GROUP, f"second icmj run: {label}", 100 * seconds / total, "%", "of a profiled run"))
     table.append(Row(GROUP, "second icmj run: the rest", 100 * rest / total, "%", "analysis, design, measurement"))
     return table
+
+
+def _processor(command: list[str]) -> float:
+    """Least processor time of a command [s], user and system together."""
+
+    def spent() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
+    times = []
+    for _ in range(REPEATS):
+        begin = spent()
+        _run(command)
+        times.append(spent() - begin)
+    return min(times)
 
 
 def _run(command: list[str]) -> str:

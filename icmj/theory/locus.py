@@ -89,8 +89,6 @@ def follow(delta: Array, values: NDArray[np.complex128]) -> NDArray[np.complex12
         delta: Δ, rising, shape (M,).
         values: eigenvalues in any order, shape (M, N).
     """
-    from scipy.optimize import linear_sum_assignment
-
     order = np.arange(values.shape[1])
     ordered = values.copy()
     nearest, clear = _successors(values)
@@ -102,9 +100,19 @@ def follow(delta: Array, values: NDArray[np.complex128]) -> NDArray[np.complex12
             ahead = here
             if m:
                 ahead = here + (here - ordered[m - 1]) * ((delta[m + 1] - delta[m]) / (delta[m] - delta[m - 1]))
-            order = linear_sum_assignment(np.abs(ahead[:, None] - values[m + 1]))[1]
+            order = _assigned(np.abs(ahead[:, None] - values[m + 1]))
         ordered[m + 1] = values[m + 1, order]
     return ordered
+
+
+def _assigned(distance: Array) -> NDArray[np.intp]:
+    """The column of each row, all different, with the least total distance."""
+    nearest = distance.argmin(axis=1)
+    if len(set(nearest.tolist())) == len(nearest):  # as each could not do better, neither could all
+        return nearest
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(distance)[1])
 
 
 def _successors(values: NDArray[np.complex128]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -1,0 +1,85 @@
+"""The exact simulation of the linear plant: times real time, and beside what others need for the same loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.others import LAST, SETTINGS, LinearTask, measured
+from benchmarks.row import Row, interleaved, least
+from benchmarks.task import three_link
+from icmj.linear.closed_loop import closed_loop
+from icmj.linear.open_loop import open_loop
+from icmj.linear.run import simulate
+from icmj.simulation.settings import Settings
+
+DURATION = 60.0
+COMPARED = 15.0
+REPEATS = 200
+FASTER = 1e4  # times real time, at least
+TARGETS = (1e-6, 1e-8)
+GROUP = "linear plant"
+
+
+def rows() -> list[Row]:
+    """Speed of the compiled simulation, of the one piece by piece, of single intervals, and of others."""
+    task = three_link()
+    plant, controller = task.plant.linearisation.plant, task.controller
+    settings = Settings(duration=DURATION, record_interval=0.01, limit=10.0)
+    start = {"x0": task.x, "x_o0": task.x_o}
+    sparse = replace(settings, record_interval=DURATION)
+    fly = open_loop(plant, controller, settings)
+
+    def chain() -> None:
+        x, x_o, t = task.x, task.x_o, 0.0
+        while t < DURATION:
+            flight = fly(x, x_o)
+            x, x_o, t = flight.x, flight.x_o, t + flight.length
+
+    ways: dict[str, Callable[[], object]] = {
+        "events alone": lambda: simulate(plant, controller, sparse, **start),
+        "with a row every 10 ms": lambda: simulate(plant, controller, settings, **start),
+        "interval by interval": chain,
+    }
+    interleaved(ways, 2)
+    fast = interleaved(ways, REPEATS)
+    slow = least(lambda: simulate(plant, controller, replace(settings, native=False), **start), 3)
+    run = simulate(plant, controller, settings, **start)
+    pieces = simulate(plant, controller, replace(settings, native=False), **start)
+    apart = float(np.abs(run.events.interval - pieces.events.interval).max())
+    note = f"{len(run.events)} events in {DURATION:g} s of the three-link; least of {REPEATS}, preparation and all"
+    table = [
+        Row(GROUP, f"compiled, {way}", DURATION / min(times), "× time", note, FASTER if index < 2 else None, False)
+        for index, (way, times) in enumerate(fast.items())
+    ]
+    table += [
+        Row(GROUP, "piece by piece in Python", DURATION / slow, "× time", "what it is tested against"),
+        Row(GROUP, "largest difference of an interval", apart, "s", "between these two", 1e-12),
+    ]
+    return table + _others(task.x, task.x_o)
+
+
+def _others(x: np.ndarray, x_o: np.ndarray) -> list[Row]:
+    task = three_link()
+    plant, controller = task.plant.linearisation.plant, task.controller
+    loop = closed_loop(plant, controller)
+    settings = Settings(duration=COMPARED, record_interval=COMPARED, limit=10.0)
+    exact = simulate(plant, controller, settings, x0=x, x_o0=x_o).events.interval[-LAST:]
+    ours = least(lambda: simulate(plant, controller, settings, x0=x, x_o0=x_o), 50)
+    table = [Row(GROUP, f"icmj, {COMPARED:g} s", 1e3 * ours, "ms", "exact")]
+    found = measured(LinearTask(loop.M, loop.faces.R, loop.state(x, x_o, x_o), COMPARED), exact)
+    for way, (package, _) in SETTINGS.items():
+        if way not in found:
+            table.append(Row(GROUP, way, None, "ms", f"skipped: {package} is not installed (see --help)"))
+            continue
+        for target in TARGETS:
+            good = [(seconds, tolerance, error) for tolerance, seconds, error in found[way] if error <= target]
+            name = f"{way} at {target:g} s"
+            if not good:
+                table.append(Row(GROUP, name, None, "ms", "no tolerance tried is as accurate"))
+                continue
+            seconds, tolerance, error = min(good)
+            table.append(Row(GROUP, name, 1e3 * seconds, "ms", f"tolerance {tolerance:g}; interval {error:.1e} s"))
+    return table
