@@ -73,6 +73,14 @@ def test_clocks_and_continuous_control(trigger, t_d):
     both(PENDULUM.scaled(0.9), controller, settings(3.0, record_interval=0.1, initial={"hinge": 0.02}))
 
 
+def test_a_delayed_event_on_a_recording_instant_shifts_no_row():
+    design = pendulum_design()
+    rule = event_controller(design, q_t=0.01, delta_min=0.3).trigger
+    controller = Controller(design, system_matched(design), rule, Delay(0.1234))
+    run = both(PENDULUM.scaled(0.8), controller, settings(1.0, record_interval=0.01, initial={"hinge": 0.02}))
+    assert run.events.t[0] == pytest.approx(30 * 0.01, abs=1e-12)  # a row of the grid, long before its action
+
+
 @pytest.mark.parametrize(("limit", "kind"), [(0.3, "fell"), (1e15, "diverged")])
 def test_runs_that_end_early(limit, kind):
     controller = event_controller(pendulum_design(), q_t=1e20 if kind == "diverged" else 0.01)

@@ -162,6 +162,7 @@ def _march(sizes, cuts, plan, now, counts, rows_t, rows_z, events, most_events):
                 _row(rows_t, rows_z, counts, now, t, z)
             if abs(counts[Count.NEXT] * interval - t) <= _SAME:
                 counts[Count.NEXT] += 1
+                counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
         k = counts[Count.EVENTS]
         events[k, 0] = t
         copy(z, events[k, 1 : 1 + m])
