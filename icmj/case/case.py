@@ -183,7 +183,8 @@ def simulate(
         trigger: instead of the case's event rule (a clock, or continuous control).
         start: plant, observer and, if given, hold state at t = 0, shapes (n,), (n̂,), (n̂,), instead of the run file's.
         duration: instead of the run file's [s].
-        refinement: factor on the timestep of the run file or, where it has none, of the model.
+        refinement: factor on the timestep of the run file or, where it has none, of the model; its fourth power is the
+            factor on a tolerance.
         progress: called now and then with the fraction done, 0–1.
 
     Raises:
@@ -269,11 +270,11 @@ def _parts(
     settings = case.settings
     if duration is not None:
         settings = replace(settings, duration=duration)
-    if refinement != 1.0:
-        own = case.actual.spec.option.timestep if isinstance(case.actual, MujocoPlant) else None
-        step = settings.timestep or own
-        settings = replace(settings, timestep=None if step is None else refinement * step)
     controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
+    if refinement != 1.0 and plant == "mujoco":
+        from icmj.engine.stepping import refined
+
+        settings = refined(case.model, controller, settings, refinement)
     return (case.actual.linearisation.plant if plant == "linear" else case.model), controller, settings
 
 

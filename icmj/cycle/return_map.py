@@ -143,11 +143,12 @@ class ReturnMap:
         return bool(interval <= least * (1 + COLLAPSED) + 1e-12)
 
     def refined(self, factor: float) -> ReturnMap:
-        """The same at another timestep; the linear plant has none."""
+        """The same at another timestep, or tolerance; the linear plant has none."""
         if isinstance(self.plant, LinearPlant):
             return self
-        timestep = self.settings.timestep or self.plant.spec.option.timestep
-        return replace(self, settings=replace(self.settings, timestep=factor * timestep))
+        from icmj.engine.stepping import refined
+
+        return replace(self, settings=refined(self.plant, self.controller, self.settings, factor))
 
     def another(self) -> ReturnMap:
         """The same for another thread."""

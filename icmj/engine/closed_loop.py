@@ -13,22 +13,26 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of, realise
 from icmj.engine import reference
+from icmj.engine.adaptive import AdaptiveLoop
 from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose
-from icmj.engine.extremes import ExtremesTracker, Find, extremes
+from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker, Find, extremes
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
-from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
+COLLAPSED = (
+    "no step is short enough for the tolerance: the motion is not smooth here; give [simulation] a timestep, with "
+    "which one of MuJoCo's integrators steps"
+)
 CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
 
 
@@ -43,11 +47,12 @@ class Loop(Protocol):
 
 
 class Implementation(NamedTuple):
-    """What runs a loop: its class, its callbacks (control, act_dyn), and what finds extremes."""
+    """What runs a loop: its class, its callbacks (control, act_dyn), what finds extremes, from how many points."""
 
     loop: Callable[[mujoco.MjModel, mujoco.MjData, Schedule, Array], Loop]
     callbacks: tuple[Any, Any]
     find: Find
+    points: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +121,15 @@ class ComposedLoop:
         data.act[: block.act.start] = point.act + x[2 * nv :]
         data.act[block.act] = a
 
-    def schedule(self, settings: Settings, timestep: float) -> Schedule:
-        """The times of a run with these settings."""
+    def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
+        """The times of a run with these settings, by a timestep or, where it is not 0, a tolerance."""
         trigger = self.controller.trigger
         edges = np.union1d(self.disturbance.edges, self.errors.edges)
         # noise may be faster than the loop, and shakes E
         noise = max(terms.omega.max(initial=0.0) for terms in (self.disturbance, self.errors))
         return Schedule(
             timestep=timestep,
+            tolerance=tolerance,
             t_end=settings.duration,
             delta_min=trigger.delta_min,
             clock=trigger.clock,
@@ -135,28 +141,33 @@ class ComposedLoop:
             rate=max(fastest_rate(self.plant.linearisation.plant, self.controller), float(noise)),
         )
 
-    def implementation(self) -> Implementation:
+    def implementation(self, adaptive: bool = False) -> Implementation:
         """The loop's class, the callbacks that go with it, and what finds extremes."""
+        points = POINTS_ADAPTIVE if adaptive else POINTS
         if not self.native:
-            return Implementation(reference.ReferenceLoop, (reference.control, reference.act_dyn), extremes)
+            loop = AdaptiveLoop if adaptive else reference.ReferenceLoop
+            return Implementation(loop, (reference.control, reference.act_dyn), extremes, points)
         from icmj.engine.native.callbacks import callbacks
         from icmj.engine.native.extremes import extremes as compiled_extremes
-        from icmj.engine.native.loop import NativeLoop
 
-        return Implementation(NativeLoop, callbacks(), compiled_extremes)
+        if adaptive:
+            from icmj.engine.native.adaptive_loop import NativeAdaptiveLoop as Native
+        else:
+            from icmj.engine.native.loop import NativeLoop as Native  # type: ignore[assignment]
+        return Implementation(Native, callbacks(), compiled_extremes, points)
 
     def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Record:
         """Run from ``data`` until the schedule's end or until the plant falls or diverges, or the user interrupts."""
         model, width = self.model, self.width
         record = recording(CHUNK, model.nsensordata, width)
-        use = self.implementation()
+        use = self.implementation(schedule.tolerance > 0)
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
         fault, pace, crowded = "", ending.EventPace(schedule.t_end), None
         with installed(*use.callbacks), self.lent():
             loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, self.y(data.sensordata), schedule.jumps, use.find)
+            tracker = ExtremesTracker(t, self.y(data.sensordata), schedule.jumps, use.find, use.points)
             while status == Status.RUNNING and not stopped and crowded is None:
                 record.clear()
                 try:
@@ -167,8 +178,8 @@ class ComposedLoop:
                     stopped = True
                 except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
                     status, fault = Status.DIVERGED, str(error) if isinstance(error, EngineFault) else words(error)
-                n_dense, n_rows, n_events = (int(n) for n in record.count)
-                steps += n_dense
+                n_dense, n_rows, n_events, taken = (int(n) for n in record.count)
+                steps += taken
                 rows.append(record.rows[:n_rows].copy())
                 events.append(record.events[:n_events].copy())
                 dense = record.dense[:n_dense]
@@ -201,6 +212,8 @@ class ComposedLoop:
             return ending.fell(t, name, schedule.limit)
         if status == Status.DIVERGED:
             return ending.diverged(t, "the state stopped being finite")
+        if status == Status.COLLAPSED:
+            return ending.diverged(t, COLLAPSED)
         if status == Status.WARNED:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
             return ending.diverged(t, f"the engine warned ({', '.join(names)})")
@@ -253,18 +266,6 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
     if settings.integrator is not None:
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
     return ComposedLoop(plant, controller, disturbance, errors, model, settings.native)
-
-
-def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
-    """The timestep of the settings, or the model's [s].
-
-    Raises:
-        SimulationError: if it is shorter than 1e-9 s or longer than the run.
-    """
-    timestep = float(settings.timestep or loop.model.opt.timestep)
-    if not 1e-9 <= timestep <= settings.duration:
-        raise SimulationError(f"timestep {timestep} s: expected between 1e-9 s and the duration, {settings.duration} s")
-    return timestep
 
 
 def fastest_rate(plant: LinearPlant, controller: Controller) -> float:

@@ -37,7 +37,8 @@ class EngineCourse:
         block = block_of(loop.model)
         assert block is not None
         self._act = block.act
-        every = max(length / ROWS, flight.schedule.timestep)
+        # adapted steps are long, and rows lie within them
+        every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
         schedule = replace(flight.schedule, events=1, record_interval=every)
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(x_h, float))
         record = loop.run(loop.data(np.asarray(x, float), a), schedule)

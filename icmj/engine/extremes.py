@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
+POINTS_ADAPTIVE = 8  # of the samples within adaptive steps, whose dense output is of order 7
 
 Jumps = Callable[[float, float], Array]
-Find = Callable[[Array, Array], tuple[Array, Array]]
+Find = Callable[[Array, Array, int], tuple[Array, Array]]
 
 
 class ExtremesTracker:
@@ -23,14 +24,16 @@ class ExtremesTracker:
     Chunks of steps are added as they come; only the steps of the interval under way are kept.
     """
 
-    def __init__(self, t: float, y: Array, jumps: Jumps | None = None, find: Find | None = None) -> None:
+    def __init__(
+        self, t: float, y: Array, jumps: Jumps | None = None, find: Find | None = None, points: int = POINTS
+    ) -> None:
         """Start at ``t`` with outputs ``y`` (n_y,).
 
         ``jumps`` gives the times between two others at which accelerations may jump; ``find`` is :func:`extremes` or
-        another that does the same faster.
+        another that does the same faster, with polynomials through so many ``points``.
         """
         self._jumps = jumps or (lambda start, end: np.zeros(0))
-        self._find = find or extremes
+        self._find, self._points = find or extremes, points
         self._t = np.array([t])
         self._y = np.array([y])
         self._max: list[Array] = []
@@ -46,7 +49,7 @@ class ExtremesTracker:
             t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
             inside = self._jumps(float(t_i[0]), float(t_i[-1]))
             cuts = [0, *np.searchsorted(t_i, inside), len(t_i) - 1]
-            parts = [self._find(t_i[a : b + 1], y_i[a : b + 1]) for a, b in pairwise(cuts)]
+            parts = [self._find(t_i[a : b + 1], y_i[a : b + 1], self._points) for a, b in pairwise(cuts)]
             self._max.append(np.max([high for high, _ in parts], axis=0))
             self._min.append(np.min([low for _, low in parts], axis=0))
             start = end
@@ -58,10 +61,10 @@ class ExtremesTracker:
         return np.array(self._max).reshape(shape), np.array(self._min).reshape(shape)
 
 
-def extremes(t: Array, y: Array) -> tuple[Array, Array]:
+def extremes(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """Largest and smallest value of each smooth signal y(t), between samples too.
 
-    Around every sample that is higher (lower) than its neighbours the polynomial through the ``POINTS`` nearest
+    Around every sample that is higher (lower) than its neighbours the polynomial through the ``points`` nearest
     samples is maximised; the ends of the span count as they are. Samples much closer together than the others are
     thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,).
     """
@@ -73,7 +76,7 @@ def extremes(t: Array, y: Array) -> tuple[Array, Array]:
     t, y = t[keep], y[keep]
     if len(t) < 3:
         return high, low
-    size = min(POINTS, len(t))
+    size = min(points, len(t))
     for sign, best in ((1.0, high), (-1.0, low)):
         z = sign * y
         peak = (z[1:-1] >= z[:-2]) & (z[1:-1] >= z[2:])

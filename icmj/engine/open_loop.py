@@ -10,12 +10,13 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, start_state
 from icmj.engine.callbacks import installed
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop, timestep_of
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
 from icmj.engine.extremes import ExtremesTracker
 from icmj.engine.fault import EngineFault
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Status, recording
 from icmj.engine.schedule import Schedule
+from icmj.engine.stepping import schedule_of
 from icmj.simulation.interval import OpenLoopInterval, one_in_flight
 from icmj.simulation.settings import Settings
 
@@ -31,7 +32,7 @@ class EngineOpenLoop:
         self.schedule = replace(schedule, events=1, record_interval=NEVER)
         self._data = mujoco.MjData(loop.model)
         self._record = recording(CHUNK, loop.model.nsensordata, loop.width)
-        self._use = loop.implementation()
+        self._use = loop.implementation(schedule.tolerance > 0)
         with installed(*self._use.callbacks), loop.lent():
             point = loop.plant.linearisation.point.qpos
             self._steps = self._use.loop(loop.model, self._data, self.schedule, point)
@@ -46,7 +47,7 @@ class EngineOpenLoop:
         with installed(*self._use.callbacks), loop.lent():
             loop.place(data, np.asarray(x, float), a, t)
             self._steps.begin()
-            tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find)
+            tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find, self._use.points)
             while status == Status.RUNNING:
                 record.clear()
                 try:
@@ -54,7 +55,7 @@ class EngineOpenLoop:
                 except (EngineFault, mujoco.FatalError):
                     status = Status.DIVERGED
                     record.count[2] = 0
-                n_dense, n_rows, n_events = (int(n) for n in record.count)
+                n_dense, n_rows, n_events, _ = (int(n) for n in record.count)
                 tracker.add(record.dense[:n_dense, 0], loop.y(record.dense[:n_dense, 1:]), record.event_at[:n_events])
                 last = float(record.dense[n_dense - 1, 0]) if n_dense else last
             row = record.events[0] if n_events else record.rows[max(n_rows, 1) - 1]
@@ -74,4 +75,4 @@ def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings) ->
         SimulationError: if a disturbance names an unknown input or output, or the timestep is not usable.
     """
     loop = close_loop(plant, controller, settings)
-    return EngineOpenLoop(loop, loop.schedule(settings, timestep_of(loop, settings)))
+    return EngineOpenLoop(loop, schedule_of(loop, settings))

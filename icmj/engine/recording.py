@@ -19,6 +19,7 @@ class Status(IntEnum):
     DIVERGED = 3
     WARNED = 4
     REACHED = 5  # as many events as were asked for
+    COLLAPSED = 6  # no step was short enough for the tolerance
 
 
 class Recording(NamedTuple):
@@ -29,7 +30,7 @@ class Recording(NamedTuple):
         rows: decimated rows (t, qpos, qvel, act, sensordata), shape (N, width).
         events: the same rows at the events, before the reset, shape (N, width).
         event_at: index of each event's row in ``dense``, shape (N,).
-        count: rows filled in dense, rows, events; shape (3,).
+        count: rows filled in dense, rows, events; and steps taken; shape (4,).
     """
 
     dense: Array
@@ -44,11 +45,11 @@ class Recording(NamedTuple):
 
 
 def recording(steps: int, n_y: int, width: int) -> Recording:
-    """Buffers for ``steps`` steps."""
+    """Buffers for ``steps`` steps or samples."""
     return Recording(
         np.empty((steps, 1 + n_y)),
         np.empty((steps, width)),
         np.empty((steps, width)),
         np.zeros(steps, dtype=np.int64),
-        np.zeros(3, dtype=np.int64),
+        np.zeros(4, dtype=np.int64),
     )

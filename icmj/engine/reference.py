@@ -104,6 +104,7 @@ class ReferenceLoop:
         status = Status.RUNNING
         for _ in range(steps):
             status = self._advance(record)
+            record.count[3] += 1
             if status != Status.RUNNING:
                 break
         return status
@@ -254,7 +255,7 @@ class ReferenceLoop:
     def _record(self, record: Recording, fired: bool, due: bool) -> None:
         data = self.data
         y = data.sensordata
-        n_dense, n_rows, n_events = record.count
+        n_dense, n_rows, n_events, _ = record.count
         record.dense[n_dense] = [data.time, *y]
         if fired or due:
             row = np.concatenate([[data.time], data.qpos, data.qvel, data.act, y])

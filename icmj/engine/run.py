@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from icmj.controller.controller import Controller
 from icmj.engine.accuracy import estimate, order_of
-from icmj.engine.closed_loop import close_loop, timestep_of
+from icmj.engine.closed_loop import close_loop
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
+from icmj.engine.stepping import stepping_of
+from icmj.engine.tableau import ORDER
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -36,17 +38,19 @@ def simulate(
     Args:
         plant: the actual plant.
         controller: design, hold and trigger.
-        settings: duration, start, step and disturbance. A timestep or integrator of ``None`` is the model's.
+        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
         x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
         progress: called now and then with the fraction done, 0–1.
-        error_estimate: measure the error by repeating the last interval at half the timestep.
+        error_estimate: measure the error by repeating the last interval at half the timestep, or a hundredth of the
+            tolerance.
 
     Returns:
         The run. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance. ``precision`` has
-        ``integrator``, ``order``, ``timestep`` [s], ``event_tolerance`` [s], ``interval_error`` [s] and
-        ``output_error`` (relative; both estimated over one interval), ``steps``, ``seconds``, ``implementation``; where
+        ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
+        ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
+        ``output_errors`` (of each output), ``steps``, ``seconds``, ``implementation``; where
         there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often).
 
     Raises:
@@ -56,8 +60,8 @@ def simulate(
     """
     x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
     loop = close_loop(plant, controller, settings)
-    timestep = timestep_of(loop, settings)
-    schedule, model = loop.schedule(settings, timestep), loop.model
+    steps, model = stepping_of(loop, settings), loop.model
+    schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
     record = loop.run(loop.data(x, a), schedule, progress)
@@ -65,16 +69,25 @@ def simulate(
     precision: dict[str, float | int | str] = {
         "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_"),
         "order": order_of(model),
-        "timestep": timestep,
+        "timestep": steps.timestep,
         "event_tolerance": EVENT_TOLERANCE,
         "steps": record.steps,
         "seconds": seconds,
         "implementation": "native" if settings.native else "python",
     }
+    if steps.tolerance:
+        mean = float(record.rows[-1, 0]) / max(record.steps, 1)
+        precision |= {"integrator": "DOP853", "order": ORDER, "tolerance": steps.tolerance, "timestep": mean}
+    if steps.refusal:
+        precision["not_adaptive"] = steps.refusal
     if error_estimate:
         accuracy = estimate(loop, schedule, record)
         precision |= {"interval_error": accuracy.interval, "output_error": accuracy.output}
         precision |= {"error_stretch": accuracy.stretch, "fastest_rate": schedule.rate}
+        outputs = plant.linearisation.plant.outputs
+        precision["output_errors"] = ", ".join(
+            f"{name} {error:.2g}" for name, error in zip(outputs, accuracy.outputs, strict=True)
+        )
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
     u = -rows.x_h @ controller.design.k.T

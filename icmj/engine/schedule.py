@@ -19,7 +19,7 @@ class Schedule:
     """Times of one run.
 
     Attributes:
-        timestep: h [s].
+        timestep: h [s]; of adaptive steps a length to begin with.
         t_end: where the run ends [s].
         delta_min: Δ_min of the event trigger [s].
         clock: interval of the clock trigger [s]; infinite for others.
@@ -30,6 +30,7 @@ class Schedule:
         limit: the run has fallen when a position departs further than this [rad or m].
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
         events: number of events after which to stop.
+        tolerance: relative error of an open-loop interval that adaptive steps keep to; 0 where the timestep is given.
     """
 
     timestep: float
@@ -43,6 +44,7 @@ class Schedule:
     limit: float
     rate: float
     events: int = NO_END
+    tolerance: float = 0.0
 
     def margin(self, step: float) -> float:
         """How far E_j + 1 may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.

@@ -7,6 +7,7 @@ model has none of that, the same accelerations come from fewer calls of the same
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -23,33 +24,36 @@ class Stages(IntEnum):
 
 
 _Joint, _Sensor, _Disable = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtDisableBit
-_KINEMATIC = {
-    getattr(_Sensor, f"mjSENS_{name}")
-    for name in (
-        "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
-        "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
-    )
-}  # fmt: skip
-_DRIVEN = {
-    getattr(_Sensor, f"mjSENS_{name}")
-    for name in ("ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM")
-}
+_KINEMATIC = (
+    "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
+    "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
+)  # fmt: skip
+_DRIVEN = "ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM"
+
+
+@cache
+def _kinds(names: tuple[str, ...]) -> np.ndarray:
+    """Sensor types by their names."""
+    return np.array([int(getattr(_Sensor, f"mjSENS_{name}")) for name in names])
 
 
 def stages_of(model: mujoco.MjModel) -> Stages:
     """The fewest stages that give the accelerations of a composed model."""
-    sensors = {
-        _Sensor(kind)
-        for kind, stage in zip(model.sensor_type, model.sensor_needstage, strict=True)
-        if stage != mujoco.mjtStage.mjSTAGE_ACC
-    }
+    sensors = model.sensor_type[model.sensor_needstage != mujoco.mjtStage.mjSTAGE_ACC]
+    simple = np.isin(sensors, _kinds(_KINEMATIC))
     # activations that the engine itself moves by more than their rate
     moved = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTEREXACT)).any()
     odd = model.flg_adhesion or model.opt.disableactuator or model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY
     odd = odd or model.opt.disableflags & (_Disable.mjDSBL_ACTUATION | _Disable.mjDSBL_SENSOR)
-    if odd or moved or not is_flow(model) or may_constrain(model) or sensors - _KINEMATIC - _DRIVEN:
+    if (
+        odd
+        or moved
+        or not is_flow(model)
+        or may_constrain(model)
+        or not np.isin(sensors[~simple], _kinds(_DRIVEN)).all()
+    ):
         return Stages.WHOLE
-    return Stages.PLAIN if sensors <= _KINEMATIC and _plain(model) else Stages.SMOOTH
+    return Stages.PLAIN if simple.all() and _plain(model) else Stages.SMOOTH
 
 
 def may_constrain(model: mujoco.MjModel) -> bool:
@@ -69,11 +73,11 @@ def may_constrain(model: mujoco.MjModel) -> bool:
 
 def is_flow(model: mujoco.MjModel) -> bool:
     """Whether the state moves as dx/dt = f(x, t): no activation is clamped or taken a step ahead, no body sleeps."""
-    known = {mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTER}
-    known |= {mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_MUSCLE, mujoco.mjtDyn.mjDYN_USER}
+    known = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE", "USER")
+    kinds = [int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in known]
     unclamped = not (model.actuator_actlimited.any() or model.actuator_actearly.any() or model.nplastic)
     awake = not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and not model.nplugin and not model.nflex
-    return bool(unclamped and awake and {mujoco.mjtDyn(kind) for kind in model.actuator_dyntype} <= known)
+    return bool(unclamped and awake and np.isin(model.actuator_dyntype, kinds).all())
 
 
 def rows_need_forward(model: mujoco.MjModel) -> bool:

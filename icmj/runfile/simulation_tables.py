@@ -124,6 +124,7 @@ class SimulationTable(TomlTable):
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """What acts beside the controller."""
     native: bool = True
+    tolerance: Positive | None = None
     """Whether the engine's loop is compiled, or the plain Python that it is tested against."""
 
     def settings(self) -> Settings:

@@ -35,8 +35,17 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
             "linear: u is the command, applied what acts; widen ctrlrange or forcerange, or lower the threshold"
         )
         yield Notice("saturation", "warning", words)
+    if facts.get("not_adaptive"):
+        words = (
+            f"the motion is not smooth ({facts['not_adaptive']}), so no tolerance can be kept to: "
+            f"{facts['integrator']} steps by {float(facts['timestep']):g} s; give [simulation] a timestep instead of it"
+        )
+        yield Notice("not smooth", "warning", words)
     error = relative_error(simulation)
-    if error > LARGE:
+    if error > LARGE and facts.get("tolerance"):
+        words = f"the tolerance of {float(facts['tolerance']):g} let an interval err by {error:.1g} of itself"
+        yield Notice("large step", "warning", words)
+    elif error > LARGE:
         words = (
             f"the step of {float(facts['timestep']):g} s with {facts['integrator']} errs by {error:.1g} of an interval;"
             ' shorten [simulation] timestep, or take integrator = "RK4"'

@@ -12,6 +12,7 @@ from icmj.errors import SimulationError
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
 MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
 
@@ -108,8 +109,11 @@ class Settings:
         duration: [s].
         initial: plant states by name and their departure from the operating point; the others start at it.
         observer: observer states by name; the others start at zero: the controller has seen nothing yet.
-        timestep: of the engine [s]; the model's own if ``None``. The linear plant needs none.
+        timestep: of the engine [s]. The linear plant needs none.
         integrator: of the engine; the model's own if ``None``.
+        tolerance: relative error of an open-loop interval that the engine's steps are adapted to, instead of a timestep
+            and an integrator. With none of the three, 1e-8 where nothing can touch, rub or reach a limit; else the
+            model's own timestep.
         record_interval: between two recorded rows [s]; events are always recorded.
         limit: the run has *fallen* when any position of the plant departs further than this [rad or m].
         disturbance: what acts on the plant's inputs beside the controller, or on outputs as the observer reads them.
@@ -128,6 +132,7 @@ class Settings:
     limit: float = 1.0
     disturbance: tuple[Source, ...] = ()
     native: bool = True
+    tolerance: float | None = None
 
     @property
     def noisy(self) -> bool:
@@ -147,6 +152,12 @@ class Settings:
             self.integrator is None or self.integrator in known,
             f"no integrator {self.integrator!r}; expected one of {', '.join(known)}",
         )
+        fixed = " and ".join(name for name in ("timestep", "integrator") if getattr(self, name) is not None)
+        if self.tolerance is not None:
+            _require(not fixed, f"give tolerance, or {fixed}, not both: a tolerance chooses steps and integrator")
+            known_range = f"expected between {LEAST_TOLERANCE:g} and {MOST_TOLERANCE:g}"
+            good = LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE
+            _require(good, f"tolerance {self.tolerance}: {known_range}")
         object.__setattr__(self, "disturbance", tuple(self.disturbance))
         rows = self.duration / self.record_interval
         _require(

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.case.case import Case, PlantKind
-from icmj.engine.closed_loop import close_loop, timestep_of
+from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate as simulate_mujoco
+from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.closed_loop import closed_loop
 from icmj.linear.run import simulate as simulate_linear
@@ -31,7 +32,7 @@ def startable(case: Case, plant: PlantKind) -> None:
         ModelError, SimulationError: if it cannot.
     """
     if plant == "mujoco":
-        timestep_of(close_loop(case.model, case.controller, case.settings), case.settings)
+        stepping_of(close_loop(case.model, case.controller, case.settings), case.settings)
     else:
         closed_loop(case.actual.linearisation.plant, case.controller)
 

@@ -67,7 +67,7 @@ def test_a_step_that_is_too_large_is_told(tmp_path):
     size = float(np.abs(assumed.linearisation.plant.B).max())
     design = design_lq(assumed.linearisation.plant, R_c=0.01 * size**2, R_o=0.01 * size**2)
     control = Controller(design, system_matched(design), EventTrigger(output_weight(design), 5e-3, 1e-3))
-    found = simulate(load_plant(path, Deviation(0.9)), control, Settings(duration=10.0), x0=[0.01, 0.0])
+    found = simulate(load_plant(path, Deviation(0.9)), control, Settings(duration=10.0, timestep=0.02), x0=[0.01, 0.0])
     (notice,) = remarks(found)
     assert notice.kind == "large step"
     assert "0.02 s with EULER" in notice.words

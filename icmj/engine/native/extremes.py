@@ -11,8 +11,6 @@ from icmj.base.array import Array
 from icmj.engine.extremes import POINTS
 from icmj.engine.native.compilation import compiled, entry, sources
 
-_POINTS = POINTS
-
 
 @compiled
 def _peak(s, z, c):  # type: ignore[no-untyped-def]
@@ -44,7 +42,7 @@ def _peak(s, z, c):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _find(t, y, high, low):  # type: ignore[no-untyped-def]
+def _find(t, y, high, low, points):  # type: ignore[no-untyped-def]
     gap = 0.05 * (t[-1] - t[0]) / max(len(t) - 1, 1)
     kept = np.empty(len(t), np.int64)
     n = 0
@@ -53,7 +51,7 @@ def _find(t, y, high, low):  # type: ignore[no-untyped-def]
         if not inside or min(t[i] - t[i - 1], t[i + 1] - t[i]) > gap:
             kept[n] = i
             n += 1
-    size = min(_POINTS, n)
+    size = min(points, n)
     s, z, c = np.empty(size), np.empty(size), np.empty(size)
     for column in range(y.shape[1]):
         top, bottom = -np.inf, np.inf
@@ -81,15 +79,15 @@ def _entry() -> Any:
     source = sources()
 
     @entry
-    def find(t, y, high, low):  # type: ignore[no-untyped-def]
+    def find(t, y, high, low, points):  # type: ignore[no-untyped-def]
         if source:
-            _find(t, y, high, low)
+            _find(t, y, high, low, points)
 
     return find
 
 
-def extremes(t: Array, y: Array) -> tuple[Array, Array]:
+def extremes(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """:func:`icmj.engine.extremes.extremes`, compiled."""
     high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
-    _entry()(t, y, high, low)
+    _entry()(t, y, high, low, points)
     return high, low

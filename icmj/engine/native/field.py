@@ -71,6 +71,30 @@ def place(engine):  # type: ignore[no-untyped-def]
 
 
 @exact
+def look(engine):  # type: ignore[no-untyped-def]
+    """The outputs at the state that the engine is at, and nothing else."""
+    if engine.stages == _WHOLE:
+        forward(engine.model, engine.data)
+        return
+    _kinematics(engine.model, engine.data)
+    _com_pos(engine.model, engine.data)
+    if engine.cameras:
+        _camlight(engine.model, engine.data)
+    if engine.tendons:
+        _tendon(engine.model, engine.data)
+    moving = engine.block[Slot.STAGE] >= _VELOCITY
+    if engine.stages != _PLAIN:
+        _transmission(engine.model, engine.data)
+        if moving:
+            _fwd_velocity(engine.model, engine.data)
+    elif moving:
+        _com_vel(engine.model, engine.data)
+    _sensor_pos(engine.model, engine.data)
+    if moving:
+        _sensor_vel(engine.model, engine.data)
+
+
+@exact
 def drive(engine):  # type: ignore[no-untyped-def]
     """What follows from the controller's state, where the plant's positions and velocities have been seen to."""
     b, time = engine.block, engine.time[0]

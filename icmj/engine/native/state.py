@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.block import Block, span
+from icmj.engine.block import Block, Slot, span
 from icmj.engine.native import structs
 from icmj.engine.native.memory import DOUBLE, INT, view
 from icmj.engine.schedule import Schedule
 from icmj.engine.stages import Stages, rows_need_forward, stages_of
+from icmj.engine.tableau import rounded
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
 INTEGRATORS = {
@@ -36,6 +37,9 @@ PROGRESS = np.dtype([
     ("begin", float),        # where the step under way begins [s]
     ("end", float),          # where it ends, if it is taken whole [s]
     ("length", float),       # its whole length [s]
+    ("next_step", float),    # of an adaptive loop: the length to try next [s]
+    ("first_step", float),   # the length to try after an event [s]
+    ("fresh", np.int64),     # whether no step has been taken since the last event
     ("source", np.int64),    # of the compiled code; see icmj.engine.native.compilation.sources
 ])  # fmt: skip
 """How far a run has come; one record."""
@@ -79,6 +83,7 @@ class Engine(NamedTuple):
     gain: Array
     k: Array
     sum: Array
+    first: int
 
 
 class Plan(NamedTuple):
@@ -102,6 +107,7 @@ class Plan(NamedTuple):
     qpos_0: Array
     departure: Array
     hinges: bool
+    tolerance: float
 
 
 class Rule(NamedTuple):
@@ -125,7 +131,7 @@ class Rule(NamedTuple):
     top: Array
 
 
-def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engine:
+def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive: bool = False) -> Engine:
     """Views of a model and its data, which must outlive them."""
     m, d = model._address, data._address
     integrator = INTEGRATORS[int(model.opt.integrator)]
@@ -148,7 +154,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engin
         phase=phase,
         saved=np.empty(model.nq + 2 * model.nv + model.na),
         # the engine's other integrators read more of what a forward pass leaves, and turn quaternions their own way
-        stages=int(stages_of(model) if integrator == RK4 and model.nq == model.nv else Stages.WHOLE),
+        stages=int(stages_of(model) if adaptive or (integrator == RK4 and model.nq == model.nv) else Stages.WHOLE),
         cameras=bool(model.ncam),
         tendons=bool(model.ntendon),
         rows_need_forward=rows_need_forward(model),
@@ -165,6 +171,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array) -> Engin
         gain=model.actuator_gainprm[motors, 0].copy(),
         k=np.empty((4, 2 * model.nv + model.na)),
         sum=np.empty(2 * model.nv + model.na),
+        first=int(controller[Slot.ACT]),
     )
 
 
@@ -186,6 +193,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         qpos_0=np.array(qpos_0, dtype=float),
         departure=np.zeros(model.nv),
         hinges=bool(model.nq == model.nv),
+        tolerance=float(schedule.tolerance),
     )
 
 
@@ -217,6 +225,8 @@ def progress_at(t: float, schedule: Schedule, progress: np.ndarray) -> None:
     record["clock"], record["edge"] = schedule.first_clock(t), schedule.first_edge(t)
     record["acted"] = record["clock"] - 1 if np.isfinite(schedule.clock) else 0
     record["next_row"] = t + schedule.record_interval
+    record["next_step"] = record["first_step"] = rounded(schedule.tolerance ** (1 / 8) / schedule.rate)
+    record["fresh"] = 1
 
 
 def _ticks(schedule: Schedule) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import types
 
-from icmj.engine.native.compilation import exact, load_engine
+from icmj.engine.native.compilation import compiled, exact, load_engine
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.state import EULER, IMPLICIT, RK4
 from icmj.engine.stages import Stages
@@ -54,7 +54,7 @@ def _restore(engine, progress):  # type: ignore[no-untyped-def]
     engine.time[0] = progress[0].begin
 
 
-@exact
+@compiled
 def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped-def]
     """mj_RungeKutta from the saved state, and the rates at its end: the same operations in the same order.
 
@@ -109,7 +109,7 @@ def step(engine, progress, length, first):  # type: ignore[no-untyped-def]
     forward(engine.model, engine.data)
 
 
-@exact
+@compiled
 def refresh(engine):  # type: ignore[no-untyped-def]
     """The rates after a change of the controller's state or of what disturbs it."""
     if engine.stages == _WHOLE:

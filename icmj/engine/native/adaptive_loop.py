@@ -1,0 +1,272 @@
+"""The adaptive loop in compiled code; what :class:`icmj.engine.adaptive.AdaptiveLoop` does in plain Python."""
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine import tableau
+from icmj.engine.native.adaptive import (
+    accept,
+    bare_stepper,
+    densify,
+    error_of,
+    get,
+    look_within,
+    normalise,
+    pass_at,
+    put,
+    stages,
+    stepper_of,
+)
+from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.ledger import apply, bare_engine, bare_plan, bare_record, bare_rule, next_action, note, standing
+from icmj.engine.native.loop import NativeLoop
+from icmj.engine.native.memory import bare
+from icmj.engine.native.roots import bare_roots, event_in, roots
+from icmj.engine.native.search import active, evaluate
+from icmj.engine.recording import Recording, Status
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+
+# constants that compiled code freezes
+_RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
+_REACHED, _COLLAPSED = int(Status.REACHED), int(Status.COLLAPSED)
+_STAGES, _EXTENDED, _SAMPLES = tableau.STAGES, tableau.EXTENDED, tableau.SAMPLES
+_GROWTH, _SHRINKAGE, _SAFETY = tableau.GROWTH, tableau.SHRINKAGE, tableau.SAFETY
+_rounded = compiled(tableau.rounded)
+_SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
+
+
+@compiled
+def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type: ignore[no-untyped-def]
+    """Outputs, and the rows that are due, within the step; leaves the engine where the plant has fallen in it."""
+    spacing, j = length / _SAMPLES, 1
+    margin = 1e-9 * length
+    while True:
+        sample, row = j * spacing, progress[0].next_row - t
+        if min(sample, row) >= stop - margin:
+            return _RUNNING
+        due = row <= sample + 0.25 * spacing
+        s = row if due else sample
+        if due and s >= stop - margin:
+            return _RUNNING
+        if s >= sample - 0.25 * spacing:
+            j += 1
+        look_within(engine, stepper, s / length, t + s)
+        status = standing(engine, plan)
+        if status != _RUNNING:
+            return status
+        note(engine, progress, plan.record_interval, record, False, due)
+
+
+@compiled
+def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore[no-untyped-def]
+    """A step of its own to the event, then Newton's steps until its time is right."""
+    limit = _NUDGE / plan.rate
+    stages(engine, stepper, t, s, 1, _STAGES)
+    put(engine, stepper.end, t + s)
+    normalise(engine, stepper)
+    kept = stepper.K[1]  # of the stages only the first is wanted again
+    for i in range(len(kept)):
+        kept[i] = stepper.K[0, i]
+    for _ in range(8):
+        engine.time[0] = t + s
+        pass_at(engine, stepper)
+        evaluate(rule)
+        face = active(rule.now)
+        if exactly or face < 0 or rule.now[face, 1] <= 0:
+            return
+        more = -rule.now[face, 0] / rule.now[face, 1]
+        if abs(more) <= _TOLERANCE or not 0 < s + more < 2 * length:
+            return
+        s += more
+        if abs(more) > limit:
+            for i in range(len(kept)):
+                stepper.K[0, i] = kept[i]
+            stages(engine, stepper, t, s, 1, _STAGES)
+            put(engine, stepper.end, t + s)
+            normalise(engine, stepper)
+            for i in range(len(kept)):
+                kept[i] = stepper.K[0, i]
+            continue
+        here, room, K = stepper.end, stepper.room, stepper.K
+        get(engine, here)
+        for i in range(len(here)):
+            room[i] = here[i] + more / 2 * K[0, i]
+        put(engine, room, t + s - more / 2)
+        pass_at(engine, stepper)
+        for i in range(len(here)):
+            room[i] = here[i] + more * K[0, i]
+        put(engine, room, t + s)
+        normalise(engine, stepper)
+    pass_at(engine, stepper)
+
+
+@compiled
+def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm):  # type: ignore[no-untyped-def]
+    """One step towards ``target``; whether an event ends it, and whether it could be taken."""
+    t = engine.time[0]
+    get(engine, stepper.start)
+    room, step, rejected = target - t, progress[0].next_step, False
+    most = len(record.dense) // 4 * plan.record_interval
+    while True:
+        length = room if step >= room else (room / 2 if step > room / 2 else step)
+        length = min(length, most)
+        stages(engine, stepper, t, length, 1, _STAGES)
+        error = error_of(stepper, length, plan.tolerance)
+        if error <= 1:
+            break
+        step = _rounded(length * (max(_SHRINKAGE, _SAFETY * error**-0.125) if np.isfinite(error) else _SHRINKAGE))
+        rejected = True
+        if step < _SHORTEST:
+            put(engine, stepper.start, t)
+            pass_at(engine, stepper)
+            return False, _COLLAPSED
+    accept(stepper)
+    growth = min(_GROWTH, _SAFETY * error**-0.125) if error > 0 else _GROWTH
+    proposed = _rounded(length * (min(growth, 1.0) if rejected else growth))
+    if progress[0].fresh != 0 and length < room:
+        progress[0].first_step = proposed
+    progress[0].next_step = proposed if rejected or length == step else max(proposed, step)
+    progress[0].fresh = 0
+    stages(engine, stepper, t, length, _STAGES + 1, _EXTENDED - 1)
+    densify(stepper, length)
+    s, exactly = np.inf, False
+    if arm <= t + length:
+        at = max((arm - t) / length, 0.0)
+        theta = event_in(room_for_roots, stepper, rule, len(engine.qpos) + len(engine.qvel) + engine.first, at)
+        exactly = theta < 0
+        s = arm - t if exactly else theta * length
+    status = _samples(engine, plan, stepper, progress, record, t, length, min(s, length))
+    if status != _RUNNING:
+        return False, status
+    if s <= length:
+        _polish(engine, plan, stepper, rule, t, s, length, exactly)
+        return True, _RUNNING
+    put(engine, stepper.end, target if length == room else t + length)
+    normalise(engine, stepper)
+    if length == room or len(stepper.quaternions) > 0:
+        pass_at(engine, stepper)
+        return False, _RUNNING
+    # first same as last: what the engine holds beside is not of this state, and is not read before the next pass
+    for i in range(len(stepper.start)):
+        stepper.K[0, i] = stepper.K[_STAGES, i]
+    for i in range(len(stepper.y)):
+        engine.sensordata[i] = stepper.y[i]
+    return False, _RUNNING
+
+
+@inlined
+def _due(rule):  # type: ignore[no-untyped-def]
+    """Whether the event function has reached zero where the engine is."""
+    evaluate(rule)
+    face = active(rule.now)
+    return face >= 0 and rule.now[face, 0] >= 0
+
+
+@compiled
+def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, steps):  # type: ignore[no-untyped-def]
+    time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
+    least = max(plan.delta_min, plan.delay)
+    status = _RUNNING
+    for _ in range(steps):
+        if len(record.dense) - record.count[0] < len(record.dense) // 4 + _SAMPLES + 2:
+            break
+        t = time[0]
+        arm = progress[0].last_event + least if watched else np.inf
+        clock = progress[0].clock * plan.clock if clocked else np.inf
+        edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
+        act = next_action(plan, progress)
+        target = min(plan.t_end, clock, edge, act)
+        progress[0].length = target - t
+        fired = False
+        if progress[0].steps == 0 and arm <= t and _due(rule):
+            fired, progress[0].length = True, 0.0
+        elif target > t:
+            fired, status = _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm)
+        progress[0].steps += 1
+        lands = time[0] >= target
+        status = standing(engine, plan) if status == _RUNNING else status
+        acts = status == _RUNNING and lands and time[0] >= act
+        if acts:
+            apply(rule.G, rule)
+            progress[0].acted += 1
+            pass_at(engine, stepper)
+        if status == _RUNNING and lands:
+            if time[0] >= arm:
+                fired = fired or _due(rule)
+            if time[0] >= clock:
+                progress[0].clock += 1
+                fired = True
+            if time[0] >= plan.t_end:
+                status = _COMPLETED
+        if fired:
+            progress[0].events += 1
+            if status == _RUNNING and progress[0].events >= plan.events:
+                status = _REACHED
+        due = acts or status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
+        note(engine, progress, plan.record_interval, record, fired, due)
+        if fired:
+            apply(rule.J, rule)
+            progress[0].last_event = time[0]
+            progress[0].next_step, progress[0].fresh = progress[0].first_step, 1
+            for i in range(len(stepper.reach)):
+                stepper.reach[i] = 0.0
+        passed = lands and time[0] >= edge
+        if passed:
+            progress[0].edge += 1
+            engine.phase[0] = plan.phases[progress[0].edge]
+        if fired or passed:
+            pass_at(engine, stepper)
+        record.count[3] += 1
+        if status != _RUNNING:
+            break
+    return status
+
+
+@cache
+def _entry() -> Any:
+    source = sources()
+
+    @entry
+    def advance(engine, plan, rule, progress, stepper, room_for_roots, record, steps):  # type: ignore[no-untyped-def]
+        progress[0].source = source
+        return _advance(
+            bare_engine(engine), bare_plan(plan), bare_rule(rule), bare_stepper(stepper), bare_roots(room_for_roots),
+            bare(progress), bare_record(record), steps,
+        )  # fmt: skip
+
+    return advance
+
+
+class NativeAdaptiveLoop(NativeLoop):
+    """Steps a composed model from event to event in compiled code, with steps as long as the tolerance allows."""
+
+    adaptive = True
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
+        self._stepper, self._roots = stepper_of(model, qpos_0), roots()
+        super().__init__(model, data, schedule, qpos_0)
+
+    def begin(self) -> None:
+        """Start, or start anew, from where the data stand, right after an event."""
+        super().begin()
+        data, K, turn = self._data, self._stepper.K[0], len(self._data.qpos)
+        self._stepper.reach[:] = 0.0
+        for q, v in self._stepper.scalars:
+            K[q] = data.qvel[v]
+        for q, v in self._stepper.quaternions:
+            w, x, y, z = data.qpos[q : q + 4]
+            K[q : q + 4] = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) @ data.qvel[v : v + 3]
+        K[turn:] = np.concatenate([data.qacc, data.act_dot])
+
+    def advance(self, record: Recording, steps: int) -> Status:
+        """Take up to ``steps`` steps, writing into ``record``."""
+        return self._guarded(_entry(), (*self._run, self._stepper, self._roots, record, steps))
