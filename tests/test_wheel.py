@@ -64,13 +64,13 @@ def test_version_stands_in_one_place(built):
 
 
 def test_nothing_is_missing_and_nothing_too_much(built):
-    folders = ("icmj", "models", "runs", "sweeps", "docs", "tests", "examples")
-    tracked = say("git", "-C", ROOT, "ls-files", *folders).stdout.split()
-    if not tracked:
+    listed = subprocess.run(["git", "-C", ROOT, "ls-files"], capture_output=True, text=True, check=False)
+    if listed.returncode:
         pytest.skip("not a checkout of git")
+    tracked = {name for name in listed.stdout.splitlines() if not name.startswith((".ci/", ".git"))}
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert set(tracked) - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps")} <= held
+    assert tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps")} <= held
     data = {f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/", "sweeps/"))}
     assert data <= held
     wheel = {name for name in zipfile.ZipFile(built[1]).namelist() if ".dist-info/" not in name}
@@ -93,8 +93,6 @@ def test_a_newcomer_s_first_minutes_from_an_empty_folder(installed, tmp_path):
     assert {path.name for path in (tmp_path / "runs" / "out").iterdir()} >= {
         "report.html", "summary.json", "simple-0.8.linear.rrd", "simple-0.8.mujoco.rrd"
     }  # fmt: skip
-    again = say(installed / "icmj", "report", "runs/out/simple-0.8.linear.rrd", "--out", "again.html", cwd=tmp_path)
-    assert "again.html" in again.stdout
 
 
 def test_the_whole_study_from_nothing(installed, tmp_path, request):
