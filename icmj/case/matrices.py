@@ -62,7 +62,9 @@ def read_matrices(path: Path) -> dict[str, Any]:
         RunFileError: if the file cannot be read, or lacks one of the matrices.
     """
     try:
-        if path.is_file() and path.stat().st_size > MOST_BYTES:
+        if path.exists() and not path.is_file():
+            raise RunFileError(f"{path}: cannot be read: not a file")  # a pipe would be waited on for ever
+        if path.is_file() and _unpacked(path) > MOST_BYTES:
             raise RunFileError(f"{path}: more than {MOST_BYTES / 1e6:g} MB")
         if path.suffix == ".json":
             found = json.loads(path.read_text(encoding="utf-8"))
@@ -73,11 +75,20 @@ def read_matrices(path: Path) -> dict[str, Any]:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror or one_line(error, 200)}") from error
-    except (ValueError, RecursionError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, RecursionError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile) as error:
         raise RunFileError(f"{path}: holds no matrices that can be read ({one_line(error, 200)})") from error
     if not isinstance(found, dict) or not all(letter in found for letter in LETTERS):
         raise RunFileError(f"{path}: expected the matrices A, B and C by these names")
     return found
+
+
+def _unpacked(path: Path) -> int:
+    """Bytes that reading a file would make."""
+    size = path.stat().st_size
+    if path.suffix == ".npz" and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as packed:
+            size += sum(member.file_size for member in packed.infolist())
+    return size
 
 
 def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None) -> LinearPlant:

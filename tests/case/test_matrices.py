@@ -137,6 +137,36 @@ def test_what_makes_no_plant_is_one_line(assumed, actual, words, tmp_path):
     assert "\n" not in str(raised.value)
 
 
+def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):
+    np.savez_compressed(tmp_path / "bomb.npz", A=np.zeros((2000, 2000)), B=np.eye(1), C=np.eye(1))
+    assert (tmp_path / "bomb.npz").stat().st_size < 1e5
+    with pytest.raises(RunFileError, match="more than 10 MB"):
+        read_matrices(tmp_path / "bomb.npz")
+    with pytest.raises(RunFileError, match="not a file"):
+        read_matrices(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["npz", "json"])
+def test_mutants_of_files_are_plants_or_told_in_one_line(tmp_path, kind):
+    path, random = tmp_path / f"plant.{kind}", np.random.default_rng(1)
+    plant = {"A": np.array([[0.0, 1], [1, 0]]), "B": np.array([[0.0], [1]]), "C": np.array([[1.0, 0]])}
+    np.savez(tmp_path / "plant.npz", **plant, states=["a", "b"])
+    (tmp_path / "plant.json").write_text(json.dumps({name: M.tolist() for name, M in plant.items()}))
+    whole, told = path.read_bytes(), []
+    run = made(f'matrices = "{path.name}"', "", str(tmp_path)).with_(**{"simulation.initial": {}})
+    for _ in range(150):
+        mutant = bytearray(whole)
+        for at in random.integers(len(mutant), size=random.integers(1, 4)):
+            mutant[at] = random.integers(256)
+        path.write_bytes(bytes(mutant))
+        try:
+            prepare(run)
+        except IcmjError as error:
+            told.append(str(error))
+    assert len(told) > 20
+    assert not [words for words in told if "\n" in words]
+
+
 def test_no_pickle_is_opened(tmp_path):
     np.savez(tmp_path / "evil.npz", A=np.array([{"a": 1}], dtype=object), B=np.eye(1), C=np.eye(1))
     with pytest.raises(RunFileError, match="holds no matrices that can be read"):
