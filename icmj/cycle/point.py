@@ -18,6 +18,7 @@ from icmj.simulation.course import Sample
 
 NODES = 97  # at which an interval is kept
 EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes
+_STEEP = 30.0  # derivative of the map from which on it has to be known better
 ROUGH, FINE = 1e-4, 1e-6  # before the last extrapolation: along a branch, and where a special point is located
 
 
@@ -63,8 +64,16 @@ class Point:
         return float(self.u[-1])
 
 
-def point(curve: Curve, found: Corrected, tolerance: float = ROUGH) -> Point:
-    """All that is told of a point that was found; ``tolerance`` is that of the flow's derivative."""
+def point(curve: Curve, found: Corrected, tolerance: float | None = None) -> Point:
+    """All that is told of a point that was found.
+
+    Args:
+        curve: the equation.
+        found: the point.
+        tolerance: of the flow's derivative; by default as fine as Newton's method needs for the next one.
+    """
+    if tolerance is None:
+        tolerance = ROUGH if np.abs(found.D).max() < _STEEP else FINE
     loop = curve.loop(float(found.u[-1]))
     unit, turn = curve.unit(loop), found.turn
     courses = [course(loop, z, interval) for z, interval in zip(turn.states, turn.intervals, strict=True)]
