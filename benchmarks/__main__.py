@@ -24,7 +24,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import analysis, linear, precision, startup, stepping, threads
+from benchmarks import analysis, cycles, linear, precision, startup, stepping, threads
 from benchmarks.row import Row
 
 
@@ -42,6 +42,7 @@ GROUPS = {
     "threads": threads.rows,
     "startup": startup.rows,
     "analysis": _analysis,
+    "cycles": cycles.rows,
 }
 
 
