@@ -89,12 +89,13 @@ class Case(Shown):
         )
 
 
-def prepare(run: RunFile, *, like: Case | None = None) -> Case:
+def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float], None] | None = None) -> Case:
     """Load and linearise both plants, design the controller, form the error system, and predict.
 
     Args:
         run: the run file.
         like: another case, whose assumed plant and design are taken over where the run files agree on them.
+        progress: called now and then with the fraction done of the analysis, 0–1.
 
     Raises:
         RunFileError: if the run file asks for what its models do not have; the message names the run file.
@@ -113,7 +114,7 @@ def prepare(run: RunFile, *, like: Case | None = None) -> Case:
         system = error_system(
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
-        prediction = predict(system, rule, delta_max=run.analysis.delta_max)
+        prediction = predict(system, rule, delta_max=run.analysis.delta_max, progress=progress)
     except IcmjError as error:
         reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""

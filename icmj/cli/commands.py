@@ -65,8 +65,8 @@ def analyse(command: arguments.Analyse) -> None:
     from icmj.runfile.reading import load_run
 
     run = overridden(load_run(command.run), command.set)
-    with Working(f"analysing {run.case.name}", ERR):
-        case = prepare(run)
+    with Working(label := f"analysing {run.case.name}", ERR) as working:
+        case = prepare(run, progress=lambda done: working.tell(label, done))
     prediction, plant = case.prediction, case.assumed.linearisation.plant
     outputs, units = plant.outputs, plant.output_units or ("",) * plant.n_y
     if command.json:
