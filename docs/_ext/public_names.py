@@ -18,9 +18,11 @@ from sphinx.util.docutils import SphinxDirective
 PARTS: dict[str, tuple[str, ...]] = {
     "plants": ("plant", "engine"),
     "controllers": ("controller",),
-    "theory": ("theory", "cycle"),
+    "theory": ("theory",),
     "simulation": ("case", "simulation", "linear"),
-    "measurement": ("measurement", "comparison", "experiment", "sway"),
+    "cycles": ("cycle",),
+    "measurement": ("measurement", "comparison", "experiment"),
+    "sweeps": ("sweeps", "identification"),
     "logs": ("result", "log", "report", "study", "view"),
     "run-files": ("runfile",),
     "series": ("series",),

@@ -1,4 +1,4 @@
-"""``{run-file}``: every table and key of a run file, read out of the schema that checks it."""
+"""``{run-file} SCHEMA``: every table and key of a run file, or of another schema, read out of what checks it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import inspect
 import json
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -27,10 +28,11 @@ UNIT = re.compile(r"\s*\[([^\]]+)\](?=[.:,]?(\s|$))")
 class RunFileReference(SphinxDirective):
     """A section for each table, with a row for each key."""
 
-    def run(self) -> list[nodes.Node]:
-        from icmj.runfile.schema import RunFile
+    optional_arguments = 1
 
-        lines = list(_tables(RunFile, ""))
+    def run(self) -> list[nodes.Node]:
+        home, name = (self.arguments or ["icmj.runfile.schema.RunFile"])[0].rsplit(".", 1)
+        lines = list(_tables(getattr(import_module(home), name), ""))
         holder = nodes.section()
         holder.document = self.state.document
         self.state.nested_parse(StringList(lines, "schema"), self.content_offset, holder, match_titles=True)
@@ -109,6 +111,8 @@ def _type(annotation: Any) -> str:
             parts.append(f"list of {len(get_args(bare))} {_plural(get_args(bare)[0])}")
         elif origin is dict:
             parts.append(f"table of {_plural(get_args(bare)[1])} by name")
+        elif bare is Any:
+            parts.append("anything")
         elif bare in KINDS:
             parts.append(KINDS[bare] + bounds)
     return ", ".join(parts[:-1]) + (" or " if len(parts) > 1 else "") + parts[-1] if parts else ""
