@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 
 import mujoco
@@ -125,10 +126,12 @@ def load_plant(
         points = _told_where(path, equilibria(model, given, rule))
         raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told) for point in points)
         plants = (_without(plant, model, chosen, deviation) for plant in raw)
-        plant = _best(plants) if rule.kind in ("balance", "found") else next(plants)
+        first = next(plants)
+        plant = _best(first, plants) if rule.kind in ("balance", "found") else first
         check_plant(path, plant.linearisation.plant)
         if rule.kind == "found":
-            plant = replace(plant, told=(*moved(model, given, plant.linearisation.point), *plant.told))
+            why = "has a kink, or no room" if first.quality.at_rest else "is not at rest"
+            plant = replace(plant, told=(*moved(model, given, plant.linearisation.point, why), *plant.told))
         return plant
 
 
@@ -139,13 +142,17 @@ def _told_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[Operat
         raise ModelError(f"{path}: {error}") from error
 
 
-def _best(plants: Iterator[MujocoPlant]) -> MujocoPlant:
+def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:
     """The first at an operating point that a prediction can be about, or else the one that comes nearest to it."""
     found: list[MujocoPlant] = []
-    for plant in plants:
-        found.append(plant)
-        if all(plant.quality.merits):
-            break
+    try:
+        for plant in chain((first,), others):
+            found.append(plant)
+            if all(plant.quality.merits):
+                break
+    except ModelError:
+        if not any(plant.quality.at_rest for plant in found):
+            raise
     return max(found, key=lambda plant: plant.quality.merits)
 
 

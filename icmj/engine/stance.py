@@ -138,8 +138,8 @@ def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
     return None
 
 
-def moved(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint) -> Iterator[Notice]:
-    """How far the operating point found is from the pose given, if it is."""
+def moved(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint, why: str) -> Iterator[Notice]:
+    """How far the operating point found is from the pose given, if it is, and why the pose did not do."""
     gap = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
     units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]
@@ -150,5 +150,5 @@ def moved(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint) -
     steps = [f"{names[i]} {gap[i]:+.3g} {units[i]}".rstrip() for i in far[:4]]
     more = f" and {len(far) - 4} more" if len(far) > 4 else ""
     where = f"away from it by {', '.join(steps)}{more}" if far else "with controls that hold it"
-    words = f"the pose is not at rest; balanced {where}. Name a keyframe, a pose or operating_point to have another"
+    words = f"the pose {why}; balanced {where}. Name a keyframe, a pose or operating_point to have another"
     yield Notice("operating point", "warning", words)

@@ -136,3 +136,34 @@ def test_the_actual_plant_with_another_mass_rests_by_its_own_control(tmp_path):
     text = pendulum(MOTOR, key=f'qpos="{LEAN}"')
     assert found(tmp_path, text, STATIC, heavier).ctrl[0] == pytest.approx(1.1 * TORQUE)
     assert replace(STATIC, kind="as given") == OperatingRule()
+
+
+def test_where_nothing_is_named_a_pose_at_rest_stands_and_another_is_balanced_with_a_word(tmp_path):
+    """Upright as given; with its mass beside the axis the pole leans until it is above."""
+    rule = OperatingRule("found")
+    still = load_plant(written(tmp_path, pendulum(MOTOR)), operating=rule)
+    assert still.told == ()
+    assert still.linearisation.point.qpos[0] == 0
+    beside = written(tmp_path, pendulum(MOTOR).replace('pos="0 0 0.9"', 'pos="0.05 0 0.9"'), "beside.xml")
+    found = load_plant(beside, operating=rule)
+    assert found.linearisation.point.qpos[0] == pytest.approx(-np.arctan(0.05 / 0.9), abs=1e-5)
+    (notice,) = found.told
+    assert notice.words.startswith("the pose is not at rest; balanced away from it by lean -0.055")
+    idle = '<body name="arm" pos="0 0 1.5"><joint name="elbow" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/></body>'
+    fixed = OperatingRule("found", pose={"lean": 0.0})
+    swung = load_plant(written(tmp_path, pendulum(MOTOR, body=idle), "arm.xml"), operating=fixed)
+    assert swung.quality.at_rest  # the arm hangs, or stands
+    assert abs(np.sin(swung.linearisation.point.qpos[1])) == pytest.approx(1.0, abs=0.01)
+
+
+def test_straight_knees_bend_where_balance_may_choose(tmp_path):
+    """A leg whose knee stands at the end of its range: balance has a kink there, and one is found inside it."""
+    leg = '<body name="leg" pos="0 0 1"><joint name="knee" axis="0 1 0" range="0 2" limited="true"/>'
+    leg += '<inertial pos="0 0 0.3" mass="20" diaginertia="1 1 0.1"/></body>'
+    motors = MOTOR + '<motor name="knee" joint="knee"/>'
+    path = written(tmp_path, pendulum(motors, body=leg, key='qpos="0 0"'))
+    plant = load_plant(path, operating=OperatingRule("balance"))
+    assert all(plant.quality.merits)
+    assert 0.02 < plant.linearisation.point.qpos[1] < 0.7
+    held = load_plant(path, operating=OperatingRule("balance", pose={"knee": 0.0}))
+    assert [kink.of for kink in held.quality.kinks] == ["knee"]
