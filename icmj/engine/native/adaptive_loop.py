@@ -26,7 +26,7 @@ from icmj.engine.native.adaptive import (
     stages,
     stepper_of,
 )
-from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.compilation import compiled, entry, inlined, merged, sources
 from icmj.engine.native.ledger import apply, bare_engine, bare_plan, bare_record, bare_rule, next_action, note, standing
 from icmj.engine.native.loop import NativeLoop
 from icmj.engine.native.memory import bare
@@ -109,7 +109,7 @@ def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore
     pass_at(engine, stepper)
 
 
-@compiled
+@merged
 def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm):  # type: ignore[no-untyped-def]
     """One step towards ``target``; whether an event ends it, and whether it could be taken."""
     t = engine.time[0]
@@ -171,7 +171,7 @@ def _due(rule):  # type: ignore[no-untyped-def]
     return face >= 0 and rule.now[face, 0] >= 0
 
 
-@compiled
+@merged
 def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, steps):  # type: ignore[no-untyped-def]
     time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
     least = max(plan.delta_min, plan.delay)

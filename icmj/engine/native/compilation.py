@@ -46,6 +46,11 @@ def entry_cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     return kept(lambda **options: numba.cfunc(signature, **options), {"error_model": "numpy"})
 
 
+def merged(function: Callable[..., Any]) -> Any:
+    """A function that stands in one entry point as if written there: it is not compiled twice."""
+    return numba.njit(nogil=True, error_model="numpy", inline="always")(function)
+
+
 def exact(function: Callable[..., Any]) -> Any:
     """:func:`inlined`, with every sum in the order written: for what has to equal the engine's to the last bit."""
     return numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)

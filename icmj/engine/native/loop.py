@@ -20,7 +20,7 @@ from icmj.engine import reference
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault, guarded
 from icmj.engine.native import structs
-from icmj.engine.native.compilation import compiled, entry, inlined, sources
+from icmj.engine.native.compilation import entry, merged, sources
 from icmj.engine.native.ledger import apply, bare_engine, bare_plan, bare_record, bare_rule, next_action, note, standing
 from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, search
@@ -34,7 +34,7 @@ from icmj.errors import ModelError
 _RUNNING, _COMPLETED, _REACHED = int(Status.RUNNING), int(Status.COMPLETED), int(Status.REACHED)
 
 
-@inlined
+@merged
 def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-untyped-def]
     """Whether an event falls within the step just taken; leaves the state at the first, or at the end."""
     evaluate(rule)
@@ -53,7 +53,7 @@ def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-unty
     return False
 
 
-@compiled
+@merged
 def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
     time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
     least = max(plan.delta_min, plan.delay)
