@@ -112,7 +112,7 @@ class Report:
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """Logs, of which those of one case on both plants are shown together, and folders of sweeps."""
+    """Logs (those of one case on both plants are shown together), folders of sweeps, branches of cycles (Parquet)."""
     out: Path = Path("report.html")
     """The page; its figures go into a folder beside it."""
 

@@ -152,6 +152,7 @@ def run(command: arguments.Run) -> None:
 @execute.register
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
+    from icmj.cycle.storage import branches_among
     from icmj.study.study import report as build
 
     with Working("building the report", ERR):
@@ -161,8 +162,8 @@ def report(command: arguments.Report) -> None:
             from icmj.sweeps.dataset import read_sweep
 
             sweeps = [read_sweep(folder) for folder in folders]
-        logs = [path for path in command.logs if path not in folders]
-        comparisons = build(logs, command.out, sweeps=sweeps)
+        branches, logs = branches_among([path for path in command.logs if path not in folders])
+        comparisons = build(logs, command.out, sweeps=sweeps, branches=branches)
     if comparisons:
         _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)

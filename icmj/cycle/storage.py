@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -77,6 +77,16 @@ def read_branch(path: Path | str) -> Branch:
         raise LogError(f"{path}: {error}") from error
     except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:
         raise LogError(f"{path}: not a branch that icmj wrote ({one_line(error, 200)})") from error
+
+
+def branches_among(paths: Sequence[Path]) -> tuple[list[Branch], list[Path]]:
+    """The branches that Parquet files among some paths hold, and the other paths.
+
+    Raises:
+        LogError: if a Parquet file is no branch.
+    """
+    parquet = [path for path in paths if path.suffix == ".parquet"]
+    return [read_branch(path) for path in parquet], [path for path in paths if path not in parquet]
 
 
 def packed(branch: Branch) -> tuple[str, dict[str, Array]]:

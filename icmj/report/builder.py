@@ -17,7 +17,7 @@ from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.notation import notation, unbroken
 from icmj.report.pairing import CaseRuns, paired
-from icmj.report.sections import DrawnPanel, Picture, Section
+from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.statements import in_paper_order
 from icmj.result.result import Result
 from icmj.result.swept import Swept
@@ -25,16 +25,23 @@ from icmj.result.swept import Swept
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from icmj.cycle.branch import Branch
     from icmj.report.panels import Panel
 
 TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
+FOLLOWED = "Cycles of the event-driven loop along a parameter: where they are, attract, change and end."
 SWEPT = "What linear theory predicts and what simulated plants do, over what varies from point to point."
 
 
 def build_report(
-    results: Sequence[Result], out: Path, *, figures: Path | None = None, sweeps: Sequence[Swept] = ()
+    results: Sequence[Result],
+    out: Path,
+    *,
+    figures: Path | None = None,
+    sweeps: Sequence[Swept] = (),
+    branches: Sequence[Branch] = (),
 ) -> None:
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
@@ -44,18 +51,20 @@ def build_report(
         out: the page.
         figures: folder of the single figures, ``<stem>_figures`` beside the page if ``None``.
         sweeps: sweeps as read from their folders, shown after the runs, or alone.
+        branches: of cycles, as read from their files, shown after these, or alone; those of one run file along one
+            parameter in one figure, those of the linear plant beneath.
 
     Raises:
-        ReportError: if there are no results and no sweeps, two of the same run, or the files cannot be written. Nothing
-            is left under the page's name then, unless it was there before.
+        ReportError: if there are no results, sweeps or branches, two of the same run, or the files cannot be written.
+            Nothing is left under the page's name then, unless it was there before.
     """
-    cases = in_paper_order(paired(results)) if results or not sweeps else []
+    cases = in_paper_order(paired(results)) if results or not (sweeps or branches) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch(out) as staged:
-            page = render(cases, staged, sweeps)
+            page = render(cases, staged, sweeps, branches)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
@@ -71,14 +80,17 @@ def build_report(
         ) from error
 
 
-def render(cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = ()) -> str:
+def render(
+    cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = (), branches: Sequence[Branch] = ()
+) -> str:
     """Draw every figure into ``folder`` and return the page's HTML."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     panels, laws, noisy = _draw(cases, folder)
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
-    parts: list[Section | None] = [swept]
+    grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
+    parts: list[Section | None] = [swept, grown]
     if cases:
         parts = [
             sections.summary(cases),
@@ -88,6 +100,7 @@ def render(cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = ()
             sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
             sections.attractors(cases),
             swept,
+            grown,
             sections.designs(cases),
             sections.settings(cases),
         ]
@@ -104,7 +117,7 @@ def render(cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = ()
     return environment.get_template("page.html.j2").render(
         title=TITLE,
         subtitle=SUBTITLE,
-        abstract=sections.abstract(cases) if cases else SWEPT,
+        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED,
         sections=[part for part in parts if part is not None],
         version=VERSION,
     )
@@ -150,6 +163,24 @@ def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture
             ]
             for swept in sweeps
         }
+
+
+def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch], Picture]]:
+    """Branches of one run file along one parameter, together, with their picture."""
+    from icmj.report.branch import branch_figure
+
+    groups: dict[tuple[str, str], list[Branch]] = {}
+    for branch in branches:
+        groups.setdefault((branch.run.case.name, branch.parameter), []).append(branch)
+    found = []
+    with style.applied():
+        for (name, parameter), group in groups.items():
+            beneath = [branch for branch in group if branch.plant == "linear"]
+            above = [branch for branch in group if branch.plant != "linear"]
+            figure = branch_figure(above or beneath, beneath if above else ())
+            alt = f"{group[0].run.case.title}, cycles along {parameter}"
+            found.append((group, _save(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
+    return found
 
 
 def _drawn(panel: Panel, case: CaseRuns, folder: Path) -> DrawnPanel:

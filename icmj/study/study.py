@@ -20,6 +20,7 @@ from icmj.work.workers import Task, Tell, Workers
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.comparison.comparison import Comparison
+    from icmj.cycle.branch import Branch
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
     from icmj.result.swept import Swept
@@ -251,9 +252,14 @@ def run_study(
 
 
 def report(
-    logs: Sequence[Path], out: Path, *, summary: Path | None = None, sweeps: Sequence[Swept] = ()
+    logs: Sequence[Path],
+    out: Path,
+    *,
+    summary: Path | None = None,
+    sweeps: Sequence[Swept] = (),
+    branches: Sequence[Branch] = (),
 ) -> tuple[Comparison, ...]:
-    """Build the report page, and if asked the summary, from logs alone, and from sweeps.
+    """Build the report page, and if asked the summary, from logs alone, and from sweeps and branches of cycles.
 
     Raises:
         LogError, ReportError: if a log cannot be read or the page cannot be built.
@@ -268,7 +274,7 @@ def report(
         ready(out.parent)
     except OSError as error:
         raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
-    build_report(results, out, sweeps=sweeps)
+    build_report(results, out, sweeps=sweeps, branches=branches)
     if summary is not None:
         records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
         try:

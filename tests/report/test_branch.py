@@ -66,3 +66,17 @@ def test_what_does_not_go_into_one_picture_is_refused(losing_symmetry: Branch) -
         branch_figure([losing_symmetry, other])
     with pytest.raises(ReportError, match="no output 3"):
         draw_amplitude(axes_of(), [losing_symmetry], output=3)
+
+
+def test_the_report_shows_branches_of_one_case_in_one_figure_and_tells_what_happens(losing_symmetry, tmp_path) -> None:
+    from icmj.report import build_report
+
+    other = branch("simple-0.8", "delta_min", 2.5, plant="linear", points=8)
+    build_report([], tmp_path / "page.html", branches=[losing_symmetry, other])
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "branches off at" in page
+    assert "falls to the least one" in page
+    assert page.count('<figure class="law">') == 2
+    figures = sorted(path.name for path in (tmp_path / "page_figures").iterdir())
+    names = ("simple-0.8_along_delta_min", "simple-1.7_along_b")
+    assert figures == [f"{name}.{kind}" for name in names for kind in ("pdf", "svg")]

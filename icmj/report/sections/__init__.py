@@ -1,6 +1,7 @@
 """The sections of the page, each a function from the cases to a heading, a template and what it prints."""
 
 from icmj.report.sections.attractors import attractors
+from icmj.report.sections.branches import branches, numbered
 from icmj.report.sections.figures import figures, law
 from icmj.report.sections.noise import noise
 from icmj.report.sections.plants import designs, matrix
@@ -17,11 +18,13 @@ __all__ = [
     "abstract",
     "agrees_with_paper",
     "attractors",
+    "branches",
     "designs",
     "figures",
     "law",
     "matrix",
     "noise",
+    "numbered",
     "rule_fact",
     "settings",
     "statements",
