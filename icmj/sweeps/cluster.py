@@ -34,11 +34,11 @@ class Cluster:
         """
         from dask.distributed import as_completed
 
-        shared = self._client.scatter(plan, broadcast=False, hash=False)
         under_way: dict[str, range] = {}
 
         def submit(points: range) -> Any:
-            future = self._client.submit(compute, shared, points, pure=False)
+            # the plan goes with every task: data that is scattered is lost with the worker that holds it
+            future = self._client.submit(compute, plan, points, pure=False)
             under_way[future.key] = points
             return future
 
@@ -75,11 +75,13 @@ def cluster(address: str) -> Iterator[Cluster]:
 
 
 def _outcome(future: Any) -> tuple[Computed | None, str]:
+    from concurrent.futures import CancelledError
+
     from dask.distributed import KilledWorker
 
     try:
         return future.result(), ""
-    except KilledWorker as error:
+    except (KilledWorker, CancelledError) as error:
         return None, one_line(error, 200)
     except Exception as error:  # of a worker that cannot compute at all: no icmj, other versions
         raise SweepError(
