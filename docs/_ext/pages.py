@@ -1,4 +1,4 @@
-"""No page is lost: one that the index does not name is listed where it says "(every other page)"."""
+"""No page is lost, and none is listed twice: the index ends with what it does not name, at "(every other page)"."""
 
 from __future__ import annotations
 
@@ -16,6 +16,17 @@ def list_the_rest(app: Sphinx, docname: str, source: list[str]) -> None:
         named = set(re.findall(r"^(\w+)$", source[0], flags=re.M)) | {"index"}
         others = [path.stem for path in sorted(Path(app.srcdir).glob("*.md")) if path.stem not in named]
         source[0] = source[0].replace(PLACE, "\n".join(others))
+    if docname.endswith("index"):
+        source[0] = "\n".join(_once(source[0].split("\n")))
+
+
+def _once(lines: list[str]) -> list[str]:
+    """The lines without names of pages that were there before."""
+    kept: list[str] = []
+    for line in lines:
+        if not (re.fullmatch(r"[\w/-]+", line) and line in kept):
+            kept.append(line)
+    return kept
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -124,8 +124,9 @@ class SimulationTable(TomlTable):
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """What acts beside the controller."""
     native: bool = True
-    tolerance: Positive | None = None
     """Whether the engine's loop is compiled, or the plain Python that it is tested against."""
+    tolerance: Positive | None = None
+    """Of the engine: relative error of an open-loop interval, by adaptive steps of order 8, instead of a timestep."""
 
     def settings(self) -> Settings:
         """The settings that it stands for.
