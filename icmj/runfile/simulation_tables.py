@@ -114,7 +114,7 @@ class SimulationTable(TomlTable):
     observer: dict[str, Finite] = {}
     """States of the observer by name; the others start at zero."""
     timestep: Positive | None = None
-    """Of the engine [s]; the model's own by default. The linear plant needs none."""
+    """Of the engine [s], in place of a tolerance. The linear plant needs none."""
     integrator: Integrator | None = None
     """Of the engine; the model's own by default."""
     record_interval: Positive = 0.01
@@ -126,7 +126,8 @@ class SimulationTable(TomlTable):
     native: bool = True
     """Whether the engine's loop is compiled, or the plain Python that it is tested against."""
     tolerance: Positive | None = None
-    """Of the engine: relative error of an open-loop interval, by adaptive steps of order 8, instead of a timestep."""
+    """Relative error of an open-loop interval to which the engine's steps are adapted. Without it, timestep and
+    integrator: 10⁻⁸ where nothing can touch, rub or reach a limit; else the model's own timestep."""
 
     def settings(self) -> Settings:
         """The settings that it stands for.
