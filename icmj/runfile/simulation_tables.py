@@ -16,6 +16,8 @@ from icmj.runfile.table import (
 )
 from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, Settings, Source, Step
 
+LONGEST = 1e9  # s, thirty years: the viewer counts nanoseconds in 64 bits
+
 
 class ImpulseTable(TomlTable):
     """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
@@ -107,7 +109,7 @@ SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field
 class SimulationTable(TomlTable):
     """How long, from where, and how finely; see :class:`icmj.simulation.Settings`."""
 
-    duration: Positive = 30.0
+    duration: Annotated[Positive, Field(le=LONGEST)] = 30.0
     """Of the run [s]."""
     initial: dict[str, Finite] = {}
     """States of the plant by name, and how far from the operating point they start; the others start at it."""
