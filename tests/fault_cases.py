@@ -33,15 +33,16 @@ delta_min = 0.01
 [simulation]
 duration = {duration}
 initial = {{ hinge = 0.02 }}
+{more}
 [study]
 growth_points = 2
 """
 
 
-def short_run(folder: Path, name: str = "short", duration: float = 60.0) -> Path:
-    """A run file whose run takes about a second."""
+def short_run(folder: Path, name: str = "short", duration: float = 60.0, more: str = "") -> Path:
+    """A run file whose run takes about a second; ``more`` stands in its simulation's table."""
     path = folder / f"{name}.toml"
-    path.write_text(SHORT.format(name=name, model=ROOT / "models" / "pendulum.xml", duration=duration))
+    path.write_text(SHORT.format(name=name, model=ROOT / "models" / "pendulum.xml", duration=duration, more=more))
     return path
 
 

@@ -46,7 +46,8 @@ def test_a_study_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: py
 
 
 def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path) -> None:
-    run = short_run(tmp_path, duration=20000.0)
+    # small steps, so that it simulates for a minute, and few rows
+    run = short_run(tmp_path, duration=40000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     found = end(start("run", run, "--out", tmp_path / "out", "--yes", cwd=tmp_path), signal.SIGINT, 6.0)
     assert found.status == 130
     assert "interrupted at" in found.out
@@ -55,7 +56,7 @@ def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path
 
 
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
-    run = short_run(tmp_path, duration=10000.0)
+    run = short_run(tmp_path, duration=10000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     process = start("study", run, "--out", tmp_path / "out", "--jobs", "2", "--yes", cwd=tmp_path)
     deadline = time.monotonic() + 30
     while len(members(process.pid)) < 3 and time.monotonic() < deadline:
@@ -66,7 +67,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_worker_that_dies_is_one_line(tmp_path: Path) -> None:
-    run = short_run(tmp_path, duration=10000.0)
+    run = short_run(tmp_path, duration=10000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     process = start("study", run, "--out", tmp_path / "out", "--jobs", "1", "--yes", cwd=tmp_path)
     deadline = time.monotonic() + 30
     workers: list[int] = []
