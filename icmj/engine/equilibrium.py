@@ -92,8 +92,11 @@ class _Search:
         flags = int(self.model.opt.disableflags)
         # the search may pass beyond a range on its way
         self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        from threadpoolctl import threadpool_limits
+
         try:
-            with installed(act_dyn=second_order_lag):
+            # where contacts make the way a matter of the last bit, it must not hang on the number of cores
+            with threadpool_limits(1), installed(act_dyn=second_order_lag):
                 self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
                 self.lag, self.size = self.lags(), self.sizes()
                 self.set_down()
