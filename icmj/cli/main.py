@@ -10,7 +10,8 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line
@@ -28,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")
     asked = Asked()
     try:
-        with terminable() as asked:
+        with _library_words_unsaid(), terminable() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
@@ -95,6 +96,15 @@ def _obey(arguments: list[str]) -> int:
     except MemoryError:
         return _say("out of memory; use a smaller model, a longer record_interval or fewer --jobs", BAD_INPUT)
     return 0
+
+
+@contextlib.contextmanager
+def _library_words_unsaid() -> Iterator[None]:
+    """No warnings of libraries on the terminal, unless Python was asked for them: what they mean comes in our words."""
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        yield
 
 
 def _say(message: str, status: int) -> int:

@@ -58,7 +58,8 @@ class MujocoPlant:
     @cached_property
     def quality(self) -> Quality:
         """How good its operating point is."""
-        return assess(self.model, self.linearisation)
+        with hushed():
+            return assess(self.model, self.linearisation)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -86,6 +87,7 @@ class MujocoPlant:
         return self.spec.to_xml()
 
 
+@hushed()
 def load_plant(
     path: Path | str,
     deviation: Deviation | None = None,

@@ -112,6 +112,8 @@ def _measurement(result: Result) -> None:
 
 def _prediction(result: Result, prediction: Prediction) -> None:
     size = _at_events(result)
+    delayed = bool(result.simulation.delay) == bool(result.controller.delay)
+    _require(delayed, "simulation.delay", "and the controller's are not one: only one of them is none")
     for key in ("delta_crit", "period", "delta_max"):
         _positive(f"prediction.{key}", getattr(prediction, key))
     for i, crossing in enumerate(prediction.crossings):

@@ -18,7 +18,7 @@ from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
 
 
 def case(root: Path, duration: float = 20.0, *more: str) -> Case:
-    text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration)
+    text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration, more="")
     text = text.replace("duration =", "\n".join((*more, "duration =")))
     return prepare(parse_run(text.replace("growth_points = 2", "growth_points = 0")))
 
@@ -64,7 +64,7 @@ def test_lengths_of_time_are_said_for_people() -> None:
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_events_without_end_end_the_run(root: Path, plant: str) -> None:
-    text = SHORT.format(name="zeno", model=root / "models" / "pendulum.xml", duration=40)
+    text = SHORT.format(name="zeno", model=root / "models" / "pendulum.xml", duration=40, more="")
     text = text.replace("q_t = 0.01", "q_t = 1e-14").replace("delta_min = 0.01", "delta_min = 0")
     simulation = simulate(prepare(parse_run(text)), plant)  # type: ignore[arg-type]
     assert simulation.outcome.kind == "stalled"
@@ -85,7 +85,7 @@ def test_the_command_line_asks_for_yes(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40)
+    text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40, more="")
     (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))
     for command in ("run", "study"):
         assert main([command, "slow.toml", "--out", "out"]) == 2
