@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +104,28 @@ def test_a_flipped_bit_is_seen_or_harmless(log: Path, tmp_path: Path) -> None:
         except LogError:
             seen += 1
     assert seen > 5
+
+
+def test_a_zero_byte_in_a_name_ends_nothing(log: Path, tmp_path: Path) -> None:
+    """rerun's own check passes such a file, and its reader aborts the process; so another one reads here."""
+    whole = log.read_bytes()
+    places = [at for at in range(len(whole)) if whole.startswith(b"icmj:", at)]
+    for i, at in enumerate(places):
+        (tmp_path / f"{i}.rrd").write_bytes(whole[: at + 5] + b"\0" + whole[at + 6 :])
+    script = """
+import sys
+from icmj.errors import LogError
+from icmj.log import read_log
+for path in sys.argv[1:]:
+    try:
+        read_log(path)
+    except LogError as error:
+        print(error)
+"""
+    command = [sys.executable, "-c", script, *(str(tmp_path / f"{i}.rrd") for i in range(len(places)))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr[-500:]
+    assert "a name in it has a zero byte" in done.stdout
 
 
 def test_the_archive_knows_when_it_has_changed(log: Path, tmp_path: Path) -> None:
