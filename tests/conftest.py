@@ -1,7 +1,9 @@
-"""Shared paths and the rule that no test leaves a MuJoCo callback behind."""
+"""Shared paths, signals as at a terminal, and the rule that no test leaves a MuJoCo callback behind."""
 
 from __future__ import annotations
 
+import contextlib
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +20,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--from-nothing", action="store_true", help="install the wheel with all it needs, run the whole study"
     )
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
+
+
+def pytest_configure() -> None:
+    """Signals as at a terminal: who starts the tests in the background, or under nohup, hands on some as ignored."""
+    with contextlib.suppress(ValueError):  # not the main thread
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        for signum in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(signum) is signal.SIG_IGN:
+                signal.signal(signum, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")
