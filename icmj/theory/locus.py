@@ -48,15 +48,9 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
     Raises:
         AnalysisError: if ``delta_max`` is not positive and finite.
     """
-    if not (np.isfinite(delta_max) and delta_max > 0):
-        raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
     phi_t = prepared or flow(system.A_C)
-    t_d = system.delay.t_d
-    if delta_max <= t_d:
-        raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
-    delta, states = phi_t.trajectory(system.entry, delta_max - t_d, points)
-    delta, points = t_d + delta[1:], len(delta) - 1
-    values = np.linalg.eigvals(system.exit @ states[1:]).astype(complex)
+    delta, values = _even(system, delta_max, points, phi_t)
+    points = len(delta)
     wanted = np.ones(points, dtype=bool)
     check = np.arange(points - 1)  # steps not known to be clear yet
     for _ in range(_HALVINGS):
@@ -70,6 +64,26 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
         moved = unclear + np.arange(len(unclear))
         check = np.column_stack([moved, moved + 1]).reshape(-1)
     return Locus(delta[wanted], follow(delta, values)[wanted])
+
+
+def largest(system: ErrorSystem, delta_max: float, *, points: int = POINTS) -> tuple[Array, Array]:
+    """Δ at equal steps on (t_d, ``delta_max``], and the largest |λ| of φ there, shapes (M,); no branch is followed.
+
+    Args, raises: as :func:`locus`.
+    """
+    delta, values = _even(system, delta_max, points, flow(system.A_C))
+    return delta, np.abs(values).max(axis=1)
+
+
+def _even(system: ErrorSystem, delta_max: float, points: int, prepared: Flow) -> tuple[Array, NDArray[np.complex128]]:
+    """Δ at equal steps, and the eigenvalues there, unordered."""
+    if not (np.isfinite(delta_max) and delta_max > 0):
+        raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
+    t_d = system.delay.t_d
+    if delta_max <= t_d:
+        raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
+    delta, states = prepared.trajectory(system.entry, delta_max - t_d, points)
+    return t_d + delta[1:], np.linalg.eigvals(system.exit @ states[1:]).astype(complex)
 
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from icmj.base.array import Array
 from icmj.result.result import Result
 from icmj.theory.error_system import error_system
-from icmj.theory.locus import locus
+from icmj.theory.locus import largest
 
 POINTS = 128
 BEYOND = 1.6  # times Δ_crit
@@ -18,5 +18,4 @@ def predicted_growth(result: Result) -> tuple[Array, Array]:
     if prediction.delta_crit is not None:
         end = min(end, BEYOND * prediction.delta_crit)
     system = error_system(result.actual, controller.design, controller.hold, delay=controller.delay, match="position")
-    found = locus(system, end, points=POINTS)
-    return found.delta, found.largest
+    return largest(system, end, points=POINTS)

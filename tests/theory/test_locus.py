@@ -9,7 +9,7 @@ from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj.errors import AnalysisError
 from icmj.theory.flow import flow
-from icmj.theory.locus import follow, locus
+from icmj.theory.locus import follow, largest, locus
 
 
 @pytest.mark.parametrize("case", SHIPPED)
@@ -23,6 +23,9 @@ def test_values_are_the_eigenvalues_of_phi(case):
         for power in (1, 2, 3):
             assert abs((result.eigenvalues[m] ** power).sum() - (expected**power).sum()) < 1e-9 * max(1, scale**power)
         assert result.largest[m] == pytest.approx(scale, rel=1e-7)
+    delta, found = largest(system, 2.0)
+    np.testing.assert_array_equal(delta, result.delta)
+    np.testing.assert_allclose(found, result.largest, rtol=1e-7)
 
 
 def test_the_exact_model_s_branches_are_exponentials_of_the_design_s_poles():
