@@ -40,14 +40,18 @@ def entry(function: Callable[..., Any]) -> Any:
     return kept(numba.njit, {"nogil": True, "error_model": "numpy"})(function)
 
 
+# what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them
+WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def compiled(function: Callable[..., Any]) -> Any:
     """A function that entry points call."""
-    return numba.njit(nogil=True, error_model="numpy")(function)
+    return numba.njit(**WITHIN)(function)
 
 
 def summing(function: Callable[..., Any]) -> Any:
     """:func:`compiled`, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
-    return numba.njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+    return numba.njit(fastmath={"reassoc", "contract"}, **WITHIN)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -55,5 +59,4 @@ def inlined(function: Callable[..., Any]) -> Any:
 
     Sums may be reassociated, so that they vectorise; the order is fixed at compile time all the same.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True}
-    return numba.njit(fastmath={"reassoc", "contract"}, **options)(function)
+    return numba.njit(fastmath={"reassoc", "contract"}, forceinline=True, **WITHIN)(function)

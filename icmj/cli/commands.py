@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
@@ -153,9 +154,10 @@ def run(command: arguments.Run) -> None:
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.cycle.storage import branches_among
-    from icmj.study.study import report as build
+    from icmj.study.page import report as build
+    from icmj.work.workers import Workers
 
-    with Working("building the report", ERR):
+    with Working("building the report", ERR), Workers(os.cpu_count() or 1) as workers:
         folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
         if folders:
@@ -163,7 +165,7 @@ def report(command: arguments.Report) -> None:
 
             sweeps = [read_sweep(folder) for folder in folders]
         branches, logs = branches_among([path for path in command.logs if path not in folders])
-        comparisons = build(logs, command.out, sweeps=sweeps, branches=branches)
+        comparisons = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
     if comparisons:
         _show(comparisons)
     OUT.print(f"report  {escape(str(command.out))}", highlight=False)

@@ -126,8 +126,10 @@ def check_sizes(path: Path, model: mujoco.MjModel) -> None:
     """See that a compiled model is one to linearise.
 
     Raises:
-        ModelError: if it has more sensor entries, actuators or states than can be.
+        ModelError: if it has more sensor entries, actuators or states than can be, or a timestep that is none.
     """
+    if not 0 < model.opt.timestep < np.inf:  # MuJoCo lets NaN pass
+        raise ModelError(f"{path}: option timestep is {model.opt.timestep} s; give a positive number")
     for what, size in (
         ("sensor entries", model.nsensordata),
         ("actuators", model.nu),

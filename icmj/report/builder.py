@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
+from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
 from icmj.report.notation import notation, unbroken
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from icmj.cycle.branch import Branch
-    from icmj.report.panels import Panel
 
+Draw = Callable[[Sequence[CaseRuns], Path], None]
 TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
@@ -42,6 +42,7 @@ def build_report(
     figures: Path | None = None,
     sweeps: Sequence[Swept] = (),
     branches: Sequence[Branch] = (),
+    draw: Draw | None = None,
 ) -> None:
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
@@ -53,6 +54,8 @@ def build_report(
         sweeps: sweeps as read from their folders, shown after the runs, or alone.
         branches: of cycles, as read from their files, shown after these, or alone; those of one run file along one
             parameter in one figure, those of the linear plant beneath.
+        draw: draws the figures of all cases into a folder, see :func:`icmj.report.drawing.draw_case`; one after the
+            other if ``None``.
 
     Raises:
         ReportError: if there are no results, sweeps or branches, two of the same run, or the files cannot be written.
@@ -64,6 +67,7 @@ def build_report(
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch(out) as staged:
+            (draw or draw_all)(cases, staged)
             page = render(cases, staged, sweeps, branches)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
@@ -80,13 +84,19 @@ def build_report(
         ) from error
 
 
+def draw_all(cases: Sequence[CaseRuns], folder: Path) -> None:
+    """Draw the figures of all cases into ``folder``."""
+    for case in cases:
+        draw_case(case, folder)
+
+
 def render(
     cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = (), branches: Sequence[Branch] = ()
 ) -> str:
-    """Draw every figure into ``folder`` and return the page's HTML."""
+    """The page's HTML; the figures of the cases are in ``folder``, those of sweeps and branches are drawn into it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    panels, laws, noisy = _draw(cases, folder)
+    panels, laws, noisy = _pictures(cases, folder)
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
     grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
@@ -123,31 +133,22 @@ def render(
     )
 
 
-def _draw(
+def _pictures(
     cases: Sequence[CaseRuns], folder: Path
 ) -> tuple[dict[str, list[DrawnPanel]], dict[str, Picture], dict[str, tuple[Picture, Picture]]]:
-    """Panels, amplitude laws, and figures under noise, by case."""
-    from icmj.report.law import law_figure
-    from icmj.report.noise import histogram_figure, spectrum_figure
-    from icmj.report.panels import MORE, PANELS
-
+    """Panels, amplitude laws, and figures under noise, by case, from the files in ``folder``."""
     panels: dict[str, list[DrawnPanel]] = {}
     laws: dict[str, Picture] = {}
     noisy: dict[str, tuple[Picture, Picture]] = {}
-    with style.applied():
-        for case in cases:
-            more = [panel for panel in MORE if panel.there(case)]
-            panels[case.name] = [_drawn(panel, case, folder) for panel in (*PANELS, *more)]
-            measured = next((r for r in reversed(case.runs.values()) if r.law is not None), None)
-            if measured is not None:
-                alt = f"{case.first.run.case.title}, amplitude law"
-                laws[case.name] = _save(law_figure(measured), folder, f"{case.name}_law", alt)
-            if any(result.statistics is not None for result in case.runs.values()):
-                title = case.first.run.case.title
-                noisy[case.name] = (
-                    _save(histogram_figure(case), folder, f"{case.name}_intervals", f"{title}, histogram of intervals"),
-                    _save(spectrum_figure(case), folder, f"{case.name}_spectra", f"{title}, spectra of the outputs"),
-                )
+    for case in cases:
+        panels[case.name] = [
+            DrawnPanel(panel.letter, picture(folder, drawing), panel.caption(case))
+            for panel, drawing in panels_of(case)
+        ]
+        if (law := law_of(case)) is not None:
+            laws[case.name] = picture(folder, law)
+        if (noise := noise_of(case)) is not None:
+            noisy[case.name] = picture(folder, noise[0]), picture(folder, noise[1])
     return panels, laws, noisy
 
 
@@ -158,7 +159,7 @@ def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture
     with style.applied():
         return {
             swept.name: [
-                (_save(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
+                (_drawn(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
                 for each in pictures(swept)
             ]
             for swept in sweeps
@@ -179,18 +180,10 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
             above = [branch for branch in group if branch.plant != "linear"]
             figure = branch_figure(above or beneath, beneath if above else ())
             alt = f"{group[0].run.case.title}, cycles along {parameter}"
-            found.append((group, _save(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
+            found.append((group, _drawn(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
     return found
 
 
-def _drawn(panel: Panel, case: CaseRuns, folder: Path) -> DrawnPanel:
-    alt = f"{case.first.run.case.title}, panel ({panel.letter})"
-    picture = _save(panel.draw(case), folder, f"{case.name}_{panel.letter}", alt)
-    return DrawnPanel(panel.letter, picture, panel.caption(case))
-
-
-def _save(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
-    svg = style.save(figure, "svg")
-    (folder / f"{name}.svg").write_bytes(svg)
-    (folder / f"{name}.pdf").write_bytes(style.save(figure, "pdf"))
-    return Picture(name, f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}", alt)
+def _drawn(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
+    save(figure, folder, name)
+    return picture(folder, Drawing(name, alt, lambda: figure))

@@ -16,6 +16,7 @@ from icmj.runfile.table import (
 )
 from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, Settings, Source, Step
 
+SHORTEST = 1e-6  # s
 LONGEST = 1e9  # s, thirty years: the viewer counts nanoseconds in 64 bits
 
 
@@ -109,7 +110,7 @@ SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field
 class SimulationTable(TomlTable):
     """How long, from where, and how finely; see :class:`icmj.simulation.Settings`."""
 
-    duration: Annotated[Positive, Field(le=LONGEST)] = 30.0
+    duration: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)] = 30.0
     """Of the run [s]."""
     initial: dict[str, Finite] = {}
     """States of the plant by name, and how far from the operating point they start; the others start at it."""

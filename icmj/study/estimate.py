@@ -17,6 +17,7 @@ from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.closed_loop import closed_loop
 from icmj.linear.run import simulate as simulate_linear
+from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, BLOCKS, ROWS = 1e6, 2e4, 2e5  # up to these a run takes a few seconds at most
@@ -31,10 +32,14 @@ def startable(case: Case, plant: PlantKind) -> None:
     Raises:
         ModelError, SimulationError: if it cannot.
     """
-    if plant == "mujoco":
-        stepping_of(close_loop(case.model, case.controller, case.settings), case.settings)
-    else:
-        closed_loop(case.actual.linearisation.plant, case.controller)
+    try:
+        start_states(case.actual.linearisation.plant, case.controller, case.settings)
+        if plant == "mujoco":
+            stepping_of(close_loop(case.model, case.controller, case.settings), case.settings)
+        else:
+            closed_loop(case.actual.linearisation.plant, case.controller)
+    except SimulationError as error:
+        raise SimulationError(f"{case.run.path}: {error}") from error
 
 
 def estimate(case: Case, plant: PlantKind) -> float:

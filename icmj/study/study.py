@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from icmj.base.files import clear_leftovers, ready, write_text
-from icmj.errors import LogError, ReportError, RunFileError, SimulationError
+from icmj.base.files import clear_leftovers, ready
+from icmj.errors import LogError, RunFileError, SimulationError
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import RUNS
+from icmj.study.page import report
 from icmj.work.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.comparison.comparison import Comparison
-    from icmj.cycle.branch import Branch
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
-    from icmj.result.swept import Swept
     from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
@@ -229,7 +227,8 @@ def run_study(
     cases = [(run, plant) for run in runs for plant in plants_of(run)]
     jobs = max(1, min(jobs or os.cpu_count() or 1, len(cases)))
     checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
-    work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in cases]
+    work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in _in_turn(cases)]
+    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)
     checked, done = [0.0] * len(runs), [0.0] * len(work)  # in any order: processes overtake each other
     try:
         with Workers(jobs) as workers:
@@ -240,45 +239,26 @@ def run_study(
             open_folder(out)
             for news in workers.run(work):
                 done[news.index] = news.done
-                tell(work[news.index].name, 0.1 + 0.75 * sum(done) / len(work))
+                tell(work[news.index].name, 0.1 + 0.7 * sum(done) / len(work))
+            comparisons = report(
+                logs,
+                out / "report.html",
+                summary=out / "summary.json",
+                workers=workers,
+                progress=lambda part: tell("report", 0.8 + 0.2 * part),
+            )
     finally:
         # what the workers had under way when they were ended
         clear_leftovers(out)
-    logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)
-    tell("report", 0.86)
-    comparisons = report(logs, out / "report.html", summary=out / "summary.json")
     tell("done", 1.0)
     return Outputs(logs, out / "report.html", out / "summary.json", comparisons)
 
 
-def report(
-    logs: Sequence[Path],
-    out: Path,
-    *,
-    summary: Path | None = None,
-    sweeps: Sequence[Swept] = (),
-    branches: Sequence[Branch] = (),
-) -> tuple[Comparison, ...]:
-    """Build the report page, and if asked the summary, from logs alone, and from sweeps and branches of cycles.
+def _in_turn(cases: Sequence[tuple[RunFile, PlantKind]]) -> list[tuple[RunFile, PlantKind]]:
+    """One of the engine, all linear ones, then the engine's others.
 
-    Raises:
-        LogError, ReportError: if a log cannot be read or the page cannot be built.
+    The first time, the engine's loop takes a third of a minute to compile: one process does so while the others work on
+    the linear plant, and then all find it on disk.
     """
-    from icmj.comparison.comparison import compare, to_json
-    from icmj.log import read_log
-    from icmj.report import build_report
-
-    results = [read_log(log) for log in logs]
-    comparisons = tuple(compare(result) for result in results)
-    try:
-        ready(out.parent)
-    except OSError as error:
-        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
-    build_report(results, out, sweeps=sweeps, branches=branches)
-    if summary is not None:
-        records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
-        try:
-            write_text(summary, records + "\n")
-        except OSError as error:
-            raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
-    return comparisons
+    engine = [case for case in cases if case[1] == "mujoco"]
+    return [*engine[:1], *(case for case in cases if case[1] != "mujoco"), *engine[1:]]

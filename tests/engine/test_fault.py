@@ -106,6 +106,7 @@ def test_mujoco_says_nothing_where_it_is_run(
             '<jointpos name="angle" joint="hinge"/><user name="u" dim="100000"/>',
             "100001 sensor entries; icmj takes at most 1000",
         ),
+        ("<worldbody>", '<option timestep="nan"/><worldbody>', "option timestep is nan s; give a positive number"),
         ("<worldbody>", '<include file="pipe"/><worldbody>', "pipe, which is not a file"),
         ('name="torque"', 'name="icmj_controller"', "'icmj_controller', which icmj adds itself"),
         ("<sensor>", '<custom><numeric name="icmj_controller" data="1"/></custom><sensor>', "rename it"),

@@ -94,3 +94,22 @@ def test_the_command_line_asks_for_yes(
         assert "(4e+10 steps of 1e-09 s)" in line
         assert "--yes" in line
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("duration", "more", "words"),
+    [
+        (0.001, "delay = 0.1", "case.toml: the delay of 0.1 s is not shorter than the run of 0.001 s"),
+        (1e-15, "", "case.toml: simulation.duration: must be at least 1e-06, got 1e-15"),
+    ],
+)
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_a_run_that_cannot_start_is_refused_before_anything_is_written(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], duration: float, more: str, words: str, plant: str
+) -> None:
+    text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration, more="")
+    (tmp_path / "case.toml").write_text(text.replace("[actual]", f"[actual]\n{more}"), encoding="utf-8")
+    command = ["run", str(tmp_path / "case.toml"), "--plant", plant, "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

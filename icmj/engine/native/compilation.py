@@ -15,7 +15,7 @@ import llvmlite.binding  # type: ignore[import-untyped]
 import mujoco
 import numba
 
-from icmj.base.compilation import compiled, contents, entry, inlined, kept
+from icmj.base.compilation import WITHIN, compiled, contents, entry, inlined, kept
 from icmj.errors import ModelError
 
 __all__ = ["compiled", "entry", "entry_cfunc", "exact", "inlined", "load_engine", "sources"]
@@ -53,4 +53,4 @@ def merged(function: Callable[..., Any]) -> Any:
 
 def exact(function: Callable[..., Any]) -> Any:
     """:func:`inlined`, with every sum in the order written: for what has to equal the engine's to the last bit."""
-    return numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    return numba.njit(forceinline=True, **WITHIN)(function)

@@ -89,5 +89,6 @@ def _entry() -> Any:
 def extremes(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """:func:`icmj.engine.extremes.extremes`, compiled."""
     high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
-    _entry()(t, y, high, low, points)
+    # contiguous: for every other layout numba would compile once more
+    _entry()(np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)
     return high, low

@@ -1,0 +1,86 @@
+"""From logs to the report's page and the summary, with the figures of several cases drawn side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from icmj.base.files import ready, write_text
+from icmj.errors import ReportError
+from icmj.work.workers import Task, Tell, Workers
+
+if TYPE_CHECKING:
+    from icmj.comparison.comparison import Comparison
+    from icmj.cycle.branch import Branch
+    from icmj.report.pairing import CaseRuns
+    from icmj.result.swept import Swept
+
+
+def report(
+    logs: Sequence[Path],
+    out: Path,
+    *,
+    summary: Path | None = None,
+    sweeps: Sequence[Swept] = (),
+    branches: Sequence[Branch] = (),
+    workers: Workers | None = None,
+    progress: Tell | None = None,
+) -> tuple[Comparison, ...]:
+    """Build the report page, and if asked the summary, from logs alone, and from sweeps and branches of cycles.
+
+    Args:
+        logs: of runs; those of one case on both plants are shown together.
+        out: the page.
+        summary: file of the comparisons.
+        sweeps, branches: shown after the runs, or alone.
+        workers: draw the figures of several cases side by side; without them, or of two cases, they are drawn here.
+        progress: called with the part that is done, 0–1.
+
+    Raises:
+        LogError, ReportError: if a log cannot be read or the page cannot be built.
+    """
+    from icmj.comparison.comparison import compare, to_json
+    from icmj.log import read_log
+    from icmj.report import build_report
+
+    tell = progress or (lambda part: None)
+    results, of_case = [], dict[str, list[Path]]()
+    for log in logs:
+        results.append(read_log(log))
+        of_case.setdefault(results[-1].run.case.name, []).append(log)
+        tell(0.2 * len(results) / len(logs))
+    comparisons = tuple(compare(result) for result in results)
+    try:
+        ready(out.parent)
+    except OSError as error:
+        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
+    draw = None
+    if workers is not None and len(of_case) > 2:
+
+        def draw(cases: Sequence[CaseRuns], folder: Path) -> None:
+            tasks = [Task(case.name, draw_logs, (tuple(of_case[case.name]), folder)) for case in cases]
+            done = [0.0] * len(tasks)
+            for news in workers.run(tasks):
+                done[news.index] = news.done
+                tell(0.2 + 0.7 * sum(done) / len(tasks))
+
+    build_report(results, out, sweeps=sweeps, branches=branches, draw=draw)
+    if summary is not None:
+        records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
+        try:
+            write_text(summary, records + "\n")
+        except OSError as error:
+            raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
+    return comparisons
+
+
+def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:
+    """Draw the figures of the case that logs are of into ``folder``: what a worker does for the page."""
+    from icmj.log import read_log
+    from icmj.report.drawing import draw_case
+    from icmj.report.pairing import paired
+
+    for case in paired([read_log(log) for log in logs]):
+        draw_case(case, folder)
