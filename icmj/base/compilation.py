@@ -37,7 +37,7 @@ def kept(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callabl
 
 def entry(function: Callable[..., Any]) -> Any:
     """``numba.njit`` without the GIL, kept on disk; the function must use a closure variable that is the contents."""
-    return kept(numba.njit, {"nogil": True, "error_model": "numpy"})(function)
+    return kept(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
 
 
 # what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them

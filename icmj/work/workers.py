@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from icmj.base.environment import one_thread
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, beyond_arithmetic
 
@@ -68,7 +69,8 @@ class _Worker:
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), str(os.getpid())]
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        environment = one_thread({**os.environ, "PYTHONPATH": paths})
         nothing = subprocess.DEVNULL
         with theirs, _uninterrupted():
             self.process = subprocess.Popen(
