@@ -96,15 +96,29 @@ def _bracketed(powers: Array, start: float, end: float) -> float:
 
 
 def largest(powers: Array, end: float = 1.0) -> float:
-    """Largest value of the polynomial Σ a_j θ^j on [0, end], from the roots of its derivative."""
+    """Largest value of the polynomial Σ a_j θ^j on [0, end].
+
+    An interval counts only if its Bernstein coefficients exceed what is known; it holds one maximum inside if these
+    first rise, then fall, and none if they fall, then rise, or do neither; all others are halved.
+    """
     powers = np.asarray(powers, dtype=float)
-    candidates = [0.0, end]
-    slope = powers[1:] * np.arange(1, len(powers))
-    scale = np.abs(slope).max(initial=0.0)
-    if scale > 0:
-        # coefficients below round-off would only add spurious distant roots
-        significant = np.nonzero(np.abs(slope) > 1e-17 * scale)[0]
-        roots = np.roots(slope[significant[-1] :: -1] / scale)
-        # a double root leaves the real axis by the square root of round-off; its real part is as good a candidate
-        candidates += [float(theta) for theta in roots.real[np.abs(roots.imag) < 1e-6] if 0 < theta < end]
-    return max(evaluate(powers, theta) for theta in candidates)
+    degree = len(powers) - 1
+    reached = max(evaluate(powers, 0.0), evaluate(powers, end))
+    left, right = halves(degree)
+    falls = -powers[1:] * np.arange(1, degree + 1)
+    pending = [(from_powers(degree) @ (powers * end ** np.arange(degree + 1)), 0.0, end, 0)]
+    while pending:
+        b, start, stop, depth = pending.pop()
+        if not b.max() > reached + 1e-15 * abs(reached):
+            continue
+        rises = np.diff(b) > 0
+        changes = np.count_nonzero(rises[1:] != rises[:-1])
+        if depth >= _DEPTH or changes == 0 or (changes == 1 and not rises[0]):
+            reached = max(reached, evaluate(powers, start), evaluate(powers, stop))
+        elif changes == 1:
+            reached = max(reached, evaluate(powers, _bracketed(falls, start, stop)))
+        else:
+            middle = (start + stop) / 2
+            pending.append((right @ b, middle, stop, depth + 1))
+            pending.append((left @ b, start, middle, depth + 1))
+    return reached

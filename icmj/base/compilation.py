@@ -45,7 +45,7 @@ WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wra
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """A function that entry points call."""
+    """A function that entry points call; Python itself must not, it would crash."""
     return numba.njit(**WITHIN)(function)
 
 

@@ -91,3 +91,16 @@ def test_a_root_is_brents_to_round_off():
         p = Polynomial([-at, 1.0]) * Polynomial([steep, *random.uniform(0, 1, 12)])  # rises through its only root
         root = brentq(p, 0.0, 1.0, xtol=1e-16, rtol=4 * rounding)
         assert first_root(p.coef) == pytest.approx(root, abs=8 * rounding * np.abs(p.coef).max() / p.deriv()(at))
+
+
+def test_largest_is_that_of_the_slope_s_roots():
+    random = np.random.default_rng(5)
+    for _ in range(500):
+        degree, end = int(random.integers(1, 24)), float(random.uniform(0.05, 1))
+        p = Polynomial(random.normal(size=degree + 1) * random.choice([1.0, 0.5, 0.2]) ** np.arange(degree + 1))
+        roots = p.deriv().roots() if degree > 1 else np.zeros(0)
+        inside = roots.real[(np.abs(roots.imag) < 1e-6) & (roots.real > 0) & (roots.real < end)]
+        expected = max(p(theta) for theta in (0.0, end, *inside))
+        assert largest(p.coef, end) == pytest.approx(expected, abs=1e-14 * np.abs(p.coef).sum())
+    assert largest(np.array([3.0])) == 3.0
+    assert largest(np.zeros(5)) == 0.0
