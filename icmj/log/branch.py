@@ -27,6 +27,7 @@ from icmj.log.blueprint import BACKGROUND
 from icmj.log.columns import TIMELINE, time_column
 from icmj.log.figure import eye, write_figures
 from icmj.log.reader import static_row
+from icmj.log.sink import in_memory
 from icmj.log.writer import APPLICATION, ARCHIVE, strictly
 from icmj.simulation.scene import Scene
 
@@ -45,7 +46,8 @@ def write_branch_log(branch: Branch, path: Path | str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole(path) as part, strictly():
-            _write(branch, part)
+            with in_memory(part) as sink:
+                _write(branch, sink)
             if not part.is_file():
                 raise ValueError("rerun wrote no file; is it switched off by RERUN in the environment?")
     except (OSError, RuntimeError, ValueError, TypeError) as error:
@@ -70,13 +72,13 @@ def read_branch_log(path: Path | str) -> Branch:
         raise LogError(f"{path}: a rerun recording, but not of a branch ({one_line(error, 100)})") from error
 
 
-def _write(branch: Branch, part: Path) -> None:
+def _write(branch: Branch, sink: Path) -> None:
     head, flat = packed(branch)
     scene, t, laid = _laid(branch)
     identity = uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(head.encode()).hexdigest())
     config = rr.ChunkBatcherConfig(flush_num_rows=1)
     recording = rr.RecordingStream(APPLICATION, recording_id=identity, batcher_config=config)
-    recording.save(part, default_blueprint=_blueprint(branch, scene))
+    recording.save(sink, default_blueprint=_blueprint(branch, scene))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     title = f"{branch.run.case.title}: along {branch.parameter} ({branch.plant})"

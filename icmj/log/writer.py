@@ -24,6 +24,7 @@ from icmj.log.chart import write_charts
 from icmj.log.columns import time_column
 from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
+from icmj.log.sink import in_memory
 from icmj.result.result import Result
 
 APPLICATION = "icmj"
@@ -48,7 +49,8 @@ def write_log(result: Result, path: Path | str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         # a run that diverged is logged too
         with whole(path) as part, strictly(), np.errstate(invalid="ignore", over="ignore"):
-            _write(result, tree, arrays, part)
+            with in_memory(part) as sink:
+                _write(result, tree, arrays, sink)
             _verify(part)
     except (OSError, RuntimeError, ValueError, TypeError) as error:
         raise LogError(f"{path}: the log cannot be written ({_reason(error, path.parent)})") from error
@@ -65,7 +67,7 @@ def strictly() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
+def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     digest = archive.digest(tree, arrays)
     # one identity for one content: two versions of a case stay two recordings in the viewer
     identity = uuid.uuid5(uuid.NAMESPACE_OID, digest)
@@ -73,7 +75,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, part: Path) -> None:
     recording = rr.RecordingStream(
         APPLICATION, recording_id=identity, batcher_config=rr.ChunkBatcherConfig(flush_num_rows=1)
     )
-    recording.save(part, default_blueprint=blueprint(result))
+    recording.save(sink, default_blueprint=blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
