@@ -3,7 +3,8 @@
 The stretch is the last complete open-loop interval, from the state right after the event that begins it; where
 there are fewer than two events it is the last second. With a method of order p the error at step h is
 2^p/(2^p − 1) times the difference between h and h/2. Between a tolerance and a hundredth of it the difference is the
-error. It costs as much as three intervals of the run.
+error; where stability bounds the steps a hundredth changes little, and :data:`FINE` is taken. It costs as much as
+three intervals of the run.
 
 What the step should be follows from the same number: errors fall with h^p, so :func:`choose_timestep` measures one
 step and scales it to the tolerance asked for. The default is the model file's own timestep; the shipped ones (2 ms
@@ -26,6 +27,8 @@ from icmj.errors import SimulationError
 from icmj.simulation.simulation import Simulation
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
+
+FINE = 1e-10  # tolerance beside which any above 1e-8 is coarse
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
 def _both(schedule: Schedule) -> tuple[Schedule, Schedule]:
     """As it is, and finer."""
     if schedule.tolerance > 0:
-        return schedule, replace(schedule, tolerance=schedule.tolerance / 100)
+        return schedule, replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
     return schedule, replace(schedule, timestep=schedule.timestep / 2)
 
 

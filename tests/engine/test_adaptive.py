@@ -18,7 +18,7 @@ from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Trigger
-from icmj.engine.accuracy import choose_timestep
+from icmj.engine.accuracy import choose_timestep, estimate
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.extremes import extremes
@@ -26,6 +26,7 @@ from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.reference import act_dyn, control
 from icmj.engine.run import simulate
+from icmj.engine.stepping import schedule_of
 from icmj.engine.tableau import dense, rounded, tableau, within
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
@@ -73,8 +74,8 @@ def test_compiled_and_plain_python_agree(
         np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, np.abs(b).max(initial=0)), rtol=0, err_msg=name)
 
 
-def exact_interval(loop: ComposedLoop, x: np.ndarray, x_o: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """(interval, largest and smallest outputs in it), by SciPy on ``mj_forward`` with the plain-Python controller."""
+def exact_interval(loop: ComposedLoop, x: np.ndarray, x_o: np.ndarray) -> tuple[float, *tuple[np.ndarray, ...]]:
+    """(interval, largest and smallest outputs in it, those at its end), by SciPy on ``mj_forward``, in plain Python."""
     model, trigger = loop.model, loop.controller.trigger
     assert isinstance(trigger, EventTrigger)
     data = loop.data(x, np.concatenate([x_o, x_o]))
@@ -102,8 +103,8 @@ def exact_interval(loop: ComposedLoop, x: np.ndarray, x_o: np.ndarray) -> tuple[
     with installed(control, act_dyn):
         run = solve_ivp(flow, (0, 5), start, "DOP853", events=event, rtol=1e-12, atol=1e-15, dense_output=True)
         t = np.linspace(0, run.t[-1], 301)
-        high, low = extremes(t, np.array([outputs(instant) for instant in t]), 8)
-    return float(run.t[-1]), high, low
+        y = np.array([outputs(instant) for instant in t])
+    return float(run.t[-1]), *extremes(t, y, 8), y[-1]
 
 
 @pytest.mark.slow
@@ -115,12 +116,31 @@ def test_no_interval_errs_by_more_than_is_asked_for_nor_its_peaks_by_ten_times_t
     exact = [exact_interval(loop, *point) for point in starts]
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
         fly = open_loop(body, control, Settings(tolerance=tolerance))
-        for point, (length, high, low) in zip(starts, exact, strict=True):
+        for point, (length, high, low, _) in zip(starts, exact, strict=True):
             flight = fly(*point)
             assert abs(flight.length - length) < tolerance * length
             size = np.maximum(np.abs(high), np.abs(low))
             peaks = np.maximum(np.abs(flight.y_max - high), np.abs(flight.y_min - low)) / size
             assert peaks.max() < 10 * tolerance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["three_link", "pendulum"])
+def test_the_error_stated_of_each_output_and_of_the_interval_is_true(name: str) -> None:
+    body, control, start = on_orbit(name)
+    x, a = start["x0"], np.concatenate([start["x_o0"], start["x_o0"]])
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
+        settings = Settings(duration=8.0, tolerance=tolerance, record_interval=1.0)
+        loop = close_loop(body, control, settings)
+        schedule = schedule_of(loop, settings)
+        record = loop.run(loop.data(x, a), schedule)
+        stated, first = estimate(loop, schedule, record), loop.departures(record.events[-2:-1])
+        length, high, low, y = exact_interval(loop, first.x[0], first.x_o[0])
+        flight = open_loop(body, control, settings)(first.x[0], first.x_o[0])
+        errors = np.abs(flight.y - y) / np.maximum(np.abs(high), np.abs(low))
+        # a factor of ten is asked for
+        np.testing.assert_allclose(np.log10(stated.outputs / errors), 0, atol=0.3)
+        np.testing.assert_allclose(np.log10(stated.interval / abs(flight.length - length)), 0, atol=0.3)
 
 
 @pytest.mark.slow
