@@ -17,12 +17,13 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.corrector import CLOSED, Missed, correct
-from icmj.cycle.crossing import Test, critical, crossed, kappas, locate, value_of
+from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
 from icmj.cycle.curve import Curve
 from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
 from icmj.cycle.point import FINE, Point, point
 
 _DEGREE = 4  # of the predicting polynomial
+_BENDING = 3  # points through which the derivative is extrapolated
 _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves the step as it is
 _JUMP = 0.3  # relative change of an interval that no step of a smooth branch makes
 _ACROSS = 0.35  # below this part of the parameter in the tangent, a step is measured along the curve
@@ -116,21 +117,30 @@ class _Walker:
         s = np.array(self.s[-recent:]) - self.s[-1]
         return _interpolate(s, np.array([p.u for p in self.points[-recent:]]), ds)
 
+    def derivative(self, ds: float) -> Array:
+        """The residual's derivative at a length ``ds`` from the last, from those at the last points."""
+        recent = min(len(self.points), _BENDING)
+        s = np.array(self.s[-recent:]) - self.s[-1]
+        D = np.array([p.D.reshape(-1) for p in self.points[-recent:]])
+        return _interpolate(s, D, ds).reshape(self.points[-1].D.shape)
+
     def step(self) -> None:
         """One step, taken or halved."""
         curve, last = self.curve, self.points[-1]
         curve.patient(float(last.intervals.max()))
         u = self.predict(self.ds)
         lands = bool((u[-1] - 1) * (last.sigma - 1) < 0 or (u[-1] * last.sigma < 0))
+        D = self.derivative(self.ds)
         direction = (u - last.u) / max(curve.length(u - last.u), 1e-300)
         row = curve.normal(direction)
         if lands:
             edge = 1.0 if (u[-1] - 1) * (last.sigma - 1) < 0 else 0.0
-            u = last.u + (u - last.u) * ((edge - last.sigma) / (u[-1] - last.sigma))
+            part = (edge - last.sigma) / (u[-1] - last.sigma)
+            u, D = last.u + (u - last.u) * part, self.derivative(part * self.ds)
             u[-1] = edge
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
-        found = correct(curve, u, last.D, row, self.closed(last))
+        found = correct(curve, u, D, row, self.closed(last))
         if isinstance(found, Missed) or self.jumped(found.turn.intervals, u):
             self.closing = (
                 self.closing or not isinstance(found, Missed) or found.lost is not None or touching(self.points)
@@ -270,33 +280,6 @@ class _Walker:
         h = 1e-3 * (step[-1] - step[-2])
         after = right.sigma - float(_interpolate(step, us, step[-1] - h)[0])
         return before * (right.sigma - left.sigma) < 0 or before * after < 0
-
-
-def described(curve: Curve, test: Test, kappa: complex, at: Point, index: int, turns: bool) -> SpecialPoint:
-    """A crossing in words."""
-    name, value, p = curve.family.parameter.name, at.value, curve.p
-    where = f"at {name} = {value:.8g}"
-    if test == "+1":
-        kind = "fold" if turns else "branch point"
-        words = f"The branch turns about {where}." if turns else f"Another branch goes through it {where}."
-    elif test == "-1" and curve.sign > 0:
-        kind, words = "flip", f"A cycle of {2 * p} intervals branches off {where}."
-    elif test == "-1":
-        kind, words = "symmetry breaking", f"A pair of cycles with unlike halves branches off {where}."
-    else:
-        angle = abs(np.degrees(np.angle(kappa)))
-        kind = "Neimark–Sacker"
-        words = f"A pair of multipliers at ±{angle:.4g}° crosses the unit circle {where}: quasi-periodic sway near by."
-    return SpecialPoint(
-        kind,  # type: ignore[arg-type]
-        value,
-        index,
-        at.states[0],
-        at.intervals,
-        at.y_peak,
-        curve.sign * kappa,
-        words,
-    )
 
 
 def _interpolate(s: Array, values: Array, at: float) -> Array:

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
+from icmj.cycle.branch import SpecialPoint
+from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
 
 Test = Literal["+1", "-1", "pair"]
@@ -100,3 +102,30 @@ def direction(J: Array, multiplier: complex) -> Array:
     v = vectors[:, np.argmin(np.abs(values - multiplier))]
     v = np.real(v * np.exp(-1j * np.angle(v[np.argmax(np.abs(v))])))
     return np.asarray(v / np.linalg.norm(v))
+
+
+def described(curve: Curve, test: Test, kappa: complex, at: Point, index: int, turns: bool) -> SpecialPoint:
+    """A crossing in words."""
+    name, value, p = curve.family.parameter.name, at.value, curve.p
+    where = f"at {name} = {value:.8g}"
+    if test == "+1":
+        kind = "fold" if turns else "branch point"
+        words = f"The branch turns about {where}." if turns else f"Another branch goes through it {where}."
+    elif test == "-1" and curve.sign > 0:
+        kind, words = "flip", f"A cycle of {2 * p} intervals branches off {where}."
+    elif test == "-1":
+        kind, words = "symmetry breaking", f"A pair of cycles with unlike halves branches off {where}."
+    else:
+        angle = abs(np.degrees(np.angle(kappa)))
+        kind = "Neimark–Sacker"
+        words = f"A pair of multipliers at ±{angle:.4g}° crosses the unit circle {where}: quasi-periodic sway near by."
+    return SpecialPoint(
+        kind,  # type: ignore[arg-type]
+        value,
+        index,
+        at.states[0],
+        at.intervals,
+        at.y_peak,
+        curve.sign * kappa,
+        words,
+    )
