@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import mujoco
@@ -14,7 +15,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of, realise
 from icmj.engine import reference
 from icmj.engine.adaptive import AdaptiveLoop
-from icmj.engine.block import Slot, block_of
+from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker, Find, extremes
@@ -103,6 +104,13 @@ class ComposedLoop:
     model: mujoco.MjModel
     native: bool
 
+    @cached_property
+    def block(self) -> Block:
+        """The controller as it stands in the model."""
+        block = block_of(self.model)
+        assert block is not None
+        return block
+
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
         data = mujoco.MjData(self.model)
@@ -111,8 +119,7 @@ class ComposedLoop:
 
     def place(self, data: mujoco.MjData, x: Array, a: Array, t: float = 0.0) -> None:
         """Put the plant at a departure from the operating point, and the controller at a state in its layout."""
-        point, nv, block = self.plant.linearisation.point, self.model.nv, block_of(self.model)
-        assert block is not None
+        point, nv, block = self.plant.linearisation.point, self.model.nv, self.block
         x = self.plant.linearisation.ports.whole(x)
         data.time = t
         data.qpos[:] = point.qpos
@@ -222,8 +229,7 @@ class ComposedLoop:
     @contextmanager
     def lent(self) -> Iterator[None]:
         """Put back on leaving what a loop changes in the model."""
-        timestep, block = self.model.opt.timestep, block_of(self.model)
-        assert block is not None
+        timestep, block = self.model.opt.timestep, self.block
         phase = block.header[Slot.PHASE]
         try:
             yield

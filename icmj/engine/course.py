@@ -11,7 +11,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import layout_of, realise, start_state
-from icmj.engine.block import block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.errors import SimulationError
@@ -34,9 +33,7 @@ class EngineCourse:
         from scipy.interpolate import CubicSpline
 
         self.loop = loop = flight.loop
-        block = block_of(loop.model)
-        assert block is not None
-        self._act = block.act
+        self._act = loop.block.act
         # adapted steps are long, and rows lie within them
         every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
         schedule = replace(flight.schedule, events=1, record_interval=every)
@@ -51,11 +48,10 @@ class EngineCourse:
         self._held = self._holds(a)
         self._kept = loop.plant.linearisation.ports.states
         self._nq, self._nv = loop.model.nq, loop.model.nv
-        end = 1 + loop.model.nq + loop.model.nv + loop.model.na
         splines = []
         for low, high in zip(self.cuts, self.cuts[1:], strict=False):
             here = (rows[:, 0] >= low - 1e-12) & (rows[:, 0] <= high + 1e-12)
-            t, values = np.clip(rows[here, 0], low, high), rows[here, 1:end]
+            t, values = np.clip(rows[here, 0], low, high), rows[here, 1:]
             kept = np.concatenate([[True], np.diff(t) > 1e-12])
             splines.append(CubicSpline(t[kept], values[kept]))
         self._splines = splines
@@ -84,7 +80,7 @@ class EngineCourse:
         return np.clip(np.searchsorted(np.array(self.cuts), t, side="right") - 1, 0, len(self._splines) - 1)
 
     def _whole(self, t: Array, part: int) -> Array:
-        """Rows (qpos, qvel, act) at times within a part, shape (K, nq + nv + na)."""
+        """Rows (qpos, qvel, act, sensordata) at times within a part."""
         rows = self._splines[part](t)
         start, a = self._held[part]
         free = self._free(a, t - start)
@@ -101,7 +97,7 @@ class EngineCourse:
 
     def _place(self, row: Array) -> None:
         data, nq, nv = self._data, self._nq, self._nv
-        data.qpos[:], data.qvel[:], data.act[:] = row[:nq], row[nq : nq + nv], row[nq + nv :]
+        data.qpos[:], data.qvel[:], data.act[:] = row[:nq], row[nq : nq + nv], row[nq + nv : nq + nv + len(data.act)]
 
     def _rate(self) -> Array:
         """d/dt of (x, a) where the data stand."""
@@ -113,16 +109,10 @@ class EngineCourse:
     def sample(self, t: Array) -> Sample:
         """What it does at times within it."""
         loop, parts = self.loop, self._part(t)
-        states = np.concatenate([self._whole(t[parts == part], part) for part in range(len(self._splines))])
-        sensors = np.zeros((len(t), loop.model.nsensordata))
-        with self._lent():
-            for row, state in zip(sensors, states, strict=True):
-                self._place(state)
-                mujoco.mj_forward(loop.model, self._data)
-                row[:] = self._data.sensordata
-        at = loop.departures(np.hstack([t[:, None], states, sensors]))
+        rows = np.concatenate([self._whole(t[parts == part], part) for part in range(len(self._splines))])
+        at = loop.departures(np.hstack([t[:, None], rows]))
         u = -at.x_h @ loop.controller.design.k.T
-        return Sample(t, at.x, at.x_o, at.x_h, at.y, u, states[:, : self._nq])
+        return Sample(t, at.x, at.x_o, at.x_h, at.y, u, rows[:, : self._nq])
 
     def generators(self, t: Array, part: int) -> Array:
         """F by centred differences of the closed loop's right-hand side."""
@@ -131,7 +121,8 @@ class EngineCourse:
         rows = self._whole(t, part)
         # directions of a that move one input each
         push = np.asarray(np.linalg.pinv(K), float)
-        a = rows[:, self._nq + self._nv + self._act.start :]
+        first = self._nq + self._nv + self._act.start
+        a = rows[:, first : first + K.shape[1]]
         reach = EPS_U * np.maximum(np.abs(a @ K.T).max(axis=0), 1e-6 * max(float(np.abs(a @ K.T).max()), 1e-300))
         F = np.zeros((len(t), size, size))
         with self._lent():

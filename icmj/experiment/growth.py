@@ -20,7 +20,8 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
     Each run starts along the dominant eigenvector of φ(Δ), so that the growth shows at once.
 
     Returns:
-        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched.
+        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched; those beyond
+        what numbers can hold are NaN.
     """
     if points == 0:
         return None
@@ -34,7 +35,11 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
 
 def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
     system = case.system
-    eigenvalues, vectors = np.linalg.eig(system.phi(delta))
+    with np.errstate(over="ignore", invalid="ignore"):
+        phi = system.phi(delta)
+    if not np.isfinite(phi).all():  # something grows so fast that no number holds it
+        return float("nan"), float("nan")
+    eigenvalues, vectors = np.linalg.eig(phi)
     dominant = int(np.argmax(np.abs(eigenvalues)))
     w = SIZE * np.real(vectors[:, dominant]) / np.linalg.norm(np.real(vectors[:, dominant]))
     try:

@@ -39,6 +39,8 @@ class Locus:
 def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
     """The eigenvalue branches on (t_d, ``delta_max``] at equal steps, followed on a finer grid where needed.
 
+    Where φ grows beyond what numbers hold, the range ends before.
+
     Args:
         system: the error system.
         delta_max: end of the range [s].
@@ -82,8 +84,13 @@ def _even(system: ErrorSystem, delta_max: float, points: int, prepared: Flow) ->
     t_d = system.delay.t_d
     if delta_max <= t_d:
         raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
-    delta, states = prepared.trajectory(system.entry, delta_max - t_d, points)
-    return t_d + delta[1:], np.linalg.eigvals(system.exit @ states[1:]).astype(complex)
+    with np.errstate(over="ignore", invalid="ignore"):
+        delta, states = prepared.trajectory(system.entry, delta_max - t_d, points)
+        phi = system.exit @ states[1:]
+    # no further than numbers go
+    beyond = np.flatnonzero(~np.isfinite(phi).all(axis=(1, 2)))
+    until = max(int(beyond[0]), 1) if len(beyond) else len(phi)
+    return t_d + delta[1 : until + 1], np.linalg.eigvals(np.nan_to_num(phi[:until])).astype(complex)
 
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:

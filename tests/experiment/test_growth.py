@@ -1,5 +1,7 @@
 """Growth per interval under the clock: measured on both plants against the eigenvalues of φ(Δ)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,3 +32,11 @@ def test_intervals_shorter_than_a_timestep_have_no_measured_growth(root):
     growth = measure_growth(prepare(parse_run(text, root / "runs" / "simple-exact.toml")), "mujoco", 2)
     assert np.isnan(growth.measured).all()
     assert np.isfinite(growth.predicted).all()
+
+
+def test_what_grows_beyond_all_numbers_is_not_a_number(root):
+    case = prepare(load_run(root / "runs" / "simple-0.8.toml"))
+    lost = replace(case, system=replace(case.system, A_C=1e6 * case.system.A_C))
+    growth = measure_growth(lost, "linear", 3)
+    assert np.isnan(growth.measured).all()
+    assert np.isnan(growth.predicted).all()

@@ -7,7 +7,10 @@ import pytest
 from scipy.linalg import expm
 from theory_cases import SHIPPED, random_systems, shipped
 
+from icmj.controller.design import design_lq
 from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.theory.error_system import error_system
 from icmj.theory.flow import flow
 from icmj.theory.locus import follow, largest, locus
 
@@ -106,3 +109,12 @@ def test_an_empty_range_is_refused():
         locus(shipped("b=0.8"), 0.0)
     with pytest.raises(AnalysisError, match="finite and square"):
         flow(np.array([[np.nan]]))
+
+
+def test_beyond_what_numbers_hold_there_is_no_locus():
+    plant = LinearPlant(np.array([[0.0, 1.0], [9e4, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]))
+    system = error_system(plant.scaled(0.9), design_lq(plant, R_c=0.1, R_o=0.01))
+    found = locus(system, 5.0, points=64)
+    assert 0.5 < found.delta[-1] < 4.0  # e^(300 · 5) is none
+    assert np.isfinite(found.eigenvalues).all()
+    np.testing.assert_array_equal(largest(system, 5.0, points=64)[0][[0, -1]], found.delta[[0, -1]])
