@@ -20,8 +20,8 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
     Each run starts along the dominant eigenvector of φ(Δ), so that the growth shows at once.
 
     Returns:
-        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched; those beyond
-        what numbers can hold are NaN.
+        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched. Those
+        beyond what numbers can hold are NaN.
     """
     if points == 0:
         return None
