@@ -9,11 +9,17 @@ process, and nothing would ever be found on disk.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numba
+
+try:
+    import fcntl
+except ImportError:  # no such locks here: each process compiles
+    fcntl = None  # type: ignore[assignment]
 
 
 def contents(folder: Path, *more: str) -> int:
@@ -42,6 +48,20 @@ def entry(function: Callable[..., Any]) -> Any:
 
 # what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them
 WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+@contextmanager
+def alone(dispatcher: Any) -> Iterator[None]:
+    """While ``dispatcher`` is compiled for the first time on this machine others wait, and find it on disk."""
+    folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
+    stem = Path(code.co_filename).stem
+    kept_already = any(folder.glob(f"{stem}.*-{code.co_firstlineno}.*.nbi"))
+    if dispatcher.overloads or fcntl is None or not folder.is_dir() or kept_already:
+        yield
+        return
+    with (folder / f"{stem}.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.compilation import alone
 from icmj.engine import reference
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault, guarded
@@ -171,7 +172,10 @@ class NativeLoop:
         return self._guarded(_entry(), (*self._run, record, steps))
 
     def _guarded(self, advance: Any, arguments: tuple[Any, ...]) -> Status:
-        return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
+        if advance.overloads:
+            return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
+        with alone(advance):
+            return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:
