@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from icmj.base.environment import one_thread
+
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    one_thread()
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +53,13 @@ WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wra
 @contextmanager
 def alone(dispatcher: Any) -> Iterator[None]:
     """While ``dispatcher`` is compiled for the first time on this machine others wait, and find it on disk."""
-    folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
-    stem = Path(code.co_filename).stem
-    kept_already = any(folder.glob(f"{stem}.*-{code.co_firstlineno}.*.nbi"))
-    if dispatcher.overloads or fcntl is None or not folder.is_dir() or kept_already:
-        yield
-        return
-    with (folder / f"{stem}.lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    with ExitStack() as held:
+        if not dispatcher.overloads and fcntl is not None:
+            folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
+            stem = Path(code.co_filename).stem
+            if folder.is_dir() and not any(folder.glob(f"{stem}.*-{code.co_firstlineno}.*.nbi")):
+                with suppress(OSError):  # no right, or a file system without locks: each process compiles
+                    fcntl.flock(held.enter_context((folder / f"{stem}.lock").open("w")), fcntl.LOCK_EX)
         yield
 
 

@@ -48,7 +48,7 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
         prepared: the flow of ``system``, if at hand.
 
     Raises:
-        AnalysisError: if ``delta_max`` is not positive and finite.
+        AnalysisError: if ``delta_max`` is not positive and finite, or so far off that not one step is computable.
     """
     phi_t = prepared or flow(system.A_C)
     delta, values = _even(system, delta_max, points, phi_t)
@@ -89,8 +89,12 @@ def _even(system: ErrorSystem, delta_max: float, points: int, prepared: Flow) ->
         phi = system.exit @ states[1:]
     # no further than numbers go
     beyond = np.flatnonzero(~np.isfinite(phi).all(axis=(1, 2)))
-    until = max(int(beyond[0]), 1) if len(beyond) else len(phi)
-    return t_d + delta[1 : until + 1], np.linalg.eigvals(np.nan_to_num(phi[:until])).astype(complex)
+    until = int(beyond[0]) if len(beyond) else len(phi)
+    if until == 0:
+        raise AnalysisError(
+            f"a locus up to {delta_max:g} s: φ is beyond all numbers from {delta[1]:g} s on; end it before"
+        )
+    return t_d + delta[1 : until + 1], np.linalg.eigvals(phi[:until]).astype(complex)
 
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:

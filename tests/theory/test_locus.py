@@ -118,3 +118,5 @@ def test_beyond_what_numbers_hold_there_is_no_locus():
     assert 0.5 < found.delta[-1] < 4.0  # e^(300 · 5) is none
     assert np.isfinite(found.eigenvalues).all()
     np.testing.assert_array_equal(largest(system, 5.0, points=64)[0][[0, -1]], found.delta[[0, -1]])
+    with pytest.raises(AnalysisError, match="beyond all numbers"):
+        locus(system, 1e3, points=64)

@@ -172,8 +172,6 @@ class NativeLoop:
         return self._guarded(_entry(), (*self._run, record, steps))
 
     def _guarded(self, advance: Any, arguments: tuple[Any, ...]) -> Status:
-        if advance.overloads:
-            return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
         with alone(advance):
             return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
 
