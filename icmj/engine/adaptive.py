@@ -15,15 +15,11 @@ from icmj.engine.recording import Recording, Status
 from icmj.engine.reference import ReferenceLoop
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.tableau import (
-    CALIBRATION,
-    EXTENDED,
     GROWTH,
     NUDGE,
     SAFETY,
-    SAMPLES,
     SHORTEST,
     SHRINKAGE,
-    STAGES,
     dense,
     error_norm,
     rounded,
@@ -33,7 +29,7 @@ from icmj.engine.tableau import (
 
 
 class AdaptiveLoop(ReferenceLoop):
-    """Steps of order 8 whose length the tolerance decides, on the rates that ``mj_forward`` gives.
+    """Steps whose length and order the tolerance decides, on the rates that ``mj_forward`` gives.
 
     A step ends where something is planned: the run's end, an event of the clock, an action, an edge of a disturbance.
     Events of the rule and recorded rows lie within steps: the first are found on the dense output and reached by a
@@ -44,14 +40,15 @@ class AdaptiveLoop(ReferenceLoop):
         """Start, or start anew, from where the data stand, right after an event."""
         super().begin()
         plan = self.schedule
-        self._next_step = self._first_step = rounded(plan.tolerance ** (1 / 8) / plan.rate)
+        self._method = tableau(plan.order)
+        self._next_step = self._first_step = rounded(plan.first_step)
         self._fresh = True
         self._reach = np.zeros(len(self._state()))
         self._rates = self._flow()
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, fewer where the rows of one more might not fit into ``record``."""
-        status, room = Status.RUNNING, len(record.dense) // 4 + SAMPLES + 2
+        status, room = Status.RUNNING, len(record.dense) // 4 + self._method.looks + 2
         for _ in range(steps):
             if status != Status.RUNNING or len(record.dense) - record.count[0] < room:
                 break
@@ -94,10 +91,10 @@ class AdaptiveLoop(ReferenceLoop):
         return np.abs(state - origin)
 
     def _take(self, start: Array, K: Array, t: float, step: float) -> Array:
-        """The state a step from ``start``, K[0] being its rates there; leaves the engine there and K[:13] filled."""
-        table = tableau()
+        """The state a step from ``start``, K[0] being its rates there; leaves the engine there and K filled so far."""
+        table = self._method
         state = start
-        for stage in range(1, STAGES + 1):
+        for stage in range(1, table.stages + 1):
             state = start + step * (table.A[stage, :stage] @ K[:stage])
             self._put(state, t + table.c[stage] * step)
             K[stage] = self._flow()
@@ -157,7 +154,8 @@ class AdaptiveLoop(ReferenceLoop):
         """One step towards ``target``; whether an event ends it, and whether it could be taken."""
         plan, data = self.schedule, self.data
         t, start = data.time, self._state()
-        K = np.empty((EXTENDED, len(start)))
+        method = self._method
+        K = np.empty((method.rates, len(start)))
         K[0] = self._rates
         room, step, rejected = target - t, self._next_step, False
         while True:
@@ -167,28 +165,28 @@ class AdaptiveLoop(ReferenceLoop):
             whole = length == room
             end = self._take(start, K, t, length)
             reach = np.maximum(self._reach, np.maximum(self._departure(start), self._departure(end)))
-            scale = CALIBRATION * plan.tolerance * (reach + 1e-14 / plan.tolerance * (1 + np.abs(start)))
-            error = error_norm(K, length, scale)
+            scale = method.allowed * plan.tolerance * (reach + 1e-14 / plan.tolerance * (1 + np.abs(start)))
+            error = error_norm(method, K, length, scale)
             if error <= 1:
                 break
-            factor = max(SHRINKAGE, SAFETY * error ** (-1 / 8)) if np.isfinite(error) else SHRINKAGE
+            factor = max(SHRINKAGE, SAFETY * error**method.exponent) if np.isfinite(error) else SHRINKAGE
             step, rejected = rounded(length * factor), True
             if step < SHORTEST:
                 self._put(start, t)
                 self._flow()
                 return False, Status.COLLAPSED
         self._reach = reach
-        growth = min(GROWTH, SAFETY * error ** (-1 / 8)) if error > 0 else GROWTH
+        growth = min(GROWTH, SAFETY * error**method.exponent) if error > 0 else GROWTH
         proposed = rounded(length * (min(growth, 1.0) if rejected else growth))
         if self._fresh and length < room:
             self._first_step = proposed
         self._next_step = proposed if length == step or rejected else max(proposed, step)
         self._fresh = False
         stop = target if whole else t + length
-        for extra in range(STAGES + 1, EXTENDED):
-            self._put(start + length * (tableau().A[extra, :extra] @ K[:extra]), t + tableau().c[extra] * length)
+        for extra in range(method.stages + 1, method.rates):
+            self._put(start + length * (method.A[extra, :extra] @ K[:extra]), t + method.c[extra] * length)
             K[extra] = self._flow()
-        F = dense(start, K, length, end)
+        F = dense(method, start, K, length, end)
         s, exact = self._event(start, F, t, length, arm)
         status = self._samples(record, start, F, t, length, min(s, length))
         if status != Status.RUNNING:
@@ -209,7 +207,7 @@ class AdaptiveLoop(ReferenceLoop):
         at = max((arm - t) / length, 0.0)
         if not at <= 1:
             return np.inf, False
-        powers = F.T @ tableau().powers
+        powers = F.T @ self._method.powers
         powers[:, 0] += start
         a = powers[self.model.nq + self.model.nv :][self.block.act]
         roots = [np.inf]
@@ -253,7 +251,7 @@ class AdaptiveLoop(ReferenceLoop):
 
     def _samples(self, record: Recording, start: Array, F: Array, t: float, length: float, stop: float) -> Status:
         """Outputs, and the rows that are due, within the step; leaves the engine where the plant has fallen in it."""
-        spacing, j = length / SAMPLES, 1
+        spacing, j = length / self._method.looks, 1
         margin = 1e-9 * length
         while True:
             sample, row = j * spacing, self._next_record - t

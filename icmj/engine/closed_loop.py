@@ -24,6 +24,7 @@ from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.tableau import STIFF
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
@@ -133,6 +134,8 @@ class ComposedLoop:
         trigger = self.controller.trigger
         edges = np.union1d(self.disturbance.edges, self.errors.edges)
         # noise may be faster than the loop, and shakes E
+        plant = self.plant.linearisation.plant
+        own = fastest_rate(plant, self.controller)
         noise = max(terms.omega.max(initial=0.0) for terms in (self.disturbance, self.errors))
         return Schedule(
             timestep=timestep,
@@ -145,7 +148,8 @@ class ComposedLoop:
             phases=phases_of(edges),
             record_interval=settings.record_interval,
             limit=settings.limit,
-            rate=max(fastest_rate(self.plant.linearisation.plant, self.controller), float(noise)),
+            rate=max(own, float(noise)),
+            stiff=is_stiff(plant, own),
         )
 
     def implementation(self, adaptive: bool = False) -> Implementation:
@@ -272,6 +276,13 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
     if settings.integrator is not None:
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
     return ComposedLoop(plant, controller, disturbance, errors, model, settings.native)
+
+
+def is_stiff(plant: LinearPlant, fastest: float) -> bool:
+    """Whether a loop with this ``fastest`` rate [1/s] is much faster than the plant's own slow motion."""
+    rates = np.abs(np.linalg.eigvals(plant.A))
+    moving = rates[rates > 1e-3 * fastest]
+    return bool(fastest > STIFF * moving.min(initial=fastest))
 
 
 def fastest_rate(plant: LinearPlant, controller: Controller) -> float:

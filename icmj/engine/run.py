@@ -15,7 +15,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.stepping import stepping_of
-from icmj.engine.tableau import ORDER
+from icmj.engine.tableau import METHODS
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -77,7 +77,8 @@ def simulate(
     }
     if steps.tolerance:
         mean = float(record.rows[-1, 0]) / max(record.steps, 1)
-        precision |= {"integrator": "DOP853", "order": ORDER, "tolerance": steps.tolerance, "timestep": mean}
+        precision |= {"integrator": METHODS[schedule.order][0], "order": schedule.order}
+        precision |= {"tolerance": steps.tolerance, "timestep": mean}
     if steps.refusal:
         precision["not_adaptive"] = steps.refusal
     if error_estimate:

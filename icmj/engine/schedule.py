@@ -8,6 +8,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.delay import SAME
+from icmj.engine.tableau import order_for
 
 EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
 
@@ -31,6 +32,7 @@ class Schedule:
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
         events: number of events after which to stop.
         tolerance: relative error of an open-loop interval that adaptive steps keep to; 0 where the timestep is given.
+        stiff: whether the loop's fast modes, rather than accuracy, would bound long steps.
     """
 
     timestep: float
@@ -45,6 +47,17 @@ class Schedule:
     rate: float
     events: int = NO_END
     tolerance: float = 0.0
+    stiff: bool = False
+
+    @property
+    def order(self) -> int:
+        """Of adaptive steps."""
+        return order_for(self.tolerance, self.stiff)
+
+    @property
+    def first_step(self) -> float:
+        """What adaptive steps begin with [s]."""
+        return float(self.tolerance ** (1 / self.order) / self.rate)
 
     def margin(self, step: float) -> float:
         """How far E_j + 1 may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.

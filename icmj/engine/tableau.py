@@ -1,37 +1,47 @@
-"""The embedded Runge–Kutta method of order 8 that steps are adapted with, and its dense output of order 7.
+"""The embedded Runge–Kutta methods that steps are adapted with, and their dense output.
 
-Dormand and Prince's DOP853 with the error estimate of Hairer, Nørsett and Wanner (Solving Ordinary Differential
-Equations I, II.5 and II.6); the coefficients are those that SciPy carries.
+Dormand and Prince's DOP853 of order 8 with the error estimate and the dense output of order 7 of Hairer, Nørsett and
+Wanner (Solving Ordinary Differential Equations I, II.5 and II.6), their method of order 5 with Shampine's quartic, and
+Bogacki and Shampine's of order 3 with Hermite's cubic, with the coefficients that SciPy carries; and Sofroniou and
+Spaletta's of order 4 (Mathematical and Computer Modelling 40, 2004), which SciPy has not.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from icmj.base.array import Array
 
-STAGES, EXTENDED, POWER, ORDER = 12, 16, 7, 8
+STAGES, RATES, POWER = 12, 16, 7
 GROWTH, SHRINKAGE, SAFETY = 6.0, 0.2, 0.9
-SAMPLES = 8  # of the outputs in every step, from which their extremes are found
 SHORTEST = 1e-11  # s; a step that has to be shorter meets something that is not smooth
 NUDGE = 1e-4  # an event is polished by steps of so many times the loop's shortest time constant, or less
-CALIBRATION = 5.0
-"""Local error allowed in a step, relative to the motion, over the error of an interval asked for."""
+METHODS = {3: ("RK23", 2.0, 2), 4: ("RK34", 10.0, 2), 5: ("RK45", 8.0, 3), 8: ("DOP853", 5.0, 8)}
+"""By order: a name, the local error allowed in a step over the error of an interval asked for, found by trial, and how
+often outputs are looked at in a step."""
+STIFF = 20.0  # times the plant's slowest rate: where the loop's fastest is beyond that, stability bounds steps
+_LOOSE = (3, 3e-5), (4, 3e-6), (5, 5e-8)  # orders in stiff loops, and the least tolerance of each
 
 
 class Tableau(NamedTuple):
-    """Coefficients as arrays, which compiled code takes.
+    """Coefficients of a method as arrays, which compiled code takes; all methods have those of the longest.
 
     Attributes:
-        A, c: of the stages and of the three more for dense output, shapes (16, 16), (16,). Row 12 is the weights b.
-        E3, E5: of the two error estimates, shape (13,).
+        A, c: of the stages and of those more for dense output, shapes (16, 16), (16,). Row ``stages`` is the weights b.
+        E3, E5: of the two error estimates, shape (13,); E3 is 0 where there is only one.
         D: of the dense output's last four vectors, shape (4, 16).
         powers: of the dense output's seven basis functions, shape (7, 8).
+        stages: s, after which the step's end is known; the rates there are number s.
+        rates: that dense output takes.
+        order: of the step's end.
+        looks: at the outputs in every step, from which their extremes are found.
+        exponent: of the error by which steps grow.
+        allowed: local error in a step, relative to the motion, over the error of an interval asked for.
     """
 
     A: Array
@@ -40,29 +50,63 @@ class Tableau(NamedTuple):
     E5: Array
     D: Array
     powers: Array
+    stages: int
+    rates: int
+    order: int
+    looks: int
+    exponent: float
+    allowed: float
+
+
+def order_for(tolerance: float, stiff: bool) -> int:
+    """The order of the method for a tolerance.
+
+    The eighth is the best nearly everywhere. In a stiff loop its steps are bounded by stability long before they are by
+    accuracy, and what is got is far better than what was asked for; of lower orders both bounds meet at looser
+    tolerances.
+    """
+    return next((order for order, least in _LOOSE if stiff and tolerance >= least), 8)
+
+
+class _RK34:
+    """Coefficients as SciPy's methods have them."""
+
+    A = np.array([[0, 0, 0], [2 / 5, 0, 0], [-3 / 20, 3 / 4, 0], [19 / 44, -15 / 44, 10 / 11]])
+    B, C = np.array([11, 25, 25, 11]) / 72, np.array([0, 2 / 5, 3 / 5, 1])
+    E = np.append(B, 0) - np.array([1251515, 3710105, 2519695, 61105, 1428492]) / 8970912
 
 
 @cache
-def tableau() -> Tableau:
-    """The method."""
-    from scipy.integrate import DOP853
+def tableau(order: int) -> Tableau:
+    """The method of order 3, 4, 5 or 8."""
+    from scipy import integrate
 
-    A, c = np.zeros((EXTENDED, EXTENDED)), np.zeros(EXTENDED)
-    A[:STAGES, :STAGES], c[:STAGES] = DOP853.A, DOP853.C
-    A[STAGES, :STAGES], c[STAGES] = DOP853.B, 1.0
-    A[STAGES + 1 :], c[STAGES + 1 :] = DOP853.A_EXTRA, DOP853.C_EXTRA
+    name, allowed, looks = METHODS[order]
+    method: Any = _RK34 if order == 4 else getattr(integrate, name)
+    s, given = len(method.B), method.A.shape[1]
+    A, c, D = np.zeros((RATES, RATES)), np.zeros(RATES), np.zeros((4, RATES))
+    E3, E5 = np.zeros(STAGES + 1), np.zeros(STAGES + 1)
+    A[:s, :given], c[:s] = method.A[:s], method.C
+    A[s, :s], c[s] = method.B, 1.0
+    if order == 8:
+        A[s + 1 :], c[s + 1 :] = method.A_EXTRA, method.C_EXTRA
+        E3[:], E5[:], D[:] = method.E3, method.E5, method.D
+    else:
+        E5[: s + 1] = method.E
+    if order == 5:
+        D[0, : s + 1] = method.P[:, 3]  # of its quartic what Hermite's cubic leaves out
     powers, basis = np.zeros((POWER, POWER + 1)), Polynomial([1.0])
     for k in range(POWER):
         basis = basis * (Polynomial([0.0, 1.0]) if k % 2 == 0 else Polynomial([1.0, -1.0]))
         powers[k, : k + 2] = basis.coef
-    return Tableau(A, c, np.array(DOP853.E3), np.array(DOP853.E5), np.array(DOP853.D), powers)
+    return Tableau(A, c, E3, E5, D, powers, s, RATES if order == 8 else s + 1, order, looks, -1 / order, allowed)
 
 
-def dense(start: Array, K: Array, step: float, end: Array) -> Array:
-    """The seven vectors of the dense output of a step from ``start`` to ``end``, shape (7, n), from all 16 rates."""
+def dense(method: Tableau, start: Array, K: Array, step: float, end: Array) -> Array:
+    """The seven vectors of the dense output of a step from ``start`` to ``end``, shape (7, n), from all its rates."""
     moved = end - start
-    ends = moved, step * K[0] - moved, 2 * moved - step * (K[STAGES] + K[0])
-    return np.vstack([*ends, step * (tableau().D @ K)])
+    ends = moved, step * K[0] - moved, 2 * moved - step * (K[method.stages] + K[0])
+    return np.vstack([*ends, step * (method.D[:, : method.rates] @ K[: method.rates])])
 
 
 def within(start: Array, F: Array, theta: float) -> Array:
@@ -73,10 +117,10 @@ def within(start: Array, F: Array, theta: float) -> Array:
     return start + value
 
 
-def error_norm(K: Array, step: float, scale: Array) -> float:
+def error_norm(method: Tableau, K: Array, step: float, scale: Array) -> float:
     """The estimated error of a step in units of ``scale``, root mean square over the state."""
-    weights = tableau()
-    e5, e3 = (float(np.mean((E @ K[: STAGES + 1] / scale) ** 2)) for E in (weights.E5, weights.E3))
+    n = method.stages + 1
+    e5, e3 = (float(np.mean((E[:n] @ K[:n] / scale) ** 2)) for E in (method.E5, method.E3))
     return abs(step) * e5 / np.sqrt(e5 + 0.01 * e3) if e5 + e3 > 0 else 0.0 * (e5 + e3)
 
 

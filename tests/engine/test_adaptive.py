@@ -27,7 +27,6 @@ from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.reference import act_dyn, control
 from icmj.engine.run import simulate
 from icmj.engine.stepping import schedule_of
-from icmj.engine.tableau import dense, rounded, tableau, within
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
@@ -39,12 +38,15 @@ DISTURBED = [
     {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 1, "start": 0.2},
     {"kind": "impulse", "input": "torque", "size": 0.02, "start": 0.5003, "duration": 0.0371},
 ]
-CASES: list[tuple[str, str, Trigger | None, list[dict[str, object]], float]] = [
-    ("three_link", "three_link", None, [], 0.0),
-    ("three_link", "three_link", ClockTrigger(0.313), [], 0.1),
-    ("pendulum_neglected", "pendulum", None, DISTURBED, 0.0),
-    ("pendulum", "pendulum", None, DISTURBED, 0.2),
-    ("pendulum", "pendulum", Continuous(), [], 0.0),
+CASES: list[tuple[str, str, Trigger | None, list[dict[str, object]], float, float, str]] = [
+    ("three_link", "three_link", None, [], 0.0, 1e-4, "RK23"),
+    ("three_link", "three_link", None, [], 0.0, 1e-5, "RK34"),
+    ("three_link", "three_link", None, [], 0.0, 1e-7, "RK45"),
+    ("three_link", "three_link", None, [], 0.0, 1e-8, "DOP853"),
+    ("three_link", "three_link", ClockTrigger(0.313), [], 0.1, 1e-7, "RK45"),
+    ("pendulum_neglected", "pendulum", None, DISTURBED, 0.0, 1e-7, "DOP853"),
+    ("pendulum", "pendulum", None, DISTURBED, 0.2, 1e-7, "DOP853"),
+    ("pendulum", "pendulum", Continuous(), [], 0.0, 1e-7, "DOP853"),
 ]
 
 
@@ -57,13 +59,19 @@ def leaning(actual: str, assumed: str, trigger: Trigger | None, delay: float, se
     return simulate(body, replace(control, delay=Delay(delay)), settings, x0=x0)
 
 
-@pytest.mark.parametrize(("actual", "assumed", "trigger", "disturbance", "delay"), CASES)
+@pytest.mark.parametrize(("actual", "assumed", "trigger", "disturbance", "delay", "tolerance", "method"), CASES)
 def test_compiled_and_plain_python_agree(
-    actual: str, assumed: str, trigger: Trigger | None, disturbance: list[dict[str, object]], delay: float
+    actual: str,
+    assumed: str,
+    trigger: Trigger | None,
+    disturbance: list[dict[str, object]],
+    delay: float,
+    tolerance: float,
+    method: str,
 ) -> None:
-    settings = settings_from({"duration": 2.5, "tolerance": 1e-7, "disturbance": disturbance})
+    settings = settings_from({"duration": 2.5, "tolerance": tolerance, "disturbance": disturbance})
     native, python = (leaning(actual, assumed, trigger, delay, replace(settings, native=n)) for n in (True, False))
-    assert native.precision["integrator"] == python.precision["integrator"] == "DOP853"
+    assert native.precision["integrator"] == python.precision["integrator"] == method
     assert native.precision["steps"] == python.precision["steps"]
     assert len(native.events) >= 2 or isinstance(trigger, Continuous)
     for name in ("t", "x", "y", "u", "x_o", "x_h"):
@@ -144,14 +152,8 @@ def test_the_error_stated_of_each_output_and_of_the_interval_is_true(name: str) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "tolerances"), [
-    # above 1e-8 stability, not accuracy, holds the three-link's steps short, and less than is asked for is got
-    ("three_link", (1e-8, 1e-9, 1e-10)),
-    ("pendulum", (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
-])  # fmt: skip
-def test_the_error_of_a_cycle_s_interval_is_the_one_asked_for_within_a_factor_of_ten(
-    name: str, tolerances: tuple[float, ...]
-) -> None:
+@pytest.mark.parametrize("name", ["three_link", "pendulum"])
+def test_the_error_of_a_cycle_s_interval_is_the_one_asked_for_within_a_factor_of_ten(name: str) -> None:
     body, control, start = on_orbit(name)
 
     def intervals(tolerance: float) -> np.ndarray:
@@ -159,7 +161,7 @@ def test_the_error_of_a_cycle_s_interval_is_the_one_asked_for_within_a_factor_of
         return np.diff(simulate(body, control, settings, error_estimate=False, **start).events.t)[-5:]
 
     exact = intervals(1e-13)
-    for tolerance in tolerances:
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
         error = np.abs(intervals(tolerance) - exact).max() / exact[-1]
         assert tolerance / 10 < error < 10 * tolerance
 
@@ -254,29 +256,6 @@ def test_a_tolerance_is_instead_of_timestep_and_integrator() -> None:
     for wrong in (0.0, -1e-6, 1.0, float("nan")):
         with pytest.raises(SimulationError, match="tolerance"):
             Settings(tolerance=wrong)
-
-
-def test_dense_output_meets_the_ends_and_converges_at_its_order() -> None:
-    def taken(h: float) -> tuple[float, float]:
-        """Errors of the step's end and of its middle for y' = (y₂, −y₁)."""
-        table, turn = tableau(), np.array([[0.0, 1.0], [-1.0, 0.0]])
-        K, start = np.zeros((16, 2)), np.array([0.0, 1.0])
-        end = start
-        for stage in range(16):
-            y = start + h * (table.A[stage, :stage] @ K[:stage])
-            K[stage] = turn @ y
-            end = y if stage == 12 else end
-        F = dense(start, K, h, end)
-        np.testing.assert_allclose(within(start, F, 1.0), end, atol=1e-15)
-        powers = np.array([0.4**j for j in range(8)]) @ tableau().powers.T
-        np.testing.assert_allclose(start + powers @ F, within(start, F, 0.4), atol=1e-15)
-        middle = within(start, F, 0.4)
-        return abs(end[0] - np.sin(h)), abs(middle[0] - np.sin(0.4 * h))
-
-    coarse, fine = taken(1.0), taken(0.5)
-    assert np.log2(coarse[0] / fine[0]) > 8.5
-    assert np.log2(coarse[1] / fine[1]) > 7.5
-    assert rounded(0.1) <= 0.1 < 1.07 * rounded(0.1)
 
 
 def test_actions_edges_and_rows_are_met_to_the_last_bit() -> None:

@@ -20,15 +20,15 @@ from icmj.engine.native.memory import bare
 _normalize_quat = types.ExternalFunction("mj_normalizeQuat", types.void(types.intp, types.intp))
 
 # constants that compiled code freezes
-_STAGES, _EXTENDED, _POWER = tableau.STAGES, tableau.EXTENDED, tableau.POWER
-_CALIBRATION = tableau.CALIBRATION
+_POWER = tableau.POWER
 
 
 class Stepper(NamedTuple):
     """The method's coefficients, and room for a step.
 
     Attributes:
-        A, c, E3, E5, D, powers: of the method; see :class:`icmj.engine.tableau.Tableau`.
+        A, c, E3, E5, D, powers, last, rates, looks, exponent, allowed: of the method; see
+            :class:`icmj.engine.tableau.Tableau`.
         scalars, quaternions: (address in qpos, address in qvel) of hinges, slides and translations, and of rotations.
         origin: the state that departures are counted from, shape (n,).
         start, end, reach, rate: states at the step's ends; largest departures since the last event; room; (n,).
@@ -44,6 +44,11 @@ class Stepper(NamedTuple):
     E5: Array
     D: Array
     powers: Array
+    last: int
+    rates: int
+    looks: int
+    exponent: float
+    allowed: float
     scalars: np.ndarray
     quaternions: np.ndarray
     origin: Array
@@ -56,7 +61,7 @@ class Stepper(NamedTuple):
     y: Array
 
 
-def stepper_of(model: mujoco.MjModel, qpos_0: Array) -> Stepper:
+def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:
     """Room for the steps of a model."""
     n = model.nq + model.nv + model.na
     scalars, quaternions = [], []
@@ -70,21 +75,23 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array) -> Stepper:
             scalars.append((q, v))
     origin = np.zeros(n)
     origin[: model.nq] = qpos_0
-    table = (np.ascontiguousarray(part, dtype=float) for part in tableau.tableau())
-    pairs = (np.array(found, dtype=np.int64).reshape(-1, 2) for found in (scalars, quaternions))
+    single, quadruple = (np.array(found, dtype=np.int64).reshape(-1, 2) for found in (scalars, quaternions))
     room = (np.zeros(n) for _ in range(4))
     return Stepper(
-        *table, *pairs, origin, *room, np.zeros((_EXTENDED, n)), np.zeros((_POWER, n)), np.zeros(model.nsensordata)
-    )
+        method.A, method.c, method.E3, method.E5, method.D, method.powers,
+        method.stages, method.rates, method.looks, method.exponent, method.allowed,
+        single, quadruple, origin, *room, np.zeros((tableau.RATES, n)), np.zeros((_POWER, n)),
+        np.zeros(model.nsensordata),
+    )  # fmt: skip
 
 
 @exact
 def bare_stepper(s):  # type: ignore[no-untyped-def]
     """The arrays without a reference count."""
     return Stepper(
-        bare(s.A), bare(s.c), bare(s.E3), bare(s.E5), bare(s.D), bare(s.powers), bare(s.scalars),
-        bare(s.quaternions), bare(s.origin), bare(s.start), bare(s.end), bare(s.reach), bare(s.room), bare(s.K),
-        bare(s.F), bare(s.y),
+        bare(s.A), bare(s.c), bare(s.E3), bare(s.E5), bare(s.D), bare(s.powers), s.last, s.rates, s.looks, s.exponent,
+        s.allowed, bare(s.scalars), bare(s.quaternions), bare(s.origin), bare(s.start), bare(s.end), bare(s.reach),
+        bare(s.room), bare(s.K), bare(s.F), bare(s.y),
     )  # fmt: skip
 
 
@@ -145,7 +152,7 @@ def pass_at(engine, stepper):  # type: ignore[no-untyped-def]
 
 @compiled
 def stages(engine, stepper, t, step, first, last):  # type: ignore[no-untyped-def]
-    """Rates of the stages from ``first`` to ``last``, the twelfth of which is at the step's end."""
+    """Rates of the stages from ``first`` to ``last``, the one numbered ``stepper.last`` at the step's end."""
     K, A, state = stepper.K, stepper.A, stepper.room
     n = len(state)
     for stage in range(first, last + 1):
@@ -161,7 +168,7 @@ def stages(engine, stepper, t, step, first, last):  # type: ignore[no-untyped-de
         put(engine, state, t + stepper.c[stage] * step)
         flow(engine)
         rates_at(engine, stepper, K[stage])
-        if stage == _STAGES:
+        if stage == stepper.last:
             for i in range(n):
                 stepper.end[i] = state[i]
             for i in range(len(stepper.y)):
@@ -176,9 +183,9 @@ def error_of(stepper, step, tolerance):  # type: ignore[no-untyped-def]
     for i in range(n):
         far = max(abs(stepper.start[i] - stepper.origin[i]), abs(stepper.end[i] - stepper.origin[i]))
         reach = max(stepper.reach[i], far)
-        scale = _CALIBRATION * tolerance * (reach + 1e-14 / tolerance * (1 + abs(stepper.start[i])))
+        scale = stepper.allowed * tolerance * (reach + 1e-14 / tolerance * (1 + abs(stepper.start[i])))
         a, b = 0.0, 0.0
-        for j in range(_STAGES + 1):
+        for j in range(stepper.last + 1):
             a += stepper.E5[j] * stepper.K[j, i]
             b += stepper.E3[j] * stepper.K[j, i]
         e5 += (a / scale) ** 2
@@ -197,18 +204,18 @@ def accept(stepper):  # type: ignore[no-untyped-def]
 
 @compiled
 def densify(stepper, step):  # type: ignore[no-untyped-def]
-    """The vectors of the dense output, from all sixteen rates."""
+    """The vectors of the dense output, from all rates of the step."""
     K, F = stepper.K, stepper.F
     n = len(stepper.start)
     for i in range(n):
         moved = stepper.end[i] - stepper.start[i]
         F[0, i] = moved
         F[1, i] = step * K[0, i] - moved
-        F[2, i] = 2 * moved - step * (K[_STAGES, i] + K[0, i])
+        F[2, i] = 2 * moved - step * (K[stepper.last, i] + K[0, i])
     for k in range(4):
         for i in range(n):
             F[3 + k, i] = 0.0
-        for j in range(_EXTENDED):
+        for j in range(stepper.rates):
             d = stepper.D[k, j]
             if d != 0:
                 for i in range(n):

@@ -38,7 +38,6 @@ from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 # constants that compiled code freezes
 _RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
 _REACHED, _COLLAPSED = int(Status.REACHED), int(Status.COLLAPSED)
-_STAGES, _EXTENDED, _SAMPLES = tableau.STAGES, tableau.EXTENDED, tableau.SAMPLES
 _GROWTH, _SHRINKAGE, _SAFETY = tableau.GROWTH, tableau.SHRINKAGE, tableau.SAFETY
 _rounded = compiled(tableau.rounded)
 _SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
@@ -47,7 +46,7 @@ _SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
 @compiled
 def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type: ignore[no-untyped-def]
     """Outputs, and the rows that are due, within the step; leaves the engine where the plant has fallen in it."""
-    spacing, j = length / _SAMPLES, 1
+    spacing, j = length / stepper.looks, 1
     margin = 1e-9 * length
     while True:
         sample, row = j * spacing, progress[0].next_row - t
@@ -70,7 +69,7 @@ def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type:
 def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore[no-untyped-def]
     """A step of its own to the event, then Newton's steps until its time is right."""
     limit = _NUDGE / plan.rate
-    stages(engine, stepper, t, s, 1, _STAGES)
+    stages(engine, stepper, t, s, 1, stepper.last)
     put(engine, stepper.end, t + s)
     normalise(engine, stepper)
     kept = stepper.K[1]  # of the stages only the first is wanted again
@@ -90,7 +89,7 @@ def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore
         if abs(more) > limit:
             for i in range(len(kept)):
                 stepper.K[0, i] = kept[i]
-            stages(engine, stepper, t, s, 1, _STAGES)
+            stages(engine, stepper, t, s, 1, stepper.last)
             put(engine, stepper.end, t + s)
             normalise(engine, stepper)
             for i in range(len(kept)):
@@ -119,24 +118,26 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
     while True:
         length = room if step >= room else (room / 2 if step > room / 2 else step)
         length = min(length, most)
-        stages(engine, stepper, t, length, 1, _STAGES)
+        stages(engine, stepper, t, length, 1, stepper.last)
         error = error_of(stepper, length, plan.tolerance)
         if error <= 1:
             break
-        step = _rounded(length * (max(_SHRINKAGE, _SAFETY * error**-0.125) if np.isfinite(error) else _SHRINKAGE))
+        step = _rounded(
+            length * (max(_SHRINKAGE, _SAFETY * error**stepper.exponent) if np.isfinite(error) else _SHRINKAGE)
+        )
         rejected = True
         if step < _SHORTEST:
             put(engine, stepper.start, t)
             pass_at(engine, stepper)
             return False, _COLLAPSED
     accept(stepper)
-    growth = min(_GROWTH, _SAFETY * error**-0.125) if error > 0 else _GROWTH
+    growth = min(_GROWTH, _SAFETY * error**stepper.exponent) if error > 0 else _GROWTH
     proposed = _rounded(length * (min(growth, 1.0) if rejected else growth))
     if progress[0].fresh != 0 and length < room:
         progress[0].first_step = proposed
     progress[0].next_step = proposed if rejected or length == step else max(proposed, step)
     progress[0].fresh = 0
-    stages(engine, stepper, t, length, _STAGES + 1, _EXTENDED - 1)
+    stages(engine, stepper, t, length, stepper.last + 1, stepper.rates - 1)
     densify(stepper, length)
     s, exactly = np.inf, False
     if arm <= t + length:
@@ -157,7 +158,7 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
         return False, _RUNNING
     # first same as last: what the engine holds beside is not of this state, and is not read before the next pass
     for i in range(len(stepper.start)):
-        stepper.K[0, i] = stepper.K[_STAGES, i]
+        stepper.K[0, i] = stepper.K[stepper.last, i]
     for i in range(len(stepper.y)):
         engine.sensordata[i] = stepper.y[i]
     return False, _RUNNING
@@ -177,7 +178,7 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
     least = max(plan.delta_min, plan.delay)
     status = _RUNNING
     for _ in range(steps):
-        if len(record.dense) - record.count[0] < len(record.dense) // 4 + _SAMPLES + 2:
+        if len(record.dense) - record.count[0] < len(record.dense) // 4 + stepper.looks + 2:
             break
         t = time[0]
         arm = progress[0].last_event + least if watched else np.inf
@@ -252,7 +253,7 @@ class NativeAdaptiveLoop(NativeLoop):
     adaptive = True
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
-        self._stepper, self._roots = stepper_of(model, qpos_0), roots()
+        self._stepper, self._roots = stepper_of(model, qpos_0, tableau.tableau(schedule.order)), roots()
         super().__init__(model, data, schedule, qpos_0)
 
     def begin(self) -> None:

@@ -225,7 +225,7 @@ def progress_at(t: float, schedule: Schedule, progress: np.ndarray) -> None:
     record["clock"], record["edge"] = schedule.first_clock(t), schedule.first_edge(t)
     record["acted"] = record["clock"] - 1 if np.isfinite(schedule.clock) else 0
     record["next_row"] = t + schedule.record_interval
-    record["next_step"] = record["first_step"] = rounded(schedule.tolerance ** (1 / 8) / schedule.rate)
+    record["next_step"] = record["first_step"] = rounded(schedule.first_step)
     record["fresh"] = 1
 
 

@@ -1,0 +1,76 @@
+"""The methods that adapt steps: orders of their ends, their estimates and what they say between, and which is taken."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.engine.tableau import METHODS, dense, error_norm, order_for, rounded, tableau, within
+
+
+@pytest.mark.parametrize(("order", "between"), [(3, 3), (4, 3), (5, 4), (8, 7)])
+def test_dense_output_meets_the_ends_and_converges_at_its_order(order: int, between: int) -> None:
+    table = tableau(order)
+
+    def taken(h: float) -> tuple[float, float]:
+        """Errors of the step's end and of its middle for y' = (y₂, −y₁)."""
+        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        K, start = np.zeros((table.rates, 2)), np.array([0.0, 1.0])
+        end = start
+        for stage in range(table.rates):
+            y = start + h * (table.A[stage, :stage] @ K[:stage])
+            K[stage] = turn @ y
+            end = y if stage == table.stages else end
+        F = dense(table, start, K, h, end)
+        np.testing.assert_allclose(within(start, F, 1.0), end, atol=1e-15)
+        powers = np.array([0.4**j for j in range(8)]) @ table.powers.T
+        np.testing.assert_allclose(start + powers @ F, within(start, F, 0.4), atol=1e-15)
+        middle = within(start, F, 0.4)
+        return abs(end[0] - np.sin(h)), abs(middle[0] - np.sin(0.4 * h))
+
+    # a step's error is of an order more than the method's
+    coarse, fine = taken(0.4), taken(0.2)
+    assert np.log2(coarse[0] / fine[0]) > order + 0.5
+    assert np.log2(coarse[1] / fine[1]) > between + 0.5
+
+
+@pytest.mark.parametrize("order", METHODS)
+def test_the_coefficients_fulfil_the_conditions_of_their_order(order: int) -> None:
+    """Those of the bushy trees, and of these grafted on one more edge (Hairer, Nørsett and Wanner, II.2)."""
+    table = tableau(order)
+    s = table.stages
+    A, b, c = table.A[:s, :s], table.A[s, :s], table.c[:s]
+    np.testing.assert_allclose(A.sum(axis=1), c, atol=1e-13)
+    np.testing.assert_allclose([b @ c ** (k - 1) for k in range(1, order + 1)], 1 / np.arange(1, order + 1), atol=1e-13)
+    grafted = [b @ A @ c ** (k - 2) for k in range(2, order + 1)]
+    np.testing.assert_allclose(grafted, [1 / (k * (k - 1)) for k in range(2, order + 1)], atol=1e-13)
+    assert abs(table.E5.sum()) < 1e-14
+    assert abs(table.E5[: s + 1] @ table.c[: s + 1]) < 1e-14
+
+
+@pytest.mark.parametrize("order", METHODS)
+def test_the_estimated_error_is_of_the_method_s_order_and_not_below_the_true_one(order: int) -> None:
+    """On y' = −y², whose solution from 1 is 1/(1 + t)."""
+    table, errors, estimates = tableau(order), [], []
+    for h in (0.1, 0.05):
+        K = np.zeros((table.stages + 1, 1))
+        for stage in range(table.stages + 1):
+            y = 1 + h * (table.A[stage, :stage] @ K[:stage])
+            K[stage] = -(y**2)
+        errors.append(abs(float(y[0]) - 1 / (1 + h)))
+        estimates.append(error_norm(table, K, h, np.ones(1)))
+    assert order - 0.3 < np.log2(estimates[0] / estimates[1]) < order + 0.3
+    assert errors[0] < estimates[0]
+
+
+def test_low_orders_are_for_stiff_loops_and_loose_tolerances() -> None:
+    tolerances = 10.0 ** np.arange(-14, -1)
+    assert {order_for(t, stiff=False) for t in tolerances} == {8}
+    orders = [order_for(t, stiff=True) for t in tolerances]
+    assert orders == sorted(orders, reverse=True)
+    assert set(orders) == set(METHODS)
+    assert order_for(1e-8, stiff=True) == 8  # the default
+
+
+def test_steps_are_rounded_down() -> None:
+    assert rounded(0.1) <= 0.1 < 1.07 * rounded(0.1)
