@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from icmj.case.case import controlled
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.cycle.parameter import Parameter
@@ -12,6 +14,8 @@ from icmj.cycle.return_map import PlantKind, ReturnMap
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
+
+ROWS = 4800  # that the longest flight would keep; an interval is a twelfth or a twentieth of it
 
 
 class Family:
@@ -52,7 +56,7 @@ class Family:
             return ReturnMap(actual.linearisation.plant, controller, settings)
         if not isinstance(actual, MujocoPlant):
             raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
-        return ReturnMap(actual, controller, settings)
+        return ReturnMap(actual, controller, settings, np.inf if longest is None else longest / ROWS)
 
     def _regained(self, run: RunFile) -> MujocoPlant | None:
         """The last actual plant with another input gain, if that is all that differs: its point and model stay."""

@@ -13,7 +13,7 @@ from icmj.cycle.corrector import Corrected
 from icmj.cycle.curve import Curve
 from icmj.cycle.cycle import extent
 from icmj.cycle.return_map import ReturnMap
-from icmj.cycle.variation import course, fast_jacobian
+from icmj.cycle.variation import courses_of, fast_jacobian
 from icmj.simulation.course import Sample
 
 NODES = 97  # at which an interval is kept
@@ -76,7 +76,7 @@ def point(curve: Curve, found: Corrected, tolerance: float | None = None) -> Poi
         tolerance = ROUGH if np.abs(found.D).max() < _STEEP else FINE
     loop = curve.loop(float(found.u[-1]))
     unit, turn = curve.unit(loop), found.turn
-    courses = [course(loop, z, interval) for z, interval in zip(turn.states, turn.intervals, strict=True)]
+    courses = courses_of(loop, turn)
     J = fast_jacobian(loop, turn, unit, courses, tolerance)
     samples = tuple(along.sample(along.cuts[-1] * np.linspace(0, 1, NODES) ** EARLY) for along in courses)
     D = found.D.copy()

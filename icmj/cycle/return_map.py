@@ -18,7 +18,7 @@ from icmj.controller.controller import Controller
 from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
-from icmj.simulation.interval import OpenLoop
+from icmj.simulation.interval import OpenLoop, OpenLoopInterval
 from icmj.simulation.settings import Settings
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ class Turn:
         states: z at the event that begins each, shape (p, N).
         end: z at the last event, shape (N,).
         y_max, y_min: extremes of the outputs over all of them, shape (n_y,).
+        rows: what each flight kept on the way, for its course; empty arrays where nothing was kept.
     """
 
     intervals: Array
@@ -57,6 +58,7 @@ class Turn:
     end: Array
     y_max: Array
     y_min: Array
+    rows: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +69,13 @@ class ReturnMap:
         plant: the actual one: linear, or on the engine.
         controller: with the event rule.
         settings: of the flights; their duration is the longest that is flown.
+        every: how often flights on the engine keep a row [s]; never by default.
     """
 
     plant: LinearPlant | MujocoPlant
     controller: Controller
     settings: Settings
+    every: float = np.inf
 
     def __post_init__(self) -> None:
         changing = [
@@ -102,7 +106,7 @@ class ReturnMap:
             return linear_open_loop(self.plant, self.controller, self.settings)
         from icmj.engine.open_loop import open_loop
 
-        return open_loop(self.plant, self.controller, self.settings)
+        return open_loop(self.plant, self.controller, self.settings, self.every)
 
     @property
     def size(self) -> int:
@@ -127,15 +131,23 @@ class ReturnMap:
         """
         intervals, states = np.zeros(p), np.zeros((p, self.size))
         y_max, y_min = np.full(self.linear.n_y, -np.inf), np.full(self.linear.n_y, np.inf)
+        kept = []
         for i in range(p):
             states[i] = z
             x, x_o, *x_h = self.split(z)
-            flight = self.fly(x, x_o, x_h[0] if x_h else None)
+            flight, rows = self._flown(x, x_o, x_h[0] if x_h else None)
+            kept.append(rows)
             if flight.outcome is not None:
                 raise Lost(flight.outcome, flight.length)
             intervals[i], z = flight.length, self.join(flight.x, flight.x_o, flight.x_h)
             y_max, y_min = np.maximum(y_max, flight.y_max), np.minimum(y_min, flight.y_min)
-        return Turn(intervals, states, z, y_max, y_min)
+        return Turn(intervals, states, z, y_max, y_min, tuple(kept))
+
+    def _flown(self, x: Array, x_o: Array, x_h: Array | None) -> tuple[OpenLoopInterval, Array]:
+        if isinstance(self.plant, LinearPlant):
+            return self.fly(x, x_o, x_h), np.empty((0, 0))
+        recorded: tuple[OpenLoopInterval, Array] = self.fly.recorded(x, x_o, x_h)  # type: ignore[attr-defined]
+        return recorded
 
     def collapsed(self, interval: float) -> bool:
         """Whether an interval ended as soon as Δ_min or the delay allowed."""

@@ -27,8 +27,14 @@ TOLERANCE = 1e-5  # relative, of one part's flow before the last extrapolation, 
 _FIRST, _MOST = 4, 512  # panels
 
 
-def course(loop: ReturnMap, z: Array, length: float) -> Course:
-    """The course of the interval from ``z``, which is known to last ``length`` [s]."""
+def courses_of(loop: ReturnMap, turn: Turn) -> list[Course]:
+    """The courses of a turn's intervals."""
+    rows = turn.rows or (None,) * len(turn.intervals)
+    return [course(loop, *interval) for interval in zip(turn.states, turn.intervals, rows, strict=True)]
+
+
+def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) -> Course:
+    """The course of the interval from ``z``, which is known to last ``length`` [s], by what its flight kept."""
     x, x_o, *given = loop.split(z)
     x_h = given[0] if given else x_o
     if loop.kind == "linear":
@@ -39,7 +45,7 @@ def course(loop: ReturnMap, z: Array, length: float) -> Course:
     from icmj.engine.open_loop import EngineOpenLoop
 
     assert isinstance(loop.fly, EngineOpenLoop)
-    return EngineCourse(loop.fly, x, x_o, x_h, length)
+    return EngineCourse(loop.fly, x, x_o, x_h, length, rows)
 
 
 def fast_jacobian(
@@ -62,7 +68,7 @@ def fast_jacobian(
         CycleError: if there is no derivative.
     """
     if courses is None:
-        courses = [course(loop, z, length) for z, length in zip(turn.states, turn.intervals, strict=True)]
+        courses = courses_of(loop, turn)
     J = np.eye(loop.size)
     try:
         for along in courses:

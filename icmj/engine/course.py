@@ -16,7 +16,8 @@ from icmj.engine.open_loop import EngineOpenLoop
 from icmj.errors import SimulationError
 from icmj.simulation.course import Sample
 
-ROWS = 200  # at least, in an interval: what a spline through them errs by is far below what it is used for
+ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
+_FEW = 100  # with fewer it is flown again
 EPS = 1e-5  # half the distance of a difference; see icmj.engine.linearisation
 EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 
@@ -24,8 +25,10 @@ EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 class EngineCourse:
     """See :class:`icmj.simulation.course.Course`."""
 
-    def __init__(self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float) -> None:
-        """Fly again from an event to the next, about ``length`` [s] on.
+    def __init__(
+        self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None
+    ) -> None:
+        """Take the ``rows`` that a flight kept, or fly again, from an event to the next, about ``length`` [s] on.
 
         Raises:
             SimulationError: if there is none.
@@ -34,14 +37,10 @@ class EngineCourse:
 
         self.loop = loop = flight.loop
         self._act = loop.block.act
-        # adapted steps are long, and rows lie within them
-        every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
-        schedule = replace(flight.schedule, events=1, record_interval=every)
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(x_h, float))
-        record = loop.run(loop.data(np.asarray(x, float), a), schedule)
-        if len(record.events) != 1:
-            raise SimulationError(f"the interval {record.outcome.message}, without an event at its end")
-        rows, delay = record.rows, loop.controller.delay.t_d
+        if rows is None or len(rows) < min(_FEW, length / flight.schedule.timestep):
+            rows = _flown(flight, np.asarray(x, float), a, length)
+        delay = loop.controller.delay.t_d
         length = float(rows[-1, 0])
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
         self._layout, self._controls = layout_of(loop.controller), realise(loop.controller)
@@ -153,3 +152,12 @@ class EngineCourse:
                 data.act[state - 2 * nv] += sign * eps
             ends.append(self._rate())
         return (ends[0] - ends[1]) / (2 * eps)
+
+
+def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:
+    # adapted steps are long, and rows lie within them
+    every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
+    record = flight.loop.run(flight.loop.data(x, a), replace(flight.schedule, events=1, record_interval=every))
+    if len(record.events) != 1:
+        raise SimulationError(f"the interval {record.outcome.message}, without an event at its end")
+    return record.rows

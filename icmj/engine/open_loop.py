@@ -26,10 +26,11 @@ NEVER = 1e300  # s between rows: only events are wanted
 class EngineOpenLoop:
     """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
 
-    def __init__(self, loop: ComposedLoop, schedule: Schedule) -> None:
+    def __init__(self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER) -> None:
+        """Make ready to fly; flights keep a row ``every`` so many seconds, none by default."""
         one_in_flight(loop.controller)
         self.loop = loop
-        self.schedule = replace(schedule, events=1, record_interval=NEVER)
+        self.schedule = replace(schedule, events=1, record_interval=every)
         self._data = mujoco.MjData(loop.model)
         self._record = recording(CHUNK, loop.model.nsensordata, loop.width)
         self._use = loop.implementation(schedule.tolerance > 0)
@@ -39,6 +40,12 @@ class EngineOpenLoop:
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
+        return self.recorded(x, x_o, x_h, t)[0]
+
+    def recorded(
+        self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0
+    ) -> tuple[OpenLoopInterval, Array]:
+        """The same, and the rows (t, qpos, qvel, act, sensordata) that were kept on the way, the first at ``t``."""
         loop, data, record = self.loop, self._data, self._record
         hold = x_o if x_h is None else x_h
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
@@ -47,6 +54,7 @@ class EngineOpenLoop:
         with installed(*self._use.callbacks), loop.lent():
             loop.place(data, np.asarray(x, float), a, t)
             self._steps.begin()
+            rows = [np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])[None, :]]
             tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find, self._use.points)
             while status == Status.RUNNING:
                 record.clear()
@@ -57,17 +65,21 @@ class EngineOpenLoop:
                     record.count[2] = 0
                 n_dense, n_rows, n_events, _ = (int(n) for n in record.count)
                 tracker.add(record.dense[:n_dense, 0], loop.y(record.dense[:n_dense, 1:]), record.event_at[:n_events])
+                rows.append(record.rows[:n_rows].copy())
                 last = float(record.dense[n_dense - 1, 0]) if n_dense else last
             row = record.events[0] if n_events else record.rows[max(n_rows, 1) - 1]
             if not n_events and not n_rows:  # there was no time to fly
-                row = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
+                row = rows[0][0]
             outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))
         end = loop.departures(row[None, :].copy())
         y_max, y_min = tracker.result() if n_events else (np.full((1, end.y.shape[1]), np.nan),) * 2
-        return OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
+        flight = OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
+        return flight, np.concatenate(rows)
 
 
-def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -> EngineOpenLoop:
+def open_loop(
+    plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER
+) -> EngineOpenLoop:
     """The open-loop interval of ``plant`` under ``controller``; ``settings`` give all but start and recording.
 
     Raises:
@@ -75,4 +87,4 @@ def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings) ->
         SimulationError: if a disturbance names an unknown input or output, or the timestep is not usable.
     """
     loop = close_loop(plant, controller, settings)
-    return EngineOpenLoop(loop, schedule_of(loop, settings))
+    return EngineOpenLoop(loop, schedule_of(loop, settings), every)
