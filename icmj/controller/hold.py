@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.design import Design
+
+_ALIKE = 1e4  # condition of eigenvectors beyond which they cost digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +24,22 @@ class Hold:
 
     name: str
     A_h: Array
+
+    def free(self, x_h: Array, t: Array) -> Array:
+        """Where it has come to after times ``t`` [s] from ``x_h``, exp(A_h t) x_h; shapes (n̂,), (K,) → (K, n̂)."""
+        rates, modes = self._modes
+        if modes is None:
+            from scipy.linalg import expm
+
+            return np.asarray(expm(self.A_h * t[:, None, None]) @ x_h)
+        parts = np.linalg.solve(modes, x_h.astype(complex))
+        return np.asarray((np.exp(np.multiply.outer(t, rates)) * parts) @ modes.T).real
+
+    @cached_property
+    def _modes(self) -> tuple[Array, Array | None]:
+        """Eigenvalues and eigenvectors; ``None`` for these where they are too nearly alike to tell apart."""
+        rates, modes = np.linalg.eig(self.A_h)
+        return rates, modes if np.linalg.cond(modes) < _ALIKE else None
 
 
 def system_matched(design: Design) -> Hold:

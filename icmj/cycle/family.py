@@ -11,6 +11,7 @@ from icmj.case.case import controlled
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.cycle.parameter import Parameter
 from icmj.cycle.return_map import PlantKind, ReturnMap
+from icmj.engine.open_loop import OpenLoops
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
@@ -29,6 +30,7 @@ class Family:
     def __init__(self, run: RunFile, parameter: Parameter, plant: PlantKind = "mujoco") -> None:
         self.run, self.parameter, self.plant = run, parameter, plant
         self.built = 0
+        self._loops = OpenLoops()
         self._known: dict[str, tuple[Any, Any]] = {}
 
     def at(self, value: float, longest: float | None = None) -> ReturnMap:
@@ -56,7 +58,8 @@ class Family:
             return ReturnMap(actual.linearisation.plant, controller, settings)
         if not isinstance(actual, MujocoPlant):
             raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
-        return ReturnMap(actual, controller, settings, np.inf if longest is None else longest / ROWS)
+        every = np.inf if longest is None else longest / ROWS
+        return ReturnMap(actual, controller, settings, every, self._loops)
 
     def _regained(self, run: RunFile) -> MujocoPlant | None:
         """The last actual plant with another input gain, if that is all that differs: its point and model stay."""

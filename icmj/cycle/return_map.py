@@ -22,6 +22,7 @@ from icmj.simulation.interval import OpenLoop, OpenLoopInterval
 from icmj.simulation.settings import Settings
 
 if TYPE_CHECKING:
+    from icmj.engine.open_loop import OpenLoops
     from icmj.engine.plant import MujocoPlant
 
 PlantKind = Literal["linear", "mujoco"]
@@ -70,12 +71,14 @@ class ReturnMap:
         controller: with the event rule.
         settings: of the flights; their duration is the longest that is flown.
         every: how often flights on the engine keep a row [s]; never by default.
+        loops: makes flights on the engine for several return maps, one at a time; each makes its own by default.
     """
 
     plant: LinearPlant | MujocoPlant
     controller: Controller
     settings: Settings
     every: float = np.inf
+    loops: OpenLoops | None = None
 
     def __post_init__(self) -> None:
         changing = [
@@ -104,9 +107,9 @@ class ReturnMap:
             from icmj.linear.open_loop import open_loop as linear_open_loop
 
             return linear_open_loop(self.plant, self.controller, self.settings)
-        from icmj.engine.open_loop import open_loop
+        from icmj.engine.open_loop import OpenLoops
 
-        return open_loop(self.plant, self.controller, self.settings, self.every)
+        return (self.loops or OpenLoops())(self.plant, self.controller, self.settings, self.every)
 
     @property
     def size(self) -> int:
@@ -164,7 +167,7 @@ class ReturnMap:
 
     def another(self) -> ReturnMap:
         """The same for another thread."""
-        return replace(self)
+        return replace(self, loops=None)
 
     def odd(self, z: Array, scale: Array, tolerance: float = 1e-8) -> bool:
         """Whether the flight from −z is the mirror image of that from z, relative to ``scale``, shape (N,)."""

@@ -12,20 +12,19 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of, realise
+from icmj.controller.controller import Controller, layout_of
 from icmj.engine import reference
 from icmj.engine.adaptive import AdaptiveLoop
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import compose
+from icmj.engine.composition import compose, recompose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker, Find, extremes
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.rates import fastest_rate, is_stiff
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
-from icmj.engine.tableau import STIFF
-from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
@@ -111,6 +110,18 @@ class ComposedLoop:
         block = block_of(self.model)
         assert block is not None
         return block
+
+    def again(self, plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop | None:
+        """Like :func:`close_loop`, without compiling; ``None`` where the model has to be another.
+
+        Raises:
+            ModelError, SimulationError: as there.
+        """
+        if plant.spec is not self.plant.spec:
+            return None
+        acting = _acting(plant, settings)
+        model = recompose(self.model, plant, controller, *acting)
+        return None if model is None else _composed(plant, controller, settings, acting, model)
 
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
@@ -270,23 +281,25 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
         SimulationError: if a disturbance names an unknown input or output.
     """
-    disturbance = disturbance_of(settings.disturbance, plant.linearisation.plant.inputs)
-    errors = reading_error_of(settings.disturbance, plant.linearisation.plant.outputs)
-    model = compose(plant, controller, disturbance, errors)
+    acting = _acting(plant, settings)
+    return _composed(plant, controller, settings, acting, compose(plant, controller, *acting))
+
+
+def _acting(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance]:
+    """What the settings let act on the inputs, and on what is read of the outputs."""
+    names = plant.linearisation.plant
+    return disturbance_of(settings.disturbance, names.inputs), reading_error_of(settings.disturbance, names.outputs)
+
+
+def _composed(
+    plant: MujocoPlant,
+    controller: Controller,
+    settings: Settings,
+    acting: tuple[Disturbance, Disturbance],
+    model: mujoco.MjModel,
+) -> ComposedLoop:
+    integrator = plant.spec.option.integrator
     if settings.integrator is not None:
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
-    return ComposedLoop(plant, controller, disturbance, errors, model, settings.native)
-
-
-def is_stiff(plant: LinearPlant, fastest: float) -> bool:
-    """Whether a loop with this ``fastest`` rate [1/s] is much faster than the plant's own slow motion."""
-    rates = np.abs(np.linalg.eigvals(plant.A))
-    moving = rates[rates > 1e-3 * fastest]
-    return bool(fastest > STIFF * moving.min(initial=fastest))
-
-
-def fastest_rate(plant: LinearPlant, controller: Controller) -> float:
-    """Largest |λ| of plant, observer and hold between events [rad/s]."""
-    controls = realise(controller)
-    closed = np.block([[plant.A, -plant.B @ controls.K], [controls.N @ plant.C, controls.M]])
-    return float(np.abs(np.linalg.eigvals(closed)).max())
+        integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
+    model.opt.integrator = integrator
+    return ComposedLoop(plant, controller, *acting, model, settings.native)

@@ -17,6 +17,7 @@ and by the outputs with their errors, which the plant does not feel.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import mujoco
@@ -50,7 +51,7 @@ def compose(
     _check(bare, name, plant, controller)
     controls = realise(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _packed(bare, plant, controls, disturbance, errors)
+    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -79,31 +80,63 @@ def compose(
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
+def recompose(
+    model: mujoco.MjModel,
+    plant: MujocoPlant,
+    controller: Controller,
+    disturbance: Disturbance,
+    errors: Disturbance,
+) -> mujoco.MjModel | None:
+    """A copy of a composed ``model`` of the same spec with another controller or gain in it, which compiles nothing.
+
+    Returns:
+        the copy, or ``None`` where the controller takes another room.
+
+    Raises:
+        ModelError: as for :func:`compose`.
+    """
+    controls = realise(controller)
+    _check(model, model_name(model), plant, controller)
+    data = _packed(model, model.nu - 1, model.na - controls.layout.size, plant, controls, disturbance, errors)
+    at, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
+    if len(data) != size or int(model.actuator_actnum[-1]) != controls.layout.size:
+        return None
+    again = copy(model)
+    again.numeric_data[at : at + size] = data
+    return again
+
+
 def _packed(
-    bare: mujoco.MjModel, plant: MujocoPlant, controls: Realisation, disturbance: Disturbance, errors: Disturbance
+    model: mujoco.MjModel,
+    nu: int,
+    na: int,
+    plant: MujocoPlant,
+    controls: Realisation,
+    disturbance: Disturbance,
+    errors: Disturbance,
 ) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
-    K, N, y_0 = np.zeros((bare.nu, size)), np.zeros((size, bare.nsensordata)), np.zeros(bare.nsensordata)
+    K, N, y_0 = np.zeros((nu, size)), np.zeros((size, model.nsensordata)), np.zeros(model.nsensordata)
     K[ports.actuators] = ports.b[:, None] * controls.K
     N[:, ports.entries] = controls.N * ports.g
     # what the controller takes for the operating point: a bias makes it read more than there is
     y_0[ports.entries] = (plant.linearisation.y - ports.beta) / ports.g
     acting = replace(
         disturbance,
-        n_u=bare.nu,
+        n_u=nu,
         input=ports.actuators[disturbance.input],
         amplitude=ports.b[disturbance.input] * disturbance.amplitude,
     )
     # errors are of what is read, after the sensor's gain
     reading = replace(
         errors,
-        n_u=bare.nsensordata,
+        n_u=model.nsensordata,
         input=ports.entries[errors.input],
         amplitude=errors.amplitude / ports.g[errors.input],
     )
-    stage = max(int(bare.sensor_needstage[i]) for i in _sensors(bare, plant))
-    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, bare.na, stage)
+    stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
+    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, na, stage)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

@@ -54,7 +54,7 @@ class EngineCourse:
             kept = np.concatenate([[True], np.diff(t) > 1e-12])
             splines.append(CubicSpline(t[kept], values[kept]))
         self._splines = splines
-        self._data = mujoco.MjData(loop.model)
+        self._data = flight.data
         with self._lent():
             self._place(self._whole(np.array([length]), len(splines) - 1)[0])
             self.rate = self._rate()
@@ -69,10 +69,8 @@ class EngineCourse:
 
     def _free(self, a: Array, tau: Array) -> Array:
         """The controller's state after times ``tau`` of hold; its observer, which needs outputs, left as it is."""
-        from scipy.linalg import expm
-
         after, h = np.tile(a, (len(tau), 1)), self._layout["x_h"]
-        after[:, h] = expm(self.loop.controller.hold.A_h * tau[:, None, None]) @ a[h]
+        after[:, h] = self.loop.controller.hold.free(a[h], tau)
         return after
 
     def _part(self, t: Array) -> np.ndarray:
@@ -92,6 +90,7 @@ class EngineCourse:
     @contextmanager
     def _lent(self) -> Iterator[None]:
         with installed(*self.loop.implementation().callbacks), self.loop.lent():
+            mujoco.mj_resetData(self.loop.model, self._data)
             yield
 
     def _place(self, row: Array) -> None:

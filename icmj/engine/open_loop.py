@@ -26,17 +26,22 @@ NEVER = 1e300  # s between rows: only events are wanted
 class EngineOpenLoop:
     """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
 
-    def __init__(self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER) -> None:
-        """Make ready to fly; flights keep a row ``every`` so many seconds, none by default."""
+    def __init__(
+        self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, data: mujoco.MjData | None = None
+    ) -> None:
+        """Make ready to fly; flights keep a row ``every`` so many seconds, none by default.
+
+        ``data`` may be those of another flight of the same model, in the same thread.
+        """
         one_in_flight(loop.controller)
         self.loop = loop
         self.schedule = replace(schedule, events=1, record_interval=every)
-        self._data = mujoco.MjData(loop.model)
+        self.data = mujoco.MjData(loop.model) if data is None else data
         self._record = recording(CHUNK, loop.model.nsensordata, loop.width)
         self._use = loop.implementation(schedule.tolerance > 0)
         with installed(*self._use.callbacks), loop.lent():
             point = loop.plant.linearisation.point.qpos
-            self._steps = self._use.loop(loop.model, self._data, self.schedule, point)
+            self._steps = self._use.loop(loop.model, self.data, self.schedule, point)
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
@@ -46,7 +51,7 @@ class EngineOpenLoop:
         self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0
     ) -> tuple[OpenLoopInterval, Array]:
         """The same, and the rows (t, qpos, qvel, act, sensordata) that were kept on the way, the first at ``t``."""
-        loop, data, record = self.loop, self._data, self._record
+        loop, data, record = self.loop, self.data, self._record
         hold = x_o if x_h is None else x_h
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
         status, last = Status.RUNNING, t
@@ -77,9 +82,7 @@ class EngineOpenLoop:
         return flight, np.concatenate(rows)
 
 
-def open_loop(
-    plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER
-) -> EngineOpenLoop:
+def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER) -> EngineOpenLoop:
     """The open-loop interval of ``plant`` under ``controller``; ``settings`` give all but start and recording.
 
     Raises:
@@ -88,3 +91,21 @@ def open_loop(
     """
     loop = close_loop(plant, controller, settings)
     return EngineOpenLoop(loop, schedule_of(loop, settings), every)
+
+
+class OpenLoops:
+    """Makes one open loop after another, of what the first is made of where that has not changed; for one thread."""
+
+    def __init__(self) -> None:
+        self._first: EngineOpenLoop | None = None
+
+    def __call__(
+        self, plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER
+    ) -> EngineOpenLoop:
+        """See :func:`open_loop`."""
+        first = self._first
+        loop = None if first is None else first.loop.again(plant, controller, settings)
+        if first is None or loop is None:
+            self._first = open_loop(plant, controller, settings, every)
+            return self._first
+        return EngineOpenLoop(loop, schedule_of(loop, settings), every, first.data)

@@ -1,7 +1,10 @@
 """Holds, triggers and event weights: what is accepted and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -18,6 +21,14 @@ def test_system_matched_hold_is_the_closed_loop_and_zero_order_stands_still():
     k_1, k_2 = DESIGN.k[0]
     np.testing.assert_allclose(system_matched(DESIGN).A_h, [[0, 1], [1 - k_1, -k_2]])
     np.testing.assert_array_equal(zero_order(DESIGN).A_h, np.zeros((2, 2)))
+
+
+def test_a_free_hold_runs_by_the_matrix_exponential_with_or_without_distinct_modes():
+    x_h, t = np.array([0.3, -0.2]), np.array([0.0, 0.1, 2.0])
+    jordan = replace(zero_order(DESIGN), A_h=np.array([[-1.0, 1.0], [0.0, -1.0]]))
+    for hold in (system_matched(DESIGN), zero_order(DESIGN), jordan):
+        expected = [expm(hold.A_h * instant) @ x_h for instant in t]
+        np.testing.assert_allclose(hold.free(x_h, t), expected, atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from engine_cases import controller, orbit_start, plant, predicted
 
+from icmj.controller.delay import Delay
 from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj.engine.open_loop import OpenLoops
 from icmj.engine.open_loop import open_loop as engine_open_loop
 from icmj.engine.run import simulate as simulate_engine
 from icmj.linear.open_loop import open_loop as linear_open_loop
@@ -89,3 +91,46 @@ def test_flights_do_not_remember_one_another() -> None:
     again = fly(0.01 * np.ones(6), np.zeros(6))
     for name in ("length", "x", "x_o", "x_h", "y_max"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+
+
+def test_loops_that_share_a_model_fly_as_each_alone_would_in_any_order() -> None:
+    """Another gain, rule, delay or settings, and a body that is another model."""
+    body, other, control = plant("three_link", 0.9), plant("pendulum", 0.9), controller("three_link")
+    here = body.linearisation
+    weaker = replace(body, linearisation=replace(here, ports=replace(here.ports, b=0.9 * here.ports.b)))
+    settings = replace(SETTINGS, timestep=None, tolerance=1e-6)
+    wanted = [
+        (body, control, SETTINGS),
+        (weaker, control, SETTINGS),
+        (body, control.triggered_by(control.trigger.resized(0.02)), SETTINGS),
+        (body, control, replace(settings, integrator=None)),
+        (body, control, replace(SETTINGS, integrator="implicit")),
+        (body, replace(control, delay=Delay(0.1)), SETTINGS),
+        (other, controller("pendulum"), SETTINGS),
+    ]
+    x = {6: 0.01 * np.ones(6), 2: np.array([0.02, 0.0])}
+    loops = OpenLoops()
+    shared = [loops(*each) for each in wanted]
+    alone = [engine_open_loop(*each) for each in wanted]
+    assert [a.data is shared[0].data for a in shared] == [True] * 5 + [False] * 2
+    for fly, own in [*zip(shared, alone, strict=True), *zip(shared[::-1], alone[::-1], strict=True)]:
+        start = x[fly.loop.plant.linearisation.plant.n]
+        a, b = (each(start, np.zeros(len(start)), 0.01 * np.ones(len(start))) for each in (fly, own))
+        assert a.length == b.length
+        np.testing.assert_array_equal(a.x, b.x)
+        np.testing.assert_array_equal(a.y_max, b.y_max)
+
+
+def test_what_a_flight_keeps_are_the_rows_of_a_run() -> None:
+    body, control = plant("three_link", 0.9), controller("three_link")
+    x = 0.01 * np.ones(6)
+    for settings in (SETTINGS, Settings(duration=6.0, tolerance=1e-7)):
+        flight, rows = engine_open_loop(body, control, settings, every=0.05).recorded(x, np.zeros(6))
+        run = simulate_engine(body, control, replace(settings, record_interval=0.05), x0=x)
+        n = len(rows)
+        np.testing.assert_allclose(rows[:, 0], run.t[:n], atol=1e-13)
+        np.testing.assert_allclose(rows[:, 1:4], run.qpos[:n], atol=1e-12)
+        assert rows[-1, 0] == flight.length
+        bare, end = engine_open_loop(body, control, settings).recorded(x, np.zeros(6))
+        assert bare.length == flight.length
+        assert len(end) == 2
