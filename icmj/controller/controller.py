@@ -8,6 +8,7 @@ an instant at which the controller takes up new feedback, whether an event rule,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.layout import Layout
-from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Trigger
 from icmj.errors import AnalysisError
 
 
@@ -54,6 +55,16 @@ class Controller:
     def least(self) -> float:
         """The least time between two events of a rule [s]: Δ_min, the refractory period, or a delay that is longer."""
         return max(self.trigger.delta_min, self.delay.t_d)
+
+    @cached_property
+    def faces(self) -> Faces:
+        """Those of the event rule on the hold's and the observer's difference."""
+        return self.trigger.faces(self.design)
+
+    @cached_property
+    def realisation(self) -> Realisation:
+        """See :func:`realise`."""
+        return _realised(self)
 
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger."""
@@ -126,6 +137,10 @@ def realise(controller: Controller) -> Realisation:
     Raises:
         AnalysisError: if the trigger does not fit the design.
     """
+    return controller.realisation
+
+
+def _realised(controller: Controller) -> Realisation:
     design, layout, trigger = controller.design, layout_of(controller), controller.trigger
     o, h = layout["x_o"], layout["x_h"]
     M, K = np.zeros((layout.size, layout.size)), np.zeros((design.plant.n_u, layout.size))
@@ -141,7 +156,7 @@ def realise(controller: Controller) -> Realisation:
         # x_h runs along with x_o, so that what is recorded as the hold state is the observer's
         M[o, o] -= design.plant.B @ design.k
         M[h, o], N[h], K[:, o] = M[o, o], N[o], design.k
-    faces = trigger.faces(design)
+    faces = controller.faces
     R = np.zeros((len(faces.R), layout.size))
     R[:, o], R[:, h] = -faces.R, faces.R
     return Realisation(layout, M, N, K, J, G, R, faces.cuts, controller.delay.t_d)

@@ -1,8 +1,9 @@
 """Continuation: cycles along a parameter by pseudo-arclength, past folds, to where they change or end.
 
-A step is predicted by the polynomial through the last points of the curve in its length, and corrected on the plane
-across the curve, or at a fixed parameter where the curve runs with it, because a loop at a new parameter has to be
-built. Steps grow where the prediction is good. On the way test functions of the multipliers tell where stability
+A step is predicted by the polynomial through the last points of the curve in its length (:mod:`icmj.cycle.trail`), and
+corrected on the plane across the curve, or at a fixed parameter where the curve runs with it, because a loop at a new
+parameter has to be built. Steps grow where the prediction is good. The map's derivative is computed at as many points
+as it takes to interpolate it at the others. On the way test functions of the multipliers tell where stability
 changes (:mod:`icmj.cycle.crossing`); how a branch ends is :mod:`icmj.cycle.ending`'s.
 """
 
@@ -20,13 +21,16 @@ from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
 from icmj.cycle.curve import Curve
 from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
-from icmj.cycle.point import FINE, Point, point
+from icmj.cycle.point import FINE, Point, derived, point, redone
+from icmj.cycle.trail import Trail, interpolate
 
-_DEGREE = 4  # of the predicting polynomial
-_BENDING = 3  # points through which the derivative is extrapolated
+_SPARSE = 4  # points from one derivative to the next, at most
+_TRUE, _FALSE = 1e-3, 2e-2  # relative errors of an extrapolated derivative for the next to be further, or nearer; an
+# interpolated one is a thousand times as good
+_ANEW = 3  # gaps between known derivatives in which they are interpolated anew when a further one is known
 _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves the step as it is
 _JUMP = 0.3  # relative change of an interval that no step of a smooth branch makes
-_ACROSS = 0.35  # below this part of the parameter in the tangent, a step is measured along the curve
+_ACROSS = 0.2  # below this part of the parameter in the tangent, a step is measured along the curve
 _AHEAD = 0.8  # least cosine of the angle between two steps
 _ROUNDING = 1e-14  # relative, of a flight's end, before the map magnifies it
 _AGAIN = 1.15  # growth of an interval after which it is asked anew whether it is without bound
@@ -76,6 +80,7 @@ def walk(
         walker.step()
         if progress is not None:
             progress(float(np.clip(walker.points[-1].sigma, 0, 1)))
+    walker.complete()
     end = walker.ending or Ending(None, f"stopped after {_MOST} points")
     # of those that close in on an end, the last is enough
     kept = [i for i in range(len(walker.points)) if i not in walker.near or i == len(walker.points) - 1]
@@ -90,8 +95,10 @@ class _Walker:
         self.specials: list[SpecialPoint] = []
         self.ending: Ending | None = None
         self.longest = 1.0 / points
-        self.s = [0.0]  # length along the curve
+        self.trail = Trail(first.u)
         self.ds = self.longest
+        # on the linear plant a derivative is exact and costs next to nothing
+        self.sparse, self.sparsest = 1, 1 if curve.family.plant == "linear" else _SPARSE
         self.closing, self.asked = False, 0.0
         self.near: set[int] = set()  # points taken while closing in on an end
         self.tangent = np.zeros_like(first.u)
@@ -105,38 +112,24 @@ class _Walker:
         D = first.D.copy()
         D[:, -1] = (curve.residual(ahead)[0] - curve.residual(first.u)[0]) / h
         self.points[0] = replace(first, D=D)
+        self.trail.derive(0, D)
         if tangent is None:
             tangent = np.append(np.linalg.lstsq(D[:, :-1], -D[:, -1], rcond=1e-9)[0], 1.0)
         self.tangent = tangent / curve.length(tangent)
-
-    def predict(self, ds: float) -> Array:
-        """The point at a length ``ds`` from the last."""
-        recent = min(len(self.points), _DEGREE + 1)
-        if recent == 1:
-            return self.points[-1].u + ds * self.tangent
-        s = np.array(self.s[-recent:]) - self.s[-1]
-        return _interpolate(s, np.array([p.u for p in self.points[-recent:]]), ds)
-
-    def derivative(self, ds: float) -> Array:
-        """The residual's derivative at a length ``ds`` from the last, from those at the last points."""
-        recent = min(len(self.points), _BENDING)
-        s = np.array(self.s[-recent:]) - self.s[-1]
-        D = np.array([p.D.reshape(-1) for p in self.points[-recent:]])
-        return _interpolate(s, D, ds).reshape(self.points[-1].D.shape)
 
     def step(self) -> None:
         """One step, taken or halved."""
         curve, last = self.curve, self.points[-1]
         curve.patient(float(last.intervals.max()))
-        u = self.predict(self.ds)
+        here, u = self.trail.u[-1], self.trail.predict(self.ds, self.tangent)
         lands = bool((u[-1] - 1) * (last.sigma - 1) < 0 or (u[-1] * last.sigma < 0))
-        D = self.derivative(self.ds)
-        direction = (u - last.u) / max(curve.length(u - last.u), 1e-300)
+        D = self.trail.derivative(self.trail.s[-1] + self.ds)
+        direction = (u - here) / max(curve.length(u - here), 1e-300)
         row = curve.normal(direction)
         if lands:
             edge = 1.0 if (u[-1] - 1) * (last.sigma - 1) < 0 else 0.0
             part = (edge - last.sigma) / (u[-1] - last.sigma)
-            u, D = last.u + (u - last.u) * part, self.derivative(part * self.ds)
+            u, D = here + (u - here) * part, self.trail.derivative(self.trail.s[-1] + part * self.ds)
             u[-1] = edge
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
@@ -155,12 +148,13 @@ class _Walker:
         if (back and self.ds > 1e-4 * self.longest) or (error > 10 * _GOOD and self.ds > 1e-3 * self.longest):
             self.ds *= 0.4
             return
-        new = point(curve, found)
-        self.accept(new)
+        due = lands or found.steps > 2 or len(self.points) - self.trail.known[-1] >= self.sparse
+        new = point(curve, found, D=None if due else D)
+        self.accept(new, found.best)
         if lands and self.ending is None:
             self.ending = Ending(None, f"reached {curve.family.parameter.name} = {new.value:.6g}")
         if not self.closing:
-            order = min(len(self.points), _DEGREE + 1)
+            order = min(len(self.points), self.trail.degree + 1)
             self.ds *= float(np.clip((_GOOD / max(error, 1e-9)) ** (1 / order), 0.4, 1.7))
             self.ds = min(self.ds, 4 * self.longest, self.longest / max(abs(self.tangent[-1]), 0.25))
 
@@ -178,53 +172,69 @@ class _Walker:
         self.ds /= 2
         close = abs(self.curve.range.slope(self.points[-1].sigma)) * self.ds * max(abs(self.tangent[-1]), 1e-3)
         if self.ds < _LEAST or (self.closing and close < CLOSE):
+            self.complete()
             self.ending = missed(self.curve, self.points, why)
 
-    def accept(self, new: Point) -> None:
+    def accept(self, new: Point, best: Array) -> None:
         """Take a point onto the branch; look what has happened since the last."""
-        last, curve = self.points[-1], self.curve
-        du = new.u - last.u
+        curve = self.curve
+        du = best - self.trail.u[-1]
         length = curve.length(du)
         curve.weigh(new.u)
         self.tangent = du / curve.length(du)
-        new = replace(new, D=self.along(new))
         self.points.append(new)
-        self.s.append(self.s[-1] + length)
+        self.trail.add(best, length)
         if self.closing:
             self.near.add(len(self.points) - 1)
-        before, after = (kappas(p.multipliers, curve.sign, self.neutral) for p in (last, new))
-        for test in crossed(before, after):
-            special = self.crossing(test)
-            if special is not None:
-                self.specials.append(special)
-        self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
+        if new.derived:
+            self.derived()
+        last = len(self.points) - 2
         self.ending = (
-            passed(curve, self.points, self.between)
+            passed(curve, self.points, lambda part: self.between(last, part))
             or self.without_bound()
             or worn_out(curve, self.points, self.closed(new))
         )
 
+    def derived(self) -> None:
+        """The derivative at the last point is known: how far off may the next be, and what has happened since?"""
+        trail, first, last = self.trail, self.trail.known[-1], len(self.points) - 1
+        D, expected = self.along(self.points[-1]), trail.derivative(trail.s[-1])
+        wrong = np.abs(D - expected)[:, :-1].max() / np.abs(D).max()
+        if wrong < _TRUE:
+            self.sparse = min(self.sparse + 1, self.sparsest)
+        elif wrong > _FALSE:
+            self.sparse = max(self.sparse - 1, 1)
+        self.points[-1] = replace(self.points[-1], D=D)
+        trail.derive(last, D)
+        for i in range(trail.known[-_ANEW - 1 :][0] + 1, last):
+            if not self.points[i].derived:
+                self.points[i] = redone(self.curve, self.points[i], trail.derivative(trail.s[i]))
+        for i in range(first, last):
+            pair = self.points[i : i + 2]
+            before, after = (kappas(p.multipliers, self.curve.sign, self.neutral) for p in pair)
+            found = [self.crossing(test, i) for test in crossed(before, after)]
+            self.specials += [special for special in found if special is not None]
+        self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
+
+    def complete(self) -> None:
+        """Compute the derivative at the last point, if it is only guessed there."""
+        if not self.points[-1].derived:
+            self.points[-1] = derived(self.curve, self.points[-1])
+            self.derived()
+
     def along(self, new: Point) -> Array:
         """The derivative of the residual with its last column from the direction of the curve, where that shows it."""
-        D = new.D.copy()
-        recent = min(len(self.points) + 1, _DEGREE + 1)
-        s = np.append(np.array(self.s[1 - recent :]), self.s[-1] + self.curve.length(new.u - self.points[-1].u))
-        us = np.array([*(p.u for p in self.points[1 - recent :]), new.u])
-        h = 1e-3 * (s[-1] - s[-2])
-        slope = (us[-1] - _interpolate(s, us, s[-1] - h)) / h
+        D, slope = new.D.copy(), self.trail.slope()
         if abs(slope[-1]) > 0.02:
             D[:, -1] = -D[:, :-1] @ slope[:-1] / slope[-1]
         return D
 
-    def between(self, part: float) -> Point | None:
-        """The point at a part of the way from the last but one to the last."""
-        recent = min(len(self.points), _DEGREE + 2)
-        s = np.array(self.s[-recent:])
-        at = s[-2] + part * (s[-1] - s[-2])
-        us = np.array([p.u for p in self.points[-recent:]])
-        u = _interpolate(s, us, at)
-        row = self.curve.normal((us[-1] - us[-2]) / (s[-1] - s[-2]))
-        nearest = self.points[-1] if part > 0.5 else self.points[-2]
+    def between(self, i: int, part: float) -> Point | None:
+        """The point at a part of the way from point i to the next."""
+        trail = self.trail
+        u = trail.between(i, trail.s[i] + part * (trail.s[i + 1] - trail.s[i]))
+        row = self.curve.normal((trail.u[i + 1] - trail.u[i]) / (trail.s[i + 1] - trail.s[i]))
+        nearest = self.points[i + 1 if part > 0.5 else i]
         found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
         return None if isinstance(found, Missed) else point(self.curve, found, FINE)
 
@@ -234,59 +244,51 @@ class _Walker:
         if longest < _AGAIN * self.asked:
             return None
         self.asked = longest
+        self.complete()
         found = homoclinic(self.curve, self.points, self.settle)
-        del self.s[len(self.points) :]
+        self.trail.cut(len(self.points))
         return found
 
     def settle(self, value: float, closed: float) -> Point | None:
         """The point at a value of the parameter, with the last as first guess."""
         last, sigma = self.points[-1], self.curve.range.sigma(value)
-        u = last.u.copy()
+        here = self.trail.u[-1]
+        u = here.copy()
         if len(self.points) > 1 and self.points[-1].sigma != self.points[-2].sigma:
             gap = (sigma - last.sigma) / (last.sigma - self.points[-2].sigma)
-            u += 0.5 * gap * (last.u - self.points[-2].u)
+            u += 0.5 * gap * (here - self.trail.u[-2])
         u[-1] = sigma
         found = correct(self.curve, u, last.D, np.append(np.zeros(len(u) - 1), 1.0), closed)
         if isinstance(found, Missed):
             return None
         new = point(self.curve, found)
-        self.s.append(self.s[-1] + self.curve.length(new.u - last.u))
+        self.trail.add(found.best, self.curve.length(found.best - here))
         self.points.append(new)
+        self.trail.derive(len(self.points) - 1, new.D)
         return new
 
-    def crossing(self, test: Test) -> SpecialPoint | None:
-        """The special point between the last two points."""
+    def crossing(self, test: Test, i: int) -> SpecialPoint | None:
+        """The special point between point i and the next."""
         curve, neutral = self.curve, self.neutral
-        left, right = self.points[-2:]
+        left, right = self.points[i : i + 2]
 
         def f(at: Point) -> float:
             return value_of(test, kappas(at.multipliers, curve.sign, neutral))
 
-        at = locate(left, right, f, self.between, CLOSE)
+        at = locate(left, right, f, lambda part: self.between(i, part), CLOSE)
         if at is None:
             at = left if abs(f(left)) < abs(f(right)) else right
         kappa = critical(test, kappas(at.multipliers, curve.sign, neutral))
         if kappa is None:
             return None
-        return described(curve, test, kappa, at, len(self.points) - 2, self.turns(left, right))
+        return described(curve, test, kappa, at, i, self.turns(i))
 
-    def turns(self, left: Point, right: Point) -> bool:
-        """Whether the parameter turns about between the last two points."""
-        if len(self.points) < 3:
+    def turns(self, i: int) -> bool:
+        """Whether the parameter turns about between point i and the next."""
+        if i < 1:
             return False
-        before = left.sigma - self.points[-3].sigma
-        step = np.array(self.s[-3:])
-        us = np.array([p.u[-1] for p in self.points[-3:]])[:, None]
-        h = 1e-3 * (step[-1] - step[-2])
-        after = right.sigma - float(_interpolate(step, us, step[-1] - h)[0])
-        return before * (right.sigma - left.sigma) < 0 or before * after < 0
-
-
-def _interpolate(s: Array, values: Array, at: float) -> Array:
-    """The polynomial through (s_i, values_i) at a place; shapes (k,), (k, m) → (m,)."""
-    weights = np.ones(len(s))
-    for i in range(len(s)):
-        for j in range(len(s)):
-            if i != j:
-                weights[i] *= (at - s[j]) / (s[i] - s[j])
-    return np.asarray(weights @ values)
+        sigma, trail = [u[-1] for u in self.trail.u[i - 1 : i + 2]], self.trail
+        h = 1e-3 * (trail.s[i + 1] - trail.s[i])
+        near = interpolate(np.array(trail.s[i - 1 : i + 2]), np.array(sigma)[:, None], trail.s[i + 1] - h)
+        before, after = sigma[1] - sigma[0], sigma[2] - float(near[0])
+        return bool(before * (sigma[2] - sigma[1]) < 0 or before * after < 0)

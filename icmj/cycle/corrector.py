@@ -11,7 +11,8 @@ from icmj.cycle.curve import Curve
 from icmj.cycle.return_map import Lost, Turn
 
 CLOSED = 1e-10  # relative closure
-FLOOR = 1e-12  # below which no further step is tried
+_AT_ONCE = 1e-10  # closure of a prediction that needs no step
+_LAST = 1e-5  # a step that is no longer than this is believed without a flight
 _MOST = 9  # steps
 _FAR = 0.5  # a step longer than this, in units of the state's size, has lost the curve
 
@@ -21,7 +22,8 @@ class Corrected:
     """A point on the curve.
 
     Attributes:
-        u: the point.
+        u: the point, as it was flown.
+        best: the point by what that flight has shown, which none has flown.
         turn: its intervals.
         closure: largest entry of the residual.
         D: derivative of the residual, with Broyden's updates, shape (N, N + 1).
@@ -29,6 +31,7 @@ class Corrected:
     """
 
     u: Array
+    best: Array
     turn: Turn
     closure: float
     D: Array
@@ -65,9 +68,9 @@ def correct(curve: Curve, u: Array, D: Array, row: Array, closed: float = CLOSED
         return Missed(lost, None)
     closure = float(np.abs(r).max())
     for steps in range(_MOST + 1):
-        if closure <= FLOOR or (closure <= closed and steps > 0):
-            break
         du = np.linalg.lstsq(np.vstack([D, row]), np.append(-r, 0.0), rcond=1e-11)[0]
+        if closure <= (closed if steps else _AT_ONCE):
+            break
         if not np.abs(du).max() < _FAR:
             return Missed(None, turn)
         if steps == _MOST:
@@ -75,12 +78,14 @@ def correct(curve: Curve, u: Array, D: Array, row: Array, closed: float = CLOSED
         try:
             r_new, turn_new = curve.residual(u + du)
         except Lost as lost:
-            return Corrected(u, turn, closure, D, steps) if closure <= closed else Missed(lost, turn)
+            return Corrected(u, u, turn, closure, D, steps) if closure <= closed else Missed(lost, turn)
         closure_new = float(np.abs(r_new).max())
         if closure <= closed and closure_new >= 0.5 * closure:
-            break
+            return Corrected(u, u, turn, closure, D, steps)
         if steps > 1 and closure_new > 2 * closure:
             return Missed(None, turn_new)
         D += np.outer(r_new - r - D @ du, du) / (du @ du)
         u, r, turn, closure = u + du, r_new, turn_new, closure_new
-    return Corrected(u, turn, closure, D, steps) if closure <= closed else Missed(None, turn)
+    if closure > closed:
+        return Missed(None, turn)
+    return Corrected(u, u + du if np.abs(du).max() < _LAST else u, turn, closure, D, steps)

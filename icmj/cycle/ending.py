@@ -83,7 +83,7 @@ def _beyond(curve: Curve, at: Point) -> float:
     """How far E has passed zero at the end of the shortest interval, as a time [s]."""
     loop = curve.loop(at.sigma)
     sample = at.samples[int(np.argmin(at.intervals))]
-    E = float(loop.controller.trigger.faces(loop.controller.design).levels(sample.x_h[-1:] - sample.x_o[-1:]).max())
+    E = float(loop.controller.faces.levels(sample.x_h[-1:] - sample.x_o[-1:]).max())
     return max(E, 1e-12) * float(at.intervals.min())
 
 

@@ -16,7 +16,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
 
-ROWS = 4800  # that the longest flight would keep; an interval is a twelfth or a twentieth of it
+ROWS = 4800  # that the longest flight would keep; intervals last a twelfth to a fiftieth of it
 
 
 class Family:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -41,6 +41,7 @@ class Point:
         least: shortest time by which an interval exceeds Δ_min or the delay [s].
         samples: of each interval.
         D: derivative of the residual, shape (N, N + 1).
+        derived: whether J was computed there, and not interpolated.
     """
 
     u: Array
@@ -57,6 +58,7 @@ class Point:
     least: float
     samples: tuple[Sample, ...]
     D: Array
+    derived: bool = True
 
     @property
     def sigma(self) -> float:
@@ -64,24 +66,28 @@ class Point:
         return float(self.u[-1])
 
 
-def point(curve: Curve, found: Corrected, tolerance: float | None = None) -> Point:
+def point(curve: Curve, found: Corrected, tolerance: float | None = None, D: Array | None = None) -> Point:
     """All that is told of a point that was found.
 
     Args:
         curve: the equation.
         found: the point.
         tolerance: of the flow's derivative; by default as fine as Newton's method needs for the next one.
+        D: derivative of the residual where it is interpolated, shape (N, N + 1); computed by default.
     """
     if tolerance is None:
         tolerance = ROUGH if np.abs(found.D).max() < _STEEP else FINE
+    derived = D is None
     loop = curve.loop(float(found.u[-1]))
     unit, turn = curve.unit(loop), found.turn
     courses = courses_of(loop, turn)
-    J = fast_jacobian(loop, turn, unit, courses, tolerance)
+    if D is None:
+        J = fast_jacobian(loop, turn, unit, courses, tolerance)
+        D = found.D.copy()
+        D[:, :-1] = curve.sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit))
+    else:
+        J = map_of(curve, D)
     samples = tuple(along.sample(along.cuts[-1] * np.linspace(0, 1, NODES) ** EARLY) for along in courses)
-    D = found.D.copy()
-    D[:, :-1] = curve.sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit))
-    values = np.linalg.eigvals(J).astype(complex)
     peak, spread = extent(turn, curve.sign)
     return Point(
         u=found.u,
@@ -91,7 +97,7 @@ def point(curve: Curve, found: Corrected, tolerance: float | None = None) -> Poi
         y_peak=peak,
         y_range=spread,
         J=J,
-        multipliers=values[np.lexsort((-values.imag, -np.round(np.abs(values), 12)))],
+        multipliers=eigenvalues(J),
         closure=found.closure,
         graze=max(_graze(loop, sample) for sample in samples),
         slope=min(
@@ -101,12 +107,38 @@ def point(curve: Curve, found: Corrected, tolerance: float | None = None) -> Poi
         least=float(turn.intervals.min()) - loop.controller.least,
         samples=samples,
         D=D,
+        derived=derived,
     )
+
+
+def derived(curve: Curve, at: Point) -> Point:
+    """The point with its derivative computed, flown again."""
+    _, turn = curve.residual(at.u)
+    return point(curve, Corrected(at.u, at.u, turn, at.closure, at.D, 0))
+
+
+def redone(curve: Curve, at: Point, D: Array) -> Point:
+    """The point with its derivative interpolated anew."""
+    J = map_of(curve, D)
+    return replace(at, D=D, J=J, multipliers=eigenvalues(J))
+
+
+def map_of(curve: Curve, D: Array) -> Array:
+    """DP^p by the derivative of the residual, shape (N, N)."""
+    scale = curve.scale
+    J: Array = curve.sign * (D[:, :-1] + np.eye(len(scale))) * (scale[:, None] / scale[None, :])
+    return J
+
+
+def eigenvalues(J: Array) -> NDArray[np.complex128]:
+    """By falling magnitude, shape (N,)."""
+    values = np.linalg.eigvals(J).astype(complex)
+    return values[np.lexsort((-values.imag, -np.round(np.abs(values), 12)))]
 
 
 def _graze(loop: ReturnMap, sample: Sample) -> float:
     """The highest maximum of max_j E_j inside the time in which it is watched."""
-    faces = loop.controller.trigger.faces(loop.controller.design)
+    faces = loop.controller.faces
     E = faces.levels(sample.x_h - sample.x_o).max(axis=1)
     watched = sample.t >= loop.controller.least
     E = E[watched]
@@ -120,7 +152,7 @@ def _graze(loop: ReturnMap, sample: Sample) -> float:
 
 def _slope(loop: ReturnMap, sample: Sample, rate: Array, interval: float) -> float:
     """Δ dE/dt on the active face at the end."""
-    faces = loop.controller.trigger.faces(loop.controller.design)
+    faces = loop.controller.faces
     e = sample.x_h[-1] - sample.x_o[-1]
     n, n_hat = loop.linear.n, len(e)
     e_rate = rate[n + n_hat : n + 2 * n_hat] - rate[n : n + n_hat]

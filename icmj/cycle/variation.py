@@ -92,7 +92,7 @@ def derivative(loop: ReturnMap, along: Course, tolerance: float = TOLERANCE) -> 
         flow = _flow(along, part, low, high, tolerance) @ flow
     if not loop.collapsed(along.cuts[-1]):
         end = along.sample(np.array([along.cuts[-1]]))
-        faces, layout = loop.controller.trigger.faces(loop.controller.design), layout_of(loop.controller)
+        faces, layout = loop.controller.faces, layout_of(loop.controller)
         gradient = np.zeros(len(flow))
         g = faces.gradient(end.x_h[0] - end.x_o[0])
         gradient[n:][layout["x_o"]], gradient[n:][layout["x_h"]] = -g, g

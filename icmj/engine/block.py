@@ -164,13 +164,18 @@ def pack(
     return np.concatenate([header, *(np.ravel(parts[name]) for _, name, _ in PARTS)])
 
 
+def numbers_of(model: mujoco.MjModel) -> Array:
+    """The data of the last numeric in ``model``, which in a composed one is the controller; a view."""
+    start, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
+    return np.asarray(model.numeric_data[start : start + size])
+
+
 def block_of(model: mujoco.MjModel) -> Block | None:
     """The controller in ``model``, or ``None`` where the model is not a composed one."""
     if model.nnumeric == 0:
         return None
-    start, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
-    data = model.numeric_data[start : start + size]
-    if size < HEADER or data[Slot.MAGIC] != MAGIC or data[Slot.VERSION] != VERSION:
+    data = numbers_of(model)
+    if len(data) < HEADER or data[Slot.MAGIC] != MAGIC or data[Slot.VERSION] != VERSION:
         return None
     parts = {}
     for slot, name, shape in PARTS:

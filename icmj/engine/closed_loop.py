@@ -15,9 +15,9 @@ from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of
 from icmj.engine import reference
 from icmj.engine.adaptive import AdaptiveLoop
-from icmj.engine.block import Block, Slot, block_of
+from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import compose, recompose
+from icmj.engine.composition import compose, repack
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker, Find, extremes
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
@@ -95,6 +95,7 @@ class ComposedLoop:
         errors: of its outputs as the observer reads them.
         model: the composed model.
         native: whether runs use the compiled callbacks and loop, or the plain-Python ones.
+        numbers: the controller's own, where the model is another loop's and holds that one's between runs.
     """
 
     plant: MujocoPlant
@@ -103,6 +104,7 @@ class ComposedLoop:
     errors: Disturbance
     model: mujoco.MjModel
     native: bool
+    numbers: Array | None = None
 
     @cached_property
     def block(self) -> Block:
@@ -112,16 +114,22 @@ class ComposedLoop:
         return block
 
     def again(self, plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop | None:
-        """Like :func:`close_loop`, without compiling; ``None`` where the model has to be another.
+        """Like :func:`close_loop`, on the same model, which is lent to it for its runs; for the same thread.
+
+        Returns:
+            the loop, or ``None`` where its model has to be another.
 
         Raises:
             ModelError, SimulationError: as there.
         """
-        if plant.spec is not self.plant.spec:
+        alike = plant.spec is self.plant.spec and settings.native == self.native
+        if not alike or _integrator(plant, settings) != self.model.opt.integrator:
             return None
         acting = _acting(plant, settings)
-        model = recompose(self.model, plant, controller, *acting)
-        return None if model is None else _composed(plant, controller, settings, acting, model)
+        numbers = repack(self.model, plant, controller, *acting)
+        if numbers is None:
+            return None
+        return ComposedLoop(plant, controller, *acting, self.model, self.native, numbers)
 
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
@@ -244,13 +252,15 @@ class ComposedLoop:
     @contextmanager
     def lent(self) -> Iterator[None]:
         """Put back on leaving what a loop changes in the model."""
-        timestep, block = self.model.opt.timestep, self.block
-        phase = block.header[Slot.PHASE]
+        timestep, here = self.model.opt.timestep, numbers_of(self.model)
+        held = here.copy()
+        if self.numbers is not None:
+            here[:] = self.numbers
         try:
             yield
         finally:
             self.model.opt.timestep = timestep
-            block.header[Slot.PHASE] = phase
+            here[:] = held
 
     def departures(self, rows: Array) -> States:
         """Recorded rows as departures from the operating point."""
@@ -282,24 +292,18 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         SimulationError: if a disturbance names an unknown input or output.
     """
     acting = _acting(plant, settings)
-    return _composed(plant, controller, settings, acting, compose(plant, controller, *acting))
+    model = compose(plant, controller, *acting)
+    model.opt.integrator = _integrator(plant, settings)
+    return ComposedLoop(plant, controller, *acting, model, settings.native)
+
+
+def _integrator(plant: MujocoPlant, settings: Settings) -> int:
+    if settings.integrator is None:
+        return int(plant.spec.option.integrator)
+    return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
 
 
 def _acting(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance]:
     """What the settings let act on the inputs, and on what is read of the outputs."""
     names = plant.linearisation.plant
     return disturbance_of(settings.disturbance, names.inputs), reading_error_of(settings.disturbance, names.outputs)
-
-
-def _composed(
-    plant: MujocoPlant,
-    controller: Controller,
-    settings: Settings,
-    acting: tuple[Disturbance, Disturbance],
-    model: mujoco.MjModel,
-) -> ComposedLoop:
-    integrator = plant.spec.option.integrator
-    if settings.integrator is not None:
-        integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}")
-    model.opt.integrator = integrator
-    return ComposedLoop(plant, controller, *acting, model, settings.native)

@@ -17,7 +17,6 @@ and by the outputs with their errors, which the plant does not feel.
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 
 import mujoco
@@ -25,7 +24,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, Realisation, realise
-from icmj.engine.block import pack
+from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
@@ -80,30 +79,22 @@ def compose(
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
-def recompose(
-    model: mujoco.MjModel,
-    plant: MujocoPlant,
-    controller: Controller,
-    disturbance: Disturbance,
-    errors: Disturbance,
-) -> mujoco.MjModel | None:
-    """A copy of a composed ``model`` of the same spec with another controller or gain in it, which compiles nothing.
+def repack(
+    model: mujoco.MjModel, plant: MujocoPlant, controller: Controller, disturbance: Disturbance, errors: Disturbance
+) -> Array | None:
+    """What a composed ``model`` of the same spec would hold of another controller or gain: its numeric's data.
 
     Returns:
-        the copy, or ``None`` where the controller takes another room.
+        the data; ``None`` where they would not lie alike, number for number and zero for zero.
 
     Raises:
         ModelError: as for :func:`compose`.
     """
-    controls = realise(controller)
+    controls, held = realise(controller), numbers_of(model)
     _check(model, model_name(model), plant, controller)
-    data = _packed(model, model.nu - 1, model.na - controls.layout.size, plant, controls, disturbance, errors)
-    at, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
-    if len(data) != size or int(model.actuator_actnum[-1]) != controls.layout.size:
-        return None
-    again = copy(model)
-    again.numeric_data[at : at + size] = data
-    return again
+    na = int(model.na - model.actuator_actnum[-1])
+    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors)
+    return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
 
 
 def _packed(

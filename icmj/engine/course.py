@@ -17,7 +17,7 @@ from icmj.errors import SimulationError
 from icmj.simulation.course import Sample
 
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
-_FEW = 100  # with fewer it is flown again
+_FEW = 90  # with fewer it is flown again
 EPS = 1e-5  # half the distance of a difference; see icmj.engine.linearisation
 EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 
@@ -52,12 +52,13 @@ class EngineCourse:
             here = (rows[:, 0] >= low - 1e-12) & (rows[:, 0] <= high + 1e-12)
             t, values = np.clip(rows[here, 0], low, high), rows[here, 1:]
             kept = np.concatenate([[True], np.diff(t) > 1e-12])
+            thin = max(len(t) // ROWS, 1)
+            kept[1:-1] &= np.arange(1, len(t) - 1) % thin == 0
             splines.append(CubicSpline(t[kept], values[kept]))
         self._splines = splines
         self._data = flight.data
-        with self._lent():
-            self._place(self._whole(np.array([length]), len(splines) - 1)[0])
-            self.rate = self._rate()
+        last = self._whole(np.array([length]), len(splines) - 1)[:, : self._nq + self._nv + len(self._data.act)]
+        self.rate = self._rates(last, np.zeros((1, last.shape[1])))[0, 0]
 
     def _holds(self, a: Array) -> list[tuple[float, Array]]:
         """When and from where the hold runs free, one entry for each part."""
@@ -93,17 +94,6 @@ class EngineCourse:
             mujoco.mj_resetData(self.loop.model, self._data)
             yield
 
-    def _place(self, row: Array) -> None:
-        data, nq, nv = self._data, self._nq, self._nv
-        data.qpos[:], data.qvel[:], data.act[:] = row[:nq], row[nq : nq + nv], row[nq + nv : nq + nv + len(data.act)]
-
-    def _rate(self) -> Array:
-        """d/dt of (x, a) where the data stand."""
-        data = self._data
-        mujoco.mj_forward(self.loop.model, data)
-        x = np.concatenate([data.qvel, data.qacc, data.act_dot[: self._act.start]])
-        return np.concatenate([x[self._kept], data.act_dot[self._act]])
-
     def sample(self, t: Array) -> Sample:
         """What it does at times within it."""
         loop, parts = self.loop, self._part(t)
@@ -116,41 +106,50 @@ class EngineCourse:
         """F by centred differences of the closed loop's right-hand side."""
         kept, K = self._kept, self._controls.K
         n, size = len(kept), len(kept) + K.shape[1]
-        rows = self._whole(t, part)
-        # directions of a that move one input each
-        push = np.asarray(np.linalg.pinv(K), float)
+        rows = self._whole(t, part)[:, : self._nq + self._nv + len(self._data.act)]
         first = self._nq + self._nv + self._act.start
-        a = rows[:, first : first + K.shape[1]]
-        reach = EPS_U * np.maximum(np.abs(a @ K.T).max(axis=0), 1e-6 * max(float(np.abs(a @ K.T).max()), 1e-300))
+        u = rows[:, first : first + K.shape[1]] @ K.T
+        reach = EPS_U * np.maximum(np.abs(u).max(axis=0), 1e-6 * max(float(np.abs(u).max()), 1e-300))
+        # moves: along each state, and along directions of a that move one input each
+        moves = np.zeros((n + len(reach), rows.shape[1]))
+        moves[:n] = EPS * self._unit(kept)
+        moves[n:, first : first + K.shape[1]] = (np.linalg.pinv(K) * reach).T
+        ends = self._rates(rows, np.stack([moves, -moves], axis=1).reshape(-1, rows.shape[1]))
+        slopes = (ends[:, 0::2] - ends[:, 1::2]) / (2 * np.append(np.full(n, EPS), reach))[:, None]
         F = np.zeros((len(t), size, size))
-        with self._lent():
-            for F_t, row in zip(F, rows, strict=True):
-                for j, state in enumerate(kept):
-                    F_t[:, j] = self._slope(row, int(state), None, EPS)
-                for i in range(K.shape[0]):
-                    column = self._slope(row, -1, push[:, i], float(reach[i]))
-                    F_t[:n, n:] += np.outer(column[:n], K[i])
-                F_t[n:, n:] = self._controls.M
+        F[:, :, :n] = slopes[:, :n].transpose(0, 2, 1)
+        F[:, :n, n:] = np.einsum("tij,ik->tjk", slopes[:, n:, :n], K)
+        F[:, n:, n:] = self._controls.M
         return F
 
-    def _slope(self, row: Array, state: int, direction: Array | None, eps: float) -> Array:
-        """One column of F: along a state of the model, or a direction of the controller's."""
-        data, nv = self._data, self._nv
-        ends = []
-        for sign in (1, -1):
-            self._place(row)
-            if direction is not None:
-                data.act[self._act] += sign * eps * direction
-            elif state < nv:
-                move = np.zeros(nv)
-                move[state] = sign * eps
-                mujoco.mj_integratePos(self.loop.model, data.qpos, move, 1.0)
-            elif state < 2 * nv:
-                data.qvel[state - nv] += sign * eps
-            else:
-                data.act[state - 2 * nv] += sign * eps
-            ends.append(self._rate())
-        return (ends[0] - ends[1]) / (2 * eps)
+    def _unit(self, kept: np.ndarray) -> Array:
+        """Moves of (qpos, qvel, act) along states of the model; of joints that turn freely the position's are left."""
+        nq, nv = self._nq, self._nv
+        unit = np.zeros((len(kept), nq + nv + len(self._data.act)))
+        for j, state in enumerate(kept):
+            if state >= nv or nq == nv:
+                unit[j, state + nq - nv] = 1.0
+        return unit
+
+    def _rates(self, rows: Array, moves: Array) -> Array:
+        """d/dt of (x, a) at all ``rows``, moved by each of ``moves``; shapes (T, w), (m, w) → (T, m, n + N_a)."""
+        model, data, nq, nv = self.loop.model, self._data, self._nq, self._nv
+        rates = np.zeros((len(rows), len(moves), 2 * nv + len(data.act)))
+        turning = () if nq == nv else [j for j, state in enumerate(self._kept) if state < nv]
+        with self._lent():
+            for row, out in zip(rows, rates, strict=True):
+                at = row + moves
+                for j in turning:
+                    for sign, place in ((1, at[2 * j]), (-1, at[2 * j + 1])):
+                        move = np.zeros(nv)
+                        move[self._kept[j]] = sign * EPS
+                        mujoco.mj_integratePos(model, place[:nq], move, 1.0)
+                for place, rate in zip(at, out, strict=True):
+                    data.qpos[:], data.qvel[:], data.act[:] = place[:nq], place[nq : nq + nv], place[nq + nv :]
+                    mujoco.mj_forward(model, data)
+                    rate[:nv], rate[nv : 2 * nv], rate[2 * nv :] = data.qvel, data.qacc, data.act_dot
+        x, a = rates[..., : 2 * nv + self._act.start], rates[..., 2 * nv :]
+        return np.concatenate([x[..., self._kept], a[..., self._act]], axis=-1)
 
 
 def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:

@@ -10,11 +10,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, start_state
 from icmj.engine.callbacks import installed
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, Loop, close_loop
 from icmj.engine.extremes import ExtremesTracker
 from icmj.engine.fault import EngineFault
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.recording import Status, recording
+from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import schedule_of
 from icmj.simulation.interval import OpenLoopInterval, one_in_flight
@@ -27,20 +27,24 @@ class EngineOpenLoop:
     """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
 
     def __init__(
-        self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, data: mujoco.MjData | None = None
+        self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, like: EngineOpenLoop | None = None
     ) -> None:
         """Make ready to fly; flights keep a row ``every`` so many seconds, none by default.
 
-        ``data`` may be those of another flight of the same model, in the same thread.
+        ``like`` may be one of the same model, for the same thread: they share their room.
         """
         one_in_flight(loop.controller)
         self.loop = loop
         self.schedule = replace(schedule, events=1, record_interval=every)
-        self.data = mujoco.MjData(loop.model) if data is None else data
-        self._record = recording(CHUNK, loop.model.nsensordata, loop.width)
+        self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
+        self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._use = loop.implementation(schedule.tolerance > 0)
+        point = loop.plant.linearisation.point.qpos
+        method = (schedule.tolerance > 0, schedule.order)
+        if like is not None and loop.native and method == (like.schedule.tolerance > 0, like.schedule.order):
+            self._steps: Loop = like._steps.rescheduled(self.schedule, point)  # type: ignore[attr-defined]
+            return
         with installed(*self._use.callbacks), loop.lent():
-            point = loop.plant.linearisation.point.qpos
             self._steps = self._use.loop(loop.model, self.data, self.schedule, point)
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
@@ -108,4 +112,4 @@ class OpenLoops:
         if first is None or loop is None:
             self._first = open_loop(plant, controller, settings, every)
             return self._first
-        return EngineOpenLoop(loop, schedule_of(loop, settings), every, first.data)
+        return EngineOpenLoop(loop, schedule_of(loop, settings), every, first)

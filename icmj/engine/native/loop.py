@@ -9,6 +9,7 @@ wrong comes back as a status.
 
 from __future__ import annotations
 
+from copy import copy as copy_of
 from functools import cache
 from typing import Any
 
@@ -160,6 +161,14 @@ class NativeLoop:
         self._can_fault = can_fault(model)
         self.begin()
         _verify(data, block)
+
+    def rescheduled(self, schedule: Schedule, qpos_0: Array) -> NativeLoop:
+        """The same room for runs by another schedule of the same order; for the same thread."""
+        twin = copy_of(self)
+        engine, _, *room = self._run
+        twin._schedule = schedule
+        twin._run = engine, plan_of(schedule, qpos_0, self._model), *room  # type: ignore[assignment]
+        return twin
 
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
