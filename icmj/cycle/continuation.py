@@ -25,7 +25,7 @@ from icmj.cycle.point import FINE, Point, derived, point, redone
 from icmj.cycle.trail import Trail, interpolate
 
 _SPARSE = 4  # points from one derivative to the next, at most
-_TRUE, _FALSE = 1e-3, 2e-2  # relative errors of an extrapolated derivative for the next to be further, or nearer; an
+_TRUE, _FALSE = 1e-4, 1e-3  # relative errors of an extrapolated derivative for the next to be further, or nearer; an
 # interpolated one is a thousand times as good
 _ANEW = 3  # gaps between known derivatives in which they are interpolated anew when a further one is known
 _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves the step as it is

@@ -19,7 +19,7 @@ from icmj.simulation.course import Sample
 NODES = 97  # at which an interval is kept
 EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes
 _STEEP = 30.0  # derivative of the map from which on it has to be known better
-ROUGH, FINE = 1e-4, 1e-6  # before the last extrapolation: along a branch, and where a special point is located
+ROUGH, FINE = 1e-5, 1e-6  # before the last extrapolation: along a branch, and where a special point is located
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,7 +87,7 @@ class Trail:
         recent = min(len(self), _FIRST + 1)
         s, u = np.array(self.s[-recent:]), np.array(self.u[-recent:])
         h = 1e-3 * (s[-1] - s[-2])
-        return np.asarray((u[-1] - interpolate(s, u, s[-1] - h)) / h)
+        return np.asarray((interpolate(s, u, s[-1] + h) - interpolate(s, u, s[-1] - h)) / (2 * h))
 
     def _ahead(self, degree: int, s: float) -> Array:
         return interpolate(np.array(self.s[-degree - 1 :]), np.array(self.u[-degree - 1 :]), s)

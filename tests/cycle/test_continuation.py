@@ -176,3 +176,17 @@ def test_the_three_link_person_sways_up_to_half_a_radian_of_threshold() -> None:
 def test_what_is_no_parameter_is_refused(name: str, to: float, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         follow(load_run(RUNS / "simple-0.8.toml"), name, to, plant="linear", points=5)
+
+
+@pytest.mark.parametrize(("name", "parameter", "to"), [("three-link-0.9", "b", 0.85), ("neglected-0.5", "q_t", 0.2)])
+def test_multipliers_that_are_interpolated_are_those_of_the_cycles(name: str, parameter: str, to: float) -> None:
+    """At every fifth cycle of a branch on MuJoCo, against differences of flights."""
+    found = branch(name, parameter, to, points=30)
+    assert found.closure.max() <= 1e-10
+    for i in range(3, len(found), 5):
+        key = {"b": "actual__gain", "q_t": "controller__q_t"}[parameter]
+        loop = return_map(case(name, **{key: float(found.value[i])}), "mujoco")
+        scale = found.scale * (found.value[i] / found.value[0] if parameter == "q_t" else 1.0)
+        values = np.linalg.eigvals(jacobian(loop, found.states[i, 0], scale).J)
+        largest = np.sort(np.abs(values))[::-1]
+        np.testing.assert_allclose(np.abs(found.multipliers[i])[:2], largest[:2], atol=2e-4)
