@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from icmj.cycle.crossing import Test, critical, crossed, described, kappas, loca
 from icmj.cycle.curve import Curve
 from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
 from icmj.cycle.point import FINE, Point, derived, point, redone
+from icmj.cycle.return_map import Lost
 from icmj.cycle.trail import Trail, interpolate
 
 _SPARSE = 4  # points from one derivative to the next, at most
@@ -32,7 +34,7 @@ _GOOD = 0.02  # error of a prediction, in units of the state's size, that leaves
 _JUMP = 0.3  # relative change of an interval that no step of a smooth branch makes
 _ACROSS = 0.2  # below this part of the parameter in the tangent, a step is measured along the curve
 _AHEAD = 0.8  # least cosine of the angle between two steps
-_ROUNDING = 1e-14  # relative, of a flight's end, before the map magnifies it
+_ROUNDING = 3e-14  # relative, of what the map magnifies in a flight
 _AGAIN = 1.15  # growth of an interval after which it is asked anew whether it is without bound
 _LEAST = 1e-9  # step
 _MOST = 600  # points
@@ -161,7 +163,7 @@ class _Walker:
     @staticmethod
     def closed(near: Point) -> float:
         """Closure that is enough: a map that magnifies what it rounds cannot be asked for more."""
-        return max(CLOSED, _ROUNDING * float(np.abs(near.D).max()))
+        return max(CLOSED, _ROUNDING * float(np.abs(near.D[:, :-1]).max()))
 
     def jumped(self, intervals: Array, u: Array) -> bool:
         """Whether another cycle was found, or events have changed places."""
@@ -192,7 +194,7 @@ class _Walker:
         self.ending = (
             passed(curve, self.points, lambda part: self.between(last, part))
             or self.without_bound()
-            or worn_out(curve, self.points, self.closed(new))
+            or worn_out(curve, self.points, self.closed(self.points[-1]))
         )
 
     def derived(self) -> None:
@@ -227,6 +229,12 @@ class _Walker:
         D, slope = new.D.copy(), self.trail.slope()
         if abs(slope[-1]) > 0.02:
             D[:, -1] = -D[:, :-1] @ slope[:-1] / slope[-1]
+            return D
+        ahead = new.u.copy()
+        ahead[-1] += 0.1 * (new.sigma - self.points[-2].sigma) or 1e-6
+        with suppress(Lost):
+            there, here = (self.curve.residual(u)[0] for u in (ahead, new.u))
+            D[:, -1] = (there - here) / (ahead[-1] - new.sigma)
         return D
 
     def between(self, i: int, part: float) -> Point | None:

@@ -18,7 +18,8 @@ _NEAR = 0.02  # an inner maximum of E this close to zero, relative to the thresh
 _GROWN = 2.5  # times the shortest so far: from here on an interval is suspected of growing without bound
 _SHRINK = 5.0  # by which the distance to a homoclinic point falls in a step
 _APART = 0.03  # relative, of the intervals of points that a homoclinic one is estimated from
-_WORN = 5e-10  # a closure that cannot be undercut any more
+_WORN = 2e-9  # a closure that cannot be undercut any more
+_TOWARDS = 0.5  # of the way left, by which two successive guesses of where it leads to may differ
 _AGREE = 0.02  # relative, of two successive estimates of μ
 _LOOSE = 1e-7  # closure there: rounding grows with the interval as the plant's fastest mode does
 
@@ -133,7 +134,9 @@ def worn_out(curve: Curve, points: Sequence[Point], closed: float) -> Ending | N
     if closed < _WORN or len(points) < 5 or touching(points) or longest[-1] < _GROWN * longest.min():
         return None
     last, name = points[-1], curve.family.parameter.name
-    guess = _limit(points) if longest[-1] > longest[-4] else None
+    guess, before = (_limit(upto) if longest[-1] > longest[-4] else None for upto in (points, points[:-1]))
+    if guess and (before is None or abs(guess[0] - before[0]) > _TOWARDS * abs(guess[0] - last.value)):
+        guess = None
     towards = "" if guess is None else f", growing without bound towards about {name} = {guess[0]:.6g}"
     words = (
         f"At {name} = {last.value:.8g} an interval has grown to {longest[-1]:.4g} s{towards}; over so long a "

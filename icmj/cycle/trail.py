@@ -11,8 +11,9 @@ import numpy as np
 from icmj.base.array import Array
 
 _FIRST, _HIGHEST = 4, 13  # degrees: up to which nothing is asked, and the highest
+_FEW = 3  # derivatives that are all taken
 _RECENT = 2  # points that judge a degree
-_BENDING = 8  # points through which the derivative is interpolated
+_BENDING = 8  # points through which the derivative is interpolated, at most
 
 
 class Trail:
@@ -30,6 +31,7 @@ class Trail:
         self.known: list[int] = []
         self.D: list[Array] = []
         self._errors: list[Array] = []  # of the last points, by degree
+        self._wrong: list[Array] = []  # of the last derivatives, by how many points gave them
 
     def __len__(self) -> int:
         return len(self.s)
@@ -52,6 +54,10 @@ class Trail:
 
     def derive(self, i: int, D: Array) -> None:
         """The derivative at a point beyond those at which it is known."""
+        errors = np.full(_BENDING + 1, np.inf)
+        for count in range(2, min(len(self.known), _BENDING) + 1):
+            errors[count] = np.abs(self._flat(self.s[i], count) - D.reshape(-1)).max()
+        self._wrong = [*self._wrong[1 - _RECENT :], errors]
         self.known.append(i)
         self.D.append(D)
 
@@ -70,11 +76,16 @@ class Trail:
         return self._ahead(self.degree, self.s[-1] + ds)
 
     def derivative(self, s: float) -> Array:
-        """D at a length s, from those that are known near it."""
-        nearest = np.sort(np.argsort(np.abs(np.array([self.s[i] for i in self.known]) - s))[:_BENDING])
+        """D at a length s, from those that are known near it: as many as would have given the last ones best."""
+        count = len(self.known)
+        if count > _FEW:
+            count = int(np.argmin(np.max(self._wrong, axis=0)))
+        return self._flat(s, count).reshape(self.D[-1].shape)
+
+    def _flat(self, s: float, count: int) -> Array:
+        nearest = np.sort(np.argsort(np.abs(np.array([self.s[i] for i in self.known]) - s))[:count])
         where = np.array([self.s[self.known[j]] for j in nearest])
-        flat = np.array([self.D[j].reshape(-1) for j in nearest])
-        return interpolate(where, flat, s).reshape(self.D[-1].shape)
+        return interpolate(where, np.array([self.D[j].reshape(-1) for j in nearest]), s)
 
     def between(self, i: int, s: float) -> Array:
         """The point at a length s between points i and i + 1."""
