@@ -34,6 +34,18 @@ def halves(degree: int) -> tuple[Array, Array]:
     return left, left[::-1, ::-1].copy()
 
 
+@lru_cache(maxsize=256)
+def beginning(degree: int, end: float) -> Array:
+    """De Casteljau's matrix from the coefficients on [0, 1] to those on [0, end]."""
+    i, j = np.arange(degree + 1)[:, None], np.arange(degree + 1)
+    return _binomials(degree) * end**j * (1 - end) ** np.maximum(i - j, 0)
+
+
+@lru_cache(maxsize=64)
+def _binomials(degree: int) -> Array:
+    return np.array([[comb(i, j) for j in range(degree + 1)] for i in range(degree + 1)], dtype=float)
+
+
 def evaluate(powers: Array, theta: float) -> float:
     """Σ a_j θ^j by Horner's rule."""
     value = 0.0

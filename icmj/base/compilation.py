@@ -50,17 +50,30 @@ def entry(function: Callable[..., Any]) -> Any:
 WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
+def known(dispatcher: Any) -> bool:
+    """Whether this machine has compiled ``dispatcher`` before, or has nowhere to keep it."""
+    folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
+    kept = f"{Path(code.co_filename).stem}.*-{code.co_firstlineno}.*.nbi"
+    return bool(dispatcher.overloads) or not folder.is_dir() or any(folder.glob(kept))
+
+
 @contextmanager
 def alone(dispatcher: Any) -> Iterator[None]:
     """While ``dispatcher`` is compiled for the first time on this machine others wait, and find it on disk."""
     with ExitStack() as held:
-        if not dispatcher.overloads and fcntl is not None:
-            folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
-            stem = Path(code.co_filename).stem
-            if folder.is_dir() and not any(folder.glob(f"{stem}.*-{code.co_firstlineno}.*.nbi")):
-                with suppress(OSError):  # no right, or a file system without locks: each process compiles
-                    fcntl.flock(held.enter_context((folder / f"{stem}.lock").open("w")), fcntl.LOCK_EX)
+        if fcntl is not None and not known(dispatcher):
+            lock = Path(dispatcher.stats.cache_path) / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.lock"
+            with suppress(OSError):  # no right, or a file system without locks: each process compiles
+                fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
         yield
+
+
+def called(dispatcher: Any, *arguments: Any) -> Any:
+    """``dispatcher(*arguments)``, compiled by one process for all."""
+    if dispatcher.overloads:
+        return dispatcher(*arguments)
+    with alone(dispatcher):
+        return dispatcher(*arguments)
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -8,6 +8,7 @@ into d), so that the interval can grow without bound as it should.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -56,7 +57,7 @@ class LinearLoop:
         states = self.plant.states
         return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(self.n))
 
-    @property
+    @cached_property
     def layout(self) -> Layout:
         """The segments of z."""
         return Layout.of(x=self.n, d=self.n_hat, e=self.n_hat)
@@ -65,17 +66,21 @@ class LinearLoop:
         """z from (x, x_o, x_h)."""
         return self.layout.join(x=x, d=x_o - self.T_hat @ x, e=x_h - x_o)
 
+    @cached_property
+    def _segments(self) -> tuple[slice, slice, slice]:
+        return self.layout["x"], self.layout["d"], self.layout["e"]
+
     def x(self, Z: Array) -> Array:
         """Plant state, last axis; any leading shape."""
-        return Z[..., self.layout["x"]]
+        return Z[..., self._segments[0]]
 
     def x_o(self, Z: Array) -> Array:
         """Observer state."""
-        return Z[..., self.layout["d"]] + self.x(Z) @ self.T_hat.T
+        return Z[..., self._segments[1]] + self.x(Z) @ self.T_hat.T
 
     def e(self, Z: Array) -> Array:
         """Hold error e_hp = x_h − x_o."""
-        return Z[..., self.layout["e"]]
+        return Z[..., self._segments[2]]
 
     def x_h(self, Z: Array) -> Array:
         """Hold state."""
@@ -84,7 +89,7 @@ class LinearLoop:
     def reset(self, z: Array, x_h: Array | None = None) -> Array:
         """z right after x_h was set to a prediction, or to x_o."""
         after = z.copy()
-        after[self.layout["e"]] = 0 if x_h is None else x_h - self.x_o(z)
+        after[self._segments[2]] = 0 if x_h is None else x_h - self.x_o(z)
         return after
 
 

@@ -46,9 +46,10 @@ class Passage:
 
     def __init__(self, stage: Stage, interval: float = np.inf) -> None:
         """Lay out ``stage``, to be recorded every ``interval`` seconds, or not at all."""
+        from icmj.base.compilation import called
         from icmj.linear.native.march import march
 
-        self.stage, self._march = stage, march()
+        self.stage, self._march, self._call = stage, march(), called
         loop, watch = stage.loop, stage.stretches[0][1]
         controller, h = loop.controller, watch.propagator.h
         self._sizes, self._plan = _plan(stage, watch, interval)
@@ -132,9 +133,8 @@ class Passage:
         """Go on for a while, to so many events at most; why it stopped, and how many rows and events it recorded."""
         counts = self._counts
         counts[Count.ROWS] = counts[Count.EVENTS] = 0
-        status = self._march(
-            self._sizes, self._cuts, self._plan, self._now, counts, self.rows_t, self.rows_z, self.events, events
-        )
+        buffers = self.rows_t, self.rows_z, self.events
+        status = self._call(self._march, self._sizes, self._cuts, self._plan, self._now, counts, *buffers, events)
         return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])
 
     def last_event(self) -> tuple[float, Array, Array, Array]:

@@ -110,17 +110,16 @@ class Propagator:
     def within(self, Z: Array, theta: Array) -> Array:
         """The state at fractions ``theta`` (S,) of the steps that start at ``Z`` (S, m); shape (S, m)."""
         if not len(self._omega):
-            result = Z
-            for j in range(self.degree, 0, -1):
-                result = Z + (theta / j)[:, None] * (result @ self._generator.T)
-            return result
+            terms = (self._series.reshape(-1, self.size) @ Z.T).reshape(self.degree + 1, -1, len(Z))
+            return np.asarray(np.einsum("ds,dns->sn", theta ** np.arange(self.degree + 1)[:, None], terms))
         n, K = self._n, len(self._omega)
-        moved = np.zeros((len(Z), n))
+        moved = np.zeros((n, len(Z)))
         for terms in (self._series.reshape(-1, self.size) @ Z.T).reshape(self.degree + 1, n, len(Z))[::-1]:
-            moved = moved * theta[:, None] + terms.T
+            moved *= theta
+            moved += terms
         cos, sin = np.cos(theta[:, None] * self._angle), np.sin(theta[:, None] * self._angle)
         a, b = Z[:, n : n + K], Z[:, n + K :]
-        return np.hstack([moved, cos * a - sin * b, sin * a + cos * b])
+        return np.hstack([moved.T, cos * a - sin * b, sin * a + cos * b])
 
     def powers_of(self, C: Array) -> Array:
         """Maps the state at a step's start to the power coefficients of C z(θ); shape (degree + 1, rows of C, m).

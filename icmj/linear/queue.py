@@ -12,6 +12,8 @@ from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.controller.delay import SAME, predictor
 
+_DIGITS = 1e12  # times are told apart to this part of a second
+
 
 class Pending(NamedTuple):
     """A prediction: when its event was [s], and the state foreseen, shape (n̂,)."""
@@ -30,9 +32,8 @@ class Queue:
 
     def take_up(self, t: float, x_o: Array, x_h: Array) -> None:
         """An event at ``t``: foresee the state at its action."""
-        times = tuple(
-            round(time, 12) for time in self.controller.delay.expected([t - p.event for p in self._under_way])
-        )
+        waited = self.controller.delay.expected([t - p.event for p in self._under_way])
+        times = tuple(int(time * _DIGITS + 0.5) / _DIGITS for time in waited)
         expected = list(self._under_way)[len(self._under_way) - len(times) :]
         E_p = self._predictor(times)
         self._under_way.append(Pending(t, E_p @ np.concatenate([x_o, x_h, *(p.x_p for p in expected)])))

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.bernstein import first_root, largest
+from icmj.base.bernstein import beginning, first_root, largest
 from icmj.linear.closed_loop import LinearLoop
 from icmj.linear.propagator import Propagator
 
@@ -139,13 +139,16 @@ class Watch:
         return kind, first
 
     def _extremes(self, Z: Array, end: Array, controls: Array, theta: float) -> tuple[Array, Array]:
-        rows = self.rows[self._output]
+        rows, controls = self.rows[self._output], controls[:, :, self._output]
+        if theta < 1:
+            last = beginning(controls.shape[1] - 1, theta) @ controls[-1]
+            controls = np.concatenate([controls[:-1], last[None]])
         ends = np.vstack([Z @ rows.T, rows @ end])
         extremes = []
         for sign in (1, -1):
             values = sign * ends
             reached = values.max(axis=0)
-            bounds = (sign * controls[:, :, self._output]).max(axis=1)
+            bounds = (sign * controls).max(axis=1)
             for step, output in np.argwhere(bounds > reached + 1e-15 * np.abs(reached)):
                 if bounds[step, output] > reached[output]:
                     powers = sign * (self._powers[:, self._output[output]] @ Z[step])

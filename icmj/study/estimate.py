@@ -20,7 +20,8 @@ from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
-STEPS, BLOCKS, ROWS = 1e6, 2e4, 2e5  # up to these a run takes a few seconds at most
+STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
+BLOCKS, SLOW_BLOCKS = 1e6, 2e4  # likewise, of compiled code on the linear plant, and of Python
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
@@ -53,7 +54,12 @@ def estimate(case: Case, plant: PlantKind) -> float:
         repeats += len(study.law_q_t)
     growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
     simulated = repeats * settings.duration + growth
-    plenty = simulated * _rate(case) / 128 > BLOCKS if plant == "linear" else simulated / _timestep(case) > STEPS
+    if plant == "linear":
+        # noise, and the clock that stands for continuous control with a delay, are gone through in Python
+        slowly = 1.5 * settings.duration if settings.noisy or case.controller.delay else 0.0
+        plenty = simulated * _rate(case) / 128 > BLOCKS or slowly * _rate(case) / 128 > SLOW_BLOCKS
+    else:
+        plenty = simulated / _timestep(case) > STEPS
     seconds = _PER_ROW * rows
     if plenty or rows > ROWS:
         seconds += simulated * _pace(case, plant)

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from icmj.base.bernstein import evaluate, first_root, from_powers, largest
+from icmj.base.bernstein import beginning, evaluate, first_root, from_powers, largest
 
 
 def powers(*roots, sign=1.0):
@@ -104,3 +104,13 @@ def test_largest_is_that_of_the_slope_s_roots():
         assert largest(p.coef, end) == pytest.approx(expected, abs=1e-14 * np.abs(p.coef).sum())
     assert largest(np.array([3.0])) == 3.0
     assert largest(np.zeros(5)) == 0.0
+
+
+def test_the_beginning_of_a_polynomial_has_the_coefficients_of_the_same_one_scaled() -> None:
+    random = np.random.default_rng(2)
+    for degree in (1, 5, 18):
+        powers = random.standard_normal(degree + 1)
+        for end in (0.0, 0.3, 1.0):
+            expected = from_powers(degree) @ (powers * end ** np.arange(degree + 1))
+            found = beginning(degree, end) @ from_powers(degree) @ powers
+            np.testing.assert_allclose(found, expected, atol=1e-14)

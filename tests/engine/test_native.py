@@ -146,7 +146,7 @@ from icmj.engine.native import loop as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
 run = simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=2.0, timestep=0.002), x0=[0.1, 0.0])
-stats = native_loop._entry().stats
+stats = native_loop.fixed_loop().stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(float(run.events.t[-1])))
 """
 

@@ -233,7 +233,8 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
 
 
 @cache
-def _entry() -> Any:
+def adaptive_loop() -> Any:
+    """The compiled loop of adapted steps."""
     source = sources()
 
     @entry
@@ -270,4 +271,4 @@ class NativeAdaptiveLoop(NativeLoop):
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
-        return self._guarded(_entry(), (*self._run, self._stepper, self._roots, record, steps))
+        return self._guarded(adaptive_loop(), (*self._run, self._stepper, self._roots, record, steps))

@@ -19,7 +19,7 @@ from numba import carray, types
 from icmj.engine import block
 from icmj.engine.block import Slot
 from icmj.engine.native import structs
-from icmj.engine.native.compilation import entry_cfunc, exact, inlined, load_engine, sources
+from icmj.engine.native.compilation import compiled, entry_cfunc, exact, inlined, load_engine, sources
 from icmj.engine.native.memory import pointer, word
 
 load_engine()
@@ -76,8 +76,20 @@ def _term(b, at, time):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@exact
-def command(b, a, ctrl, time):  # type: ignore[no-untyped-def]
+@compiled
+def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
+    """The terms of disturbance and errors at a time, kept with it: a step asks twice for every time."""
+    terms, count = int(b[Slot.TERMS]), int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
+    if waves[count] == time and waves[count + 1] == b[Slot.PHASE]:
+        return
+    for k in range(count):
+        at = int(b[Slot.AT_TERMS]) + 6 * k if k < terms else int(b[Slot.AT_ERRORS]) + 6 * (k - terms)
+        waves[k] = _term(b, at, time)
+    waves[count], waves[count + 1] = time, b[Slot.PHASE]
+
+
+@compiled
+def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
     first = int(b[at_span])
@@ -85,15 +97,15 @@ def command(b, a, ctrl, time):  # type: ignore[no-untyped-def]
     for i in range(int(b[Slot.N_U])):
         ctrl[i] = b[at_0 + i] - _dot(b, at + i * size + first, a, first, count)
     at = int(b[Slot.AT_TERMS])
-    for _ in range(int(b[Slot.TERMS])):
-        ctrl[int(b[at])] += _term(b, at, time)
+    for k in range(int(b[Slot.TERMS])):
+        ctrl[int(b[at])] += waves[k]
         at += 6
 
 
-@exact
-def rates(b, a, y, rate, time):  # type: ignore[no-untyped-def]
+@compiled
+def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
     """ȧ = M a + N (y + n(t) − y_0)."""
-    size, n_y, at_0 = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0])
+    size, n_y, at_0, terms = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0]), int(b[Slot.TERMS])
     at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
     for _ in range(int(b[Slot.SEGMENTS])):
         start, end, first = int(b[at]), int(b[at + 1]), int(b[at + 2])
@@ -105,13 +117,22 @@ def rates(b, a, y, rate, time):  # type: ignore[no-untyped-def]
                 departure = y[j] - b[at_0 + j]
                 for i in range(start, end):
                     rate[i] += b[at_N + i * n_y + j] * departure
+            at_error = int(b[Slot.AT_ERRORS])
+            for k in range(int(b[Slot.ERRORS])):
+                error, column = waves[terms + k], at_N + int(b[at_error])
+                for i in range(start, end):
+                    rate[i] += b[column + i * n_y] * error
+                at_error += 6
         at += 5
-    at = int(b[Slot.AT_ERRORS])
-    for _ in range(int(b[Slot.ERRORS])):
-        error = _term(b, at, time)
-        for i in range(size):
-            rate[i] += b[at_N + i * n_y + int(b[at])] * error
-        at += 6
+
+
+@exact
+def _waves(b, time):  # type: ignore[no-untyped-def]
+    count = int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
+    waves = np.empty(count + 2)
+    waves[count] = np.nan
+    waves_at(b, waves, time)
+    return waves
 
 
 @cache
@@ -150,7 +171,7 @@ def callbacks() -> tuple[Any, Any]:
             _sensor_vel(m, d)
         a = carray(pointer(word(d, act) + 8 * int(b[Slot.ACT])), int(b[Slot.SIZE]), np.float64)
         u = carray(pointer(word(d, ctrl)), int(b[Slot.N_U]), np.float64)
-        command(b, a, u, carray(pointer(d + time), 1, np.float64)[0])
+        command(b, a, u, _waves(b, carray(pointer(d + time), 1, np.float64)[0]))
 
     @entry_cfunc(types.float64(types.intp, types.intp, types.int32))
     def act_dyn(m, d, actuator):  # type: ignore[no-untyped-def]
@@ -165,7 +186,7 @@ def callbacks() -> tuple[Any, Any]:
         rate = carray(pointer(word(d, act_dot)), total, np.float64)
         if actuator == word(m, nu) - 1:
             y = carray(pointer(word(d, sensordata)), int(b[Slot.N_Y]), np.float64)
-            rates(b, a[start:], y, rate[start:], carray(pointer(d + time), 1, np.float64)[0])
+            rates(b, a[start:], y, rate[start:], _waves(b, carray(pointer(d + time), 1, np.float64)[0]))
             return 0.0
         # one of the plant's own actuators: a second-order lag, or none of ours
         count = carray(pointer(word(m, actnum)), actuator + 1, np.int32)[actuator]

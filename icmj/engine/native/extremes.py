@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.compilation import called
 from icmj.engine.extremes import POINTS
 from icmj.engine.native.compilation import compiled, entry, sources
 
@@ -90,5 +91,5 @@ def extremes(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """:func:`icmj.engine.extremes.extremes`, compiled."""
     high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
     # contiguous: for every other layout numba would compile once more
-    _entry()(np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)
+    called(_entry(), np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)
     return high, low

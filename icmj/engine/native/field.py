@@ -9,7 +9,7 @@ import mujoco
 from numba import types
 
 from icmj.engine.block import Slot
-from icmj.engine.native.callbacks import command, rates
+from icmj.engine.native.callbacks import command, rates, waves_at
 from icmj.engine.native.compilation import exact, load_engine
 from icmj.engine.stages import Stages
 
@@ -102,14 +102,15 @@ def drive(engine):  # type: ignore[no-untyped-def]
     if b[Slot.STAGE] >= _VELOCITY:
         _sensor_vel(engine.model, engine.data)
     first = int(b[Slot.ACT])
-    command(b, engine.act[first:], engine.ctrl, time)
+    waves_at(b, engine.waves, time)
+    command(b, engine.act[first:], engine.ctrl, engine.waves)
     if engine.stages != _PLAIN:
         _fwd_actuation(engine.model, engine.data)
         _fwd_acceleration(engine.model, engine.data)
         for i in range(len(engine.qacc)):
             engine.qacc[i] = engine.qacc_smooth[i]
         return
-    rates(b, engine.act[first:], engine.sensordata, engine.act_dot[first:], time)
+    rates(b, engine.act[first:], engine.sensordata, engine.act_dot[first:], engine.waves)
     force = engine.force
     for i in range(len(force)):
         force[i] = 0.0

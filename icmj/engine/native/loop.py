@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import alone
+from icmj.base.compilation import called
 from icmj.engine import reference
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault, guarded
@@ -131,7 +131,8 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
 
 
 @cache
-def _entry() -> Any:
+def fixed_loop() -> Any:
+    """The compiled loop of fixed steps."""
     source = sources()
 
     @entry
@@ -178,11 +179,12 @@ class NativeLoop:
 
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, writing into ``record``."""
-        return self._guarded(_entry(), (*self._run, record, steps))
+        return self._guarded(fixed_loop(), (*self._run, record, steps))
 
     def _guarded(self, advance: Any, arguments: tuple[Any, ...]) -> Status:
-        with alone(advance):
-            return Status(guarded(lambda: advance(*arguments)) if self._can_fault else advance(*arguments))
+        if self._can_fault:
+            return Status(guarded(lambda: called(advance, *arguments)))
+        return Status(called(advance, *arguments))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:
