@@ -78,7 +78,7 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             save(engine)
             progress[0].begin = t
             progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
-            step(engine, progress, length, True)
+            step(engine, progress, length)
             fired = _fired(engine, progress, rule, plan.rate, length, armed)
             if fired:
                 lands = lands and time[0] >= target

@@ -6,7 +6,7 @@ import numpy as np
 
 from icmj.engine import bracket
 from icmj.engine.native.compilation import compiled, inlined
-from icmj.engine.native.step import step
+from icmj.engine.native.step import step, undo
 from icmj.engine.schedule import EVENT_TOLERANCE
 
 _TOLERANCE, _SPLITS = EVENT_TOLERANCE, bracket.SPLITS
@@ -112,7 +112,8 @@ def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untype
         if now[j, 0] >= 0:
             s = min(s, _hermite_root(low, at_low[j, 0], at_low[j, 1], high, now[j, 0], now[j, 1]))
     for trial in range(60):
-        step(engine, progress, s, False)
+        undo(engine, progress)
+        step(engine, progress, s)
         evaluate(rule)
         face = active(now)
         E, dE = now[face, 0], now[face, 1]
@@ -137,7 +138,8 @@ def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def
         settled = True
         for j in range(1, pieces + 1):
             s_b = length * j / pieces
-            step(engine, progress, s_b, False)
+            undo(engine, progress)
+            step(engine, progress, s_b)
             evaluate(rule)
             if rule.now[active(rule.now), 0] >= 0:
                 locate(engine, progress, rule, s_a, rule.left, s_b)

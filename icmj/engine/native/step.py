@@ -86,16 +86,21 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
 
 
 @exact
-def step(engine, progress, length, first):  # type: ignore[no-untyped-def]
+def undo(engine, progress):  # type: ignore[no-untyped-def]
+    """Have the saved state as it was, for another step from it."""
+    if engine.integrator != RK4 or engine.stages == _WHOLE:
+        _restore(engine, progress)
+        forward(engine.model, engine.data)
+
+
+@exact
+def step(engine, progress, length):  # type: ignore[no-untyped-def]
     """One step of the length given from the saved state, and the forward pass at its end."""
     # not the sum that the engine keeps: its rounding errors add up over many equal steps
     end = progress[0].end if length == progress[0].length else progress[0].begin + length
     if engine.integrator == RK4 and engine.stages != _WHOLE:
         _lean_runge_kutta(engine, progress, length, end)
         return
-    if not first:
-        _restore(engine, progress)
-        forward(engine.model, engine.data)
     engine.timestep[0] = length
     if engine.integrator == RK4:
         _runge_kutta(engine.model, engine.data, 4)
