@@ -76,7 +76,7 @@ def continue_(command: arguments.Continue) -> None:
                 except CycleError as error:
                     off.append(str(error))
         beneath = []
-        if command.plant == "mujoco" and found[0].plant == "mujoco":
+        if main_plant == "mujoco":
             try:
                 beneath = [walked("linear", f"{name}, linear")]
             except CycleError as error:
@@ -92,7 +92,7 @@ def continue_(command: arguments.Continue) -> None:
         with style.applied():
             figure = branch_figure(found, beneath)
             for kind in ("pdf", "svg"):
-                files.append(command.out / f"{name}.{command.plant}.{kind}")
+                files.append(command.out / f"{name}.{main_plant}.{kind}")
                 write_bytes(files[-1], style.save(figure, kind))
     for branch in found:
         _show_branch(branch)
