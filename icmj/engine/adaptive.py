@@ -23,7 +23,6 @@ from icmj.engine.tableau import (
     dense,
     error_norm,
     rounded,
-    tableau,
     within,
 )
 
@@ -40,7 +39,7 @@ class AdaptiveLoop(ReferenceLoop):
         """Start, or start anew, from where the data stand, right after an event."""
         super().begin()
         plan = self.schedule
-        self._method = tableau(plan.order)
+        self._method = plan.method
         self._next_step = self._first_step = rounded(plan.first_step)
         self._fresh = True
         self._reach = np.zeros(len(self._state()))

@@ -40,8 +40,8 @@ class EngineOpenLoop:
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._use = loop.implementation(schedule.tolerance > 0)
         point = loop.plant.linearisation.point.qpos
-        method = (schedule.tolerance > 0, schedule.order)
-        if like is not None and loop.native and method == (like.schedule.tolerance > 0, like.schedule.order):
+        alike = like is not None and _method(like.schedule) == _method(schedule)
+        if like is not None and alike and loop.native:
             self._steps: Loop = like._steps.rescheduled(self.schedule, point)  # type: ignore[attr-defined]
             return
         with installed(*self._use.callbacks), loop.lent():
@@ -84,6 +84,10 @@ class EngineOpenLoop:
         y_max, y_min = tracker.result() if n_events else (np.full((1, end.y.shape[1]), np.nan),) * 2
         flight = OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
         return flight, np.concatenate(rows)
+
+
+def _method(schedule: Schedule) -> tuple[bool, int, float]:
+    return schedule.tolerance > 0, schedule.method.order, schedule.method.allowed
 
 
 def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER) -> EngineOpenLoop:

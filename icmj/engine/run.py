@@ -77,7 +77,7 @@ def simulate(
     }
     if steps.tolerance:
         mean = float(record.rows[-1, 0]) / max(record.steps, 1)
-        precision |= {"integrator": METHODS[schedule.order][0], "order": schedule.order}
+        precision |= {"integrator": METHODS[schedule.method.order][0], "order": schedule.method.order}
         precision |= {"tolerance": steps.tolerance, "timestep": mean}
     if steps.refusal:
         precision["not_adaptive"] = steps.refusal

@@ -8,7 +8,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.delay import SAME
-from icmj.engine.tableau import order_for
+from icmj.engine.tableau import Tableau, method_for
 
 EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
 
@@ -50,14 +50,14 @@ class Schedule:
     stiff: bool = False
 
     @property
-    def order(self) -> int:
+    def method(self) -> Tableau:
         """Of adaptive steps."""
-        return order_for(self.tolerance, self.stiff)
+        return method_for(self.tolerance, self.stiff)
 
     @property
     def first_step(self) -> float:
         """What adaptive steps begin with [s]."""
-        return float(self.tolerance ** (1 / self.order) / self.rate)
+        return float(self.tolerance ** (1 / self.method.order) / self.rate)
 
     def margin(self, step: float) -> float:
         """How far E_j + 1 may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.

@@ -21,11 +21,13 @@ STAGES, RATES, POWER = 12, 16, 7
 GROWTH, SHRINKAGE, SAFETY = 6.0, 0.2, 0.9
 SHORTEST = 1e-11  # s; a step that has to be shorter meets something that is not smooth
 NUDGE = 1e-4  # an event is polished by steps of so many times the loop's shortest time constant, or less
-METHODS = {3: ("RK23", 2.0, 2), 4: ("RK34", 10.0, 2), 5: ("RK45", 8.0, 3), 8: ("DOP853", 5.0, 8)}
-"""By order: a name, the local error allowed in a step over the error of an interval asked for, found by trial, and how
-often outputs are looked at in a step."""
+METHODS = {3: ("RK23", 2), 4: ("RK34", 2), 5: ("RK45", 3), 8: ("DOP853", 8)}
+"""By order: a name, and how often outputs are looked at in a step."""
+ALLOWED = 5.0  # local error in a step over the error of an interval asked for, found by trial
 STIFF = 20.0  # times the plant's slowest rate: where the loop's fastest is beyond that, stability bounds steps
-_LOOSE = (3, 3e-5), (4, 3e-6), (5, 5e-8)  # orders in stiff loops, and the least tolerance of each
+_STIFF = (3e-5, 3, 2.0), (3e-6, 4, 10.0), (5e-8, 5, 8.0), (1e-8, 8, 200.0), (0.0, 8, 40.0)
+"""In stiff loops: the least tolerance, the order, and the local error allowed, which at high order hardly matters."""
+_LOOKS = 4  # in a stiff loop steps are short, measured by the motion
 
 
 class Tableau(NamedTuple):
@@ -58,14 +60,17 @@ class Tableau(NamedTuple):
     allowed: float
 
 
-def order_for(tolerance: float, stiff: bool) -> int:
-    """The order of the method for a tolerance.
+def method_for(tolerance: float, stiff: bool) -> Tableau:
+    """The method for a tolerance.
 
     The eighth is the best nearly everywhere. In a stiff loop its steps are bounded by stability long before they are by
     accuracy, and what is got is far better than what was asked for; of lower orders both bounds meet at looser
     tolerances.
     """
-    return next((order for order, least in _LOOSE if stiff and tolerance >= least), 8)
+    if not stiff:
+        return tableau(8)
+    order, allowed = next((order, allowed) for least, order, allowed in _STIFF if tolerance >= least)
+    return tableau(order)._replace(allowed=allowed, looks=min(METHODS[order][1], _LOOKS))
 
 
 class _RK34:
@@ -81,7 +86,7 @@ def tableau(order: int) -> Tableau:
     """The method of order 3, 4, 5 or 8."""
     from scipy import integrate
 
-    name, allowed, looks = METHODS[order]
+    name, looks = METHODS[order]
     method: Any = _RK34 if order == 4 else getattr(integrate, name)
     s, given = len(method.B), method.A.shape[1]
     A, c, D = np.zeros((RATES, RATES)), np.zeros(RATES), np.zeros((4, RATES))
@@ -99,7 +104,7 @@ def tableau(order: int) -> Tableau:
     for k in range(POWER):
         basis = basis * (Polynomial([0.0, 1.0]) if k % 2 == 0 else Polynomial([1.0, -1.0]))
         powers[k, : k + 2] = basis.coef
-    return Tableau(A, c, E3, E5, D, powers, s, RATES if order == 8 else s + 1, order, looks, -1 / order, allowed)
+    return Tableau(A, c, E3, E5, D, powers, s, RATES if order == 8 else s + 1, order, looks, -1 / order, ALLOWED)
 
 
 def dense(method: Tableau, start: Array, K: Array, step: float, end: Array) -> Array:

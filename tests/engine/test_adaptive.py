@@ -42,7 +42,7 @@ CASES: list[tuple[str, str, Trigger | None, list[dict[str, object]], float, floa
     ("three_link", "three_link", None, [], 0.0, 1e-4, "RK23"),
     ("three_link", "three_link", None, [], 0.0, 1e-5, "RK34"),
     ("three_link", "three_link", None, [], 0.0, 1e-7, "RK45"),
-    ("three_link", "three_link", None, [], 0.0, 1e-8, "DOP853"),
+    ("three_link", "three_link", None, [], 0.0, 1e-9, "DOP853"),
     ("three_link", "three_link", ClockTrigger(0.313), [], 0.1, 1e-7, "RK45"),
     ("pendulum_neglected", "pendulum", None, DISTURBED, 0.0, 1e-7, "DOP853"),
     ("pendulum", "pendulum", None, DISTURBED, 0.2, 1e-7, "DOP853"),

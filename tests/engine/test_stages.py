@@ -40,7 +40,7 @@ def compiled() -> tuple[Any, Any]:
     @numba.njit
     def one(engine, progress, length):  # type: ignore[no-untyped-def]
         save(engine)
-        step(engine, progress, length, True)
+        step(engine, progress, length)
 
     return rates, one
 

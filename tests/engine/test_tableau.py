@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.engine.tableau import METHODS, dense, error_norm, order_for, rounded, tableau, within
+from icmj.engine.tableau import METHODS, dense, error_norm, method_for, rounded, tableau, within
 
 
 @pytest.mark.parametrize(("order", "between"), [(3, 3), (4, 3), (5, 4), (8, 7)])
@@ -65,11 +65,11 @@ def test_the_estimated_error_is_of_the_method_s_order_and_not_below_the_true_one
 
 def test_low_orders_are_for_stiff_loops_and_loose_tolerances() -> None:
     tolerances = 10.0 ** np.arange(-14, -1)
-    assert {order_for(t, stiff=False) for t in tolerances} == {8}
-    orders = [order_for(t, stiff=True) for t in tolerances]
+    assert {method_for(t, stiff=False).order for t in tolerances} == {8}
+    orders = [method_for(t, stiff=True).order for t in tolerances]
     assert orders == sorted(orders, reverse=True)
     assert set(orders) == set(METHODS)
-    assert order_for(1e-8, stiff=True) == 8  # the default
+    assert method_for(1e-8, stiff=True).order == 8  # the default
 
 
 def test_steps_are_rounded_down() -> None:

@@ -254,7 +254,7 @@ class NativeAdaptiveLoop(NativeLoop):
     adaptive = True
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
-        self._stepper, self._roots = stepper_of(model, qpos_0, tableau.tableau(schedule.order)), roots()
+        self._stepper, self._roots = stepper_of(model, qpos_0, schedule.method), roots()
         super().__init__(model, data, schedule, qpos_0)
 
     def begin(self) -> None:
