@@ -86,8 +86,8 @@ class EngineOpenLoop:
         return flight, np.concatenate(rows)
 
 
-def _method(schedule: Schedule) -> tuple[bool, int, float]:
-    return schedule.tolerance > 0, schedule.method.order, schedule.method.allowed
+def _method(schedule: Schedule) -> tuple[int, float] | None:
+    return (schedule.method.order, schedule.method.allowed) if schedule.tolerance else None
 
 
 def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER) -> EngineOpenLoop:

@@ -56,7 +56,9 @@ class Schedule:
 
     @property
     def first_step(self) -> float:
-        """What adaptive steps begin with [s]."""
+        """What adaptive steps begin with [s]; 0 where the timestep is given."""
+        if not self.tolerance:
+            return 0.0
         return float(self.tolerance ** (1 / self.method.order) / self.rate)
 
     def margin(self, step: float) -> float:
