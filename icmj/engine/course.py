@@ -13,7 +13,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import layout_of, realise, start_state
 from icmj.engine.callbacks import installed
 from icmj.engine.open_loop import EngineOpenLoop
-from icmj.errors import SimulationError
+from icmj.errors import CycleError, SimulationError
 from icmj.simulation.course import Sample
 
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
@@ -103,7 +103,13 @@ class EngineCourse:
         return Sample(t, at.x, at.x_o, at.x_h, at.y, u, rows[:, : self._nq])
 
     def generators(self, t: Array, part: int) -> Array:
-        """F by centred differences of the closed loop's right-hand side."""
+        """F by centred differences of the closed loop's right-hand side.
+
+        Raises:
+            CycleError: if joints turn freely in space, whose positions do not depart as their velocities do.
+        """
+        if self._nq != self._nv:
+            raise CycleError("the equation of variation is written for joints that turn about one axis, and slides")
         kept, K = self._kept, self._controls.K
         n, size = len(kept), len(kept) + K.shape[1]
         rows = self._whole(t, part)[:, : self._nq + self._nv + len(self._data.act)]
@@ -112,7 +118,7 @@ class EngineCourse:
         reach = EPS_U * np.maximum(np.abs(u).max(axis=0), 1e-6 * max(float(np.abs(u).max()), 1e-300))
         # moves: along each state, and along directions of a that move one input each
         moves = np.zeros((n + len(reach), rows.shape[1]))
-        moves[:n] = EPS * self._unit(kept)
+        moves[np.arange(n), kept] = EPS
         moves[n:, first : first + K.shape[1]] = (np.linalg.pinv(K) * reach).T
         ends = self._rates(rows, np.stack([moves, -moves], axis=1).reshape(-1, rows.shape[1]))
         slopes = (ends[:, 0::2] - ends[:, 1::2]) / (2 * np.append(np.full(n, EPS), reach))[:, None]
@@ -122,29 +128,13 @@ class EngineCourse:
         F[:, n:, n:] = self._controls.M
         return F
 
-    def _unit(self, kept: np.ndarray) -> Array:
-        """Moves of (qpos, qvel, act) along states of the model; of joints that turn freely the position's are left."""
-        nq, nv = self._nq, self._nv
-        unit = np.zeros((len(kept), nq + nv + len(self._data.act)))
-        for j, state in enumerate(kept):
-            if state >= nv or nq == nv:
-                unit[j, state + nq - nv] = 1.0
-        return unit
-
     def _rates(self, rows: Array, moves: Array) -> Array:
         """d/dt of (x, a) at all ``rows``, moved by each of ``moves``; shapes (T, w), (m, w) → (T, m, n + N_a)."""
         model, data, nq, nv = self.loop.model, self._data, self._nq, self._nv
         rates = np.zeros((len(rows), len(moves), 2 * nv + len(data.act)))
-        turning = () if nq == nv else [j for j, state in enumerate(self._kept) if state < nv]
         with self._lent():
             for row, out in zip(rows, rates, strict=True):
-                at = row + moves
-                for j in turning:
-                    for sign, place in ((1, at[2 * j]), (-1, at[2 * j + 1])):
-                        move = np.zeros(nv)
-                        move[self._kept[j]] = sign * EPS
-                        mujoco.mj_integratePos(model, place[:nq], move, 1.0)
-                for place, rate in zip(at, out, strict=True):
+                for place, rate in zip(row + moves, out, strict=True):
                     data.qpos[:], data.qvel[:], data.act[:] = place[:nq], place[nq : nq + nv], place[nq + nv :]
                     mujoco.mj_forward(model, data)
                     rate[:nv], rate[nv : 2 * nv], rate[2 * nv :] = data.qvel, data.qacc, data.act_dot

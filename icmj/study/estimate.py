@@ -55,8 +55,9 @@ def estimate(case: Case, plant: PlantKind) -> float:
     growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
     simulated = repeats * settings.duration + growth
     if plant == "linear":
-        # noise, and the clock that stands for continuous control with a delay, are gone through in Python
-        slowly = 1.5 * settings.duration if settings.noisy or case.controller.delay else 0.0
+        # whatever acts, and the clock that stands for continuous control with a delay, are gone through in Python
+        slowly = 1.5 * settings.duration if case.controller.delay else 0.0
+        slowly = simulated if settings.disturbance or not settings.native else slowly
         plenty = simulated * _rate(case) / 128 > BLOCKS or slowly * _rate(case) / 128 > SLOW_BLOCKS
     else:
         plenty = simulated / _timestep(case) > STEPS

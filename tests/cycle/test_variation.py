@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from cycle_cases import case, return_map
+from model_cases import RICH, written
 
+from icmj.controller.controller import Controller
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
+from icmj.controller.trigger import EventTrigger
 from icmj.cycle.guess import from_prediction
 from icmj.cycle.jacobian import jacobian
-from icmj.cycle.variation import course, derivative
+from icmj.cycle.return_map import ReturnMap
+from icmj.cycle.variation import course, derivative, fast_jacobian
+from icmj.engine.plant import load_plant
+from icmj.errors import CycleError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.settings import Settings
 
 
 @pytest.mark.parametrize(
@@ -47,3 +59,17 @@ def test_the_course_of_an_interval_is_what_a_simulation_records(plant: str) -> N
     for name in ("x", "x_o", "x_h", "y", "u"):
         expected = getattr(run, name)[rows]
         np.testing.assert_allclose(getattr(sample, name), expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_where_joints_turn_freely_the_derivative_is_by_differences(tmp_path: Path) -> None:
+    """A ball joint's position does not depart as its velocity does; from a start that is no cycle."""
+    body = load_plant(written(tmp_path, RICH), keyframe="up")
+    random = np.random.default_rng(5)
+    gains = design_lq(LinearPlant(*(random.normal(size=shape) for shape in ((3, 3), (3, 2), (3, 3)))))
+    control = Controller(gains, system_matched(gains), EventTrigger(np.eye(3), 0.05))
+    loop = ReturnMap(body, control, Settings(duration=5.0, tolerance=1e-11, limit=100.0))
+    z = np.concatenate([0.1 * random.normal(size=10), 0.1 * random.normal(size=3)])
+    turn, scale = loop.turn(z), np.full(13, 0.1)
+    with pytest.raises(CycleError, match="about one axis"):
+        derivative(loop, course(loop, z, float(turn.intervals[0])))
+    np.testing.assert_array_equal(fast_jacobian(loop, turn, scale), jacobian(loop, z, scale).J)
