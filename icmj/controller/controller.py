@@ -63,7 +63,7 @@ class Controller:
 
     @cached_property
     def realisation(self) -> Realisation:
-        """See :func:`realise`."""
+        """A linear system with resets (paper, eqs. obs, hold, u); AnalysisError where the trigger does not fit."""
         return _realised(self)
 
     def triggered_by(self, trigger: Trigger) -> Controller:
