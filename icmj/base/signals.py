@@ -8,8 +8,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import FrameType
 
 _POLITE = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+_AGAIN = 1.0  # s
 
 
 class Terminated(BaseException):
@@ -36,8 +38,8 @@ def terminable() -> Iterator[Asked]:
     """Within the block SIGTERM and SIGHUP raise :class:`Terminated`, unless they are ignored or have a handler.
 
     Code in other languages may turn an exception that falls into it into another one, or lose it. So what is yielded
-    remembers, and the exception is raised again every second until the block is left. Ctrl-C is remembered, too.
-    Signals reach the main thread only; in another thread the block changes nothing.
+    remembers, and the exception is raised again every second until the block is left. So is KeyboardInterrupt, but
+    for what is :func:`heard_once`. Signals reach the main thread only; in another thread the block changes nothing.
     """
     asked = Asked()
     if threading.current_thread() is not threading.main_thread():
@@ -47,18 +49,14 @@ def terminable() -> Iterator[Asked]:
     def stop(signum: int, _: object) -> None:
         if signum != signal.SIGALRM:
             asked.signum = signum
-            signal.setitimer(signal.ITIMER_REAL, 1.0, 1.0)
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN, _AGAIN)
         if asked.signum == signal.SIGINT:
             raise KeyboardInterrupt
         raise Terminated(asked.signum)
 
-    def interrupt(signum: int, _: object) -> None:
-        asked.signum = signum
-        raise KeyboardInterrupt
-
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
         if lost.exc_type in (Terminated, KeyboardInterrupt):  # it fell into a destructor, which cannot end anything
-            signal.setitimer(signal.ITIMER_REAL, 0.01, 0.0 if asked.signum == signal.SIGINT else 1.0)
+            signal.setitimer(signal.ITIMER_REAL, 0.01, signal.getitimer(signal.ITIMER_REAL)[1])
         else:
             hook(lost)
 
@@ -67,7 +65,7 @@ def terminable() -> Iterator[Asked]:
         if signal.getsignal(signum) is signal.SIG_DFL:
             before[signum] = signal.signal(signum, stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, stop)
     hook = sys.unraisablehook
     sys.unraisablehook = unraisable
     try:
@@ -78,3 +76,27 @@ def terminable() -> Iterator[Asked]:
             signal.setitimer(signal.ITIMER_REAL, 0)
         for signum, handler in before.items():
             signal.signal(signum, handler)
+
+
+@contextmanager
+def heard_once() -> Iterator[None]:
+    """Within the block Ctrl-C raises KeyboardInterrupt once, for what catches it, keeps what there is and goes on.
+
+    Without a :func:`terminable` around it, or in another thread than the main one, it changes nothing.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+
+    def once(signum: int, frame: FrameType | None) -> None:
+        try:
+            before(signum, frame)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+
+    signal.signal(signal.SIGINT, once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

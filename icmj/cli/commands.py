@@ -113,6 +113,7 @@ def analyse(command: arguments.Analyse) -> None:
 @execute.register
 def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, print what it did beside the prediction."""
+    from icmj.base.signals import heard_once
     from icmj.case.case import prepare
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
@@ -132,10 +133,11 @@ def run(command: arguments.Run) -> None:
         if seconds > TOLD:
             ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
         open_folder(command.out)
-        result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
         log = command.out / f"{run_file.case.name}.{plant}.rrd"
-        working.tell("writing the log", 0.95)
-        write_log(result, log)
+        with heard_once():
+            result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
+            working.tell("writing the log", 0.95)
+            write_log(result, log)
     _show([compare(result)])
     outcome = result.simulation.outcome
     OUT.print(escape(f"The run {outcome.message}."), highlight=False)

@@ -18,7 +18,7 @@ from typing import IO
 from urllib.parse import quote
 
 from icmj.base.files import write_bytes
-from icmj.base.signals import terminable
+from icmj.base.signals import heard_once, terminable
 from icmj.base.text import one_line
 from icmj.errors import LogError
 from icmj.log.program import program, salvage
@@ -168,7 +168,7 @@ def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[b
     """The viewer as a child that does not outlive the block; its messages go to a temporary file."""
     # errors only: every warning would be drawn over the picture as a notification
     environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
-    with terminable(), tempfile.TemporaryFile() as messages:
+    with terminable(), heard_once(), tempfile.TemporaryFile() as messages:
         process = subprocess.Popen(command, stdout=messages, stderr=messages, env=environment)
         try:
             yield process, messages

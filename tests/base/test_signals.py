@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
-from icmj.base.signals import Asked, Terminated, terminable
+from icmj.base.signals import Asked, Terminated, heard_once, terminable
 
 
 def sent(signum: int) -> None:
@@ -43,13 +43,28 @@ def test_it_unwinds_and_puts_the_handlers_back(signum: int) -> None:
     assert [signal.getsignal(each) for each in watched] == before
 
 
-def test_one_that_is_swallowed_comes_again() -> None:
-    def swallowed() -> None:
-        with contextlib.suppress(BaseException):  # as foreign code does
-            sent(signal.SIGTERM)
-        time.sleep(5)
+def swallowed(signum: int) -> None:
+    with contextlib.suppress(BaseException):  # as foreign code does
+        sent(signum)
+    time.sleep(5)
 
-    assert ended_by(swallowed) == 143
+
+def test_one_that_is_swallowed_comes_again() -> None:
+    assert ended_by(lambda: swallowed(signal.SIGTERM)) == 143
+
+
+def test_ctrl_c_that_is_swallowed_comes_again() -> None:
+    assert within(lambda: swallowed(signal.SIGINT)).signum == signal.SIGINT
+
+
+def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
+    handler = signal.getsignal(signal.SIGINT)
+    with terminable() as asked:
+        with heard_once(), contextlib.suppress(KeyboardInterrupt):
+            sent(signal.SIGINT)
+        time.sleep(1.2)
+    assert asked.signum == signal.SIGINT
+    assert signal.getsignal(signal.SIGINT) is handler
 
 
 def test_one_that_falls_into_a_destructor_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
