@@ -16,6 +16,8 @@ from typing import Any
 
 import numba
 
+from icmj.base.linking import Linked
+
 try:
     import fcntl
 except ImportError:  # no such locks here: each process compiles
@@ -47,7 +49,13 @@ def entry(function: Callable[..., Any]) -> Any:
 
 
 # what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them
-WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+WITHIN: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": Linked,
+}
 
 
 def known(dispatcher: Any) -> bool:

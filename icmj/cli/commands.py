@@ -1,4 +1,4 @@
-"""What each command does and shows; see :mod:`icmj.arguments` for their arguments."""
+"""What each command does and shows; see :mod:`icmj.cli.arguments` for their arguments."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from icmj.base.signals import heard_once
 from icmj.cli import arguments, series_commands, starting
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
@@ -113,7 +114,6 @@ def analyse(command: arguments.Analyse) -> None:
 @execute.register
 def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, print what it did beside the prediction."""
-    from icmj.base.signals import heard_once
     from icmj.case.case import prepare
     from icmj.comparison.comparison import compare
     from icmj.log import write_log
@@ -139,16 +139,14 @@ def run(command: arguments.Run) -> None:
             working.tell("writing the log", 0.95)
             write_log(result, log)
     _show([compare(result)])
-    outcome = result.simulation.outcome
-    OUT.print(escape(f"The run {outcome.message}."), highlight=False)
+    OUT.print(escape(f"The run {result.simulation.outcome.message}."), highlight=False)
     OUT.print(escape(result.measurement.words), highlight=False)
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         OUT.print(escape(f"{words[0].upper()}{words[1:]}."), highlight=False)
-    error = relative_error(result.simulation)
-    if error > 0:
+    if (error := relative_error(result.simulation)) > 0:
         OUT.print(f"Relative error by the step: {error:.1g}.", highlight=False)
     OUT.print(f"log  {escape(str(log))}", highlight=False)
-    if outcome.kind == "interrupted":
+    if result.simulation.outcome.kind == "interrupted":
         raise KeyboardInterrupt
 
 

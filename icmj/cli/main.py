@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 
-from icmj.base.environment import one_thread
+from icmj.base.environment import one_thread, seldom_collected
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, beyond_arithmetic
@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # no pictures are drawn by MuJoCo here; else it loads a window library, in a process that a signal finds talking
     os.environ.setdefault("MUJOCO_GL", "disable")
     one_thread()
+    seldom_collected()
     asked = Asked()
     try:
         with _library_words_unsaid(), terminable() as asked:

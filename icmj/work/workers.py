@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from icmj.base.environment import one_thread
+from icmj.base.environment import one_thread, seldom_collected
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, beyond_arithmetic
 
@@ -166,6 +166,7 @@ def serve() -> None:
     theirs, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
     _mortal(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    seldom_collected()
     with suppress(EOFError, OSError):
         while True:
             function, arguments = theirs.recv()

@@ -15,10 +15,12 @@ def test_what_is_said_already_stays() -> None:
     assert one_thread({"OMP_NUM_THREADS": "2"}) == {"OMP_NUM_THREADS": "2"}
 
 
-def test_the_command_line_computes_in_one_thread() -> None:
+def test_the_command_line_computes_in_one_thread_and_seldom_looks_for_garbage() -> None:
     script = """
+import gc
 from icmj.cli.main import main
 main(["--version"])
+assert gc.isenabled() and gc.get_threshold()[0] > 2000
 import numpy
 from threadpoolctl import threadpool_info
 print("threads", *{pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})

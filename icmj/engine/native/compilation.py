@@ -48,7 +48,7 @@ def entry_cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
 def merged(function: Callable[..., Any]) -> Any:
     """A function that stands in one entry point as if written there: it is not compiled twice."""
-    return numba.njit(nogil=True, error_model="numpy", inline="always")(function)
+    return numba.njit(inline="always", **WITHIN)(function)
 
 
 def exact(function: Callable[..., Any]) -> Any:
