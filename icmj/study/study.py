@@ -257,7 +257,7 @@ def run_study(
 def _in_turn(cases: Sequence[tuple[RunFile, PlantKind]]) -> list[tuple[RunFile, PlantKind]]:
     """One of the engine, all linear ones, then the engine's others.
 
-    The first time, the engine's loop takes a third of a minute to compile: one process does so while the others work on
+    The first time, the engine's loop takes ten seconds to compile: one process does so while the others work on
     the linear plant, and then all find it on disk.
     """
     engine = [case for case in cases if case[1] == "mujoco"]
