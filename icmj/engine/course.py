@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import layout_of, realise, start_state
-from icmj.engine.callbacks import installed
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.course import Sample
@@ -35,7 +31,7 @@ class EngineCourse:
         """
         from scipy.interpolate import CubicSpline
 
-        self.loop = loop = flight.loop
+        self._flight, self.loop = flight, (loop := flight.loop)
         self._act = loop.block.act
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(x_h, float))
         if rows is None or len(rows) < min(_FEW, length / flight.schedule.timestep):
@@ -46,7 +42,7 @@ class EngineCourse:
         self._layout, self._controls = layout_of(loop.controller), realise(loop.controller)
         self._held = self._holds(a)
         self._kept = loop.plant.linearisation.ports.states
-        self._nq, self._nv = loop.model.nq, loop.model.nv
+        self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na
         splines = []
         for low, high in zip(self.cuts, self.cuts[1:], strict=False):
             here = (rows[:, 0] >= low - 1e-12) & (rows[:, 0] <= high + 1e-12)
@@ -56,8 +52,7 @@ class EngineCourse:
             kept[1:-1] &= np.arange(1, len(t) - 1) % thin == 0
             splines.append(CubicSpline(t[kept], values[kept]))
         self._splines = splines
-        self._data = flight.data
-        last = self._whole(np.array([length]), len(splines) - 1)[:, : self._nq + self._nv + len(self._data.act)]
+        last = self._whole(np.array([length]), len(splines) - 1)[:, : self._nq + self._nv + self._na]
         self.rate = self._rates(last, np.zeros((1, last.shape[1])))[0, 0]
 
     def _holds(self, a: Array) -> list[tuple[float, Array]]:
@@ -88,12 +83,6 @@ class EngineCourse:
         rows[:, first : first + free.shape[1]] = free
         return rows
 
-    @contextmanager
-    def _lent(self) -> Iterator[None]:
-        with installed(*self.loop.implementation().callbacks), self.loop.lent():
-            mujoco.mj_resetData(self.loop.model, self._data)
-            yield
-
     def sample(self, t: Array) -> Sample:
         """What it does at times within it."""
         loop, parts = self.loop, self._part(t)
@@ -112,7 +101,7 @@ class EngineCourse:
             raise CycleError("the equation of variation is written for joints that turn about one axis, and slides")
         kept, K = self._kept, self._controls.K
         n, size = len(kept), len(kept) + K.shape[1]
-        rows = self._whole(t, part)[:, : self._nq + self._nv + len(self._data.act)]
+        rows = self._whole(t, part)[:, : self._nq + self._nv + self._na]
         first = self._nq + self._nv + self._act.start
         u = rows[:, first : first + K.shape[1]] @ K.T
         reach = EPS_U * np.maximum(np.abs(u).max(axis=0), 1e-6 * max(float(np.abs(u).max()), 1e-300))
@@ -130,15 +119,8 @@ class EngineCourse:
 
     def _rates(self, rows: Array, moves: Array) -> Array:
         """d/dt of (x, a) at all ``rows``, moved by each of ``moves``; shapes (T, w), (m, w) → (T, m, n + N_a)."""
-        model, data, nq, nv = self.loop.model, self._data, self._nq, self._nv
-        rates = np.zeros((len(rows), len(moves), 2 * nv + len(data.act)))
-        with self._lent():
-            for row, out in zip(rows, rates, strict=True):
-                for place, rate in zip(row + moves, out, strict=True):
-                    data.qpos[:], data.qvel[:], data.act[:] = place[:nq], place[nq : nq + nv], place[nq + nv :]
-                    mujoco.mj_forward(model, data)
-                    rate[:nv], rate[nv : 2 * nv], rate[2 * nv :] = data.qvel, data.qacc, data.act_dot
-        x, a = rates[..., : 2 * nv + self._act.start], rates[..., 2 * nv :]
+        rates = self._flight.rates(rows, moves)
+        x, a = rates[..., : 2 * self._nv + self._act.start], rates[..., 2 * self._nv :]
         return np.concatenate([x[..., self._kept], a[..., self._act]], axis=-1)
 
 

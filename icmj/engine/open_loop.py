@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +13,7 @@ from icmj.controller.controller import Controller, start_state
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, Loop, close_loop
 from icmj.engine.extremes import ExtremesTracker
-from icmj.engine.fault import EngineFault
+from icmj.engine.fault import EngineFault, can_fault
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
 from icmj.engine.schedule import Schedule
@@ -38,6 +39,7 @@ class EngineOpenLoop:
         self.schedule = replace(schedule, events=1, record_interval=every)
         self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
+        self._around: list[Any] = [] if like is None else like._around
         self._use = loop.implementation(schedule.tolerance > 0)
         point = loop.plant.linearisation.point.qpos
         alike = like is not None and _method(like.schedule) == _method(schedule)
@@ -84,6 +86,28 @@ class EngineOpenLoop:
         y_max, y_min = tracker.result() if n_events else (np.full((1, end.y.shape[1]), np.nan),) * 2
         flight = OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
         return flight, np.concatenate(rows)
+
+    def rates(self, rows: Array, moves: Array) -> Array:
+        """(qvel, qacc, act_dot) at all ``rows`` (qpos, qvel, act), moved by each of ``moves``.
+
+        Shapes (T, w), (m, w) → (T, m, 2 n_v + n_a).
+        """
+        loop, data, nq, nv = self.loop, self.data, self.loop.model.nq, self.loop.model.nv
+        mujoco.mj_resetData(loop.model, data)
+        with installed(*self._use.callbacks), loop.lent():
+            if loop.native and not can_fault(loop.model):
+                from icmj.engine.native.neighbours import neighbours_of, rates_at
+
+                if not self._around:
+                    self._around.append(neighbours_of(loop.model, data))
+                return rates_at(self._around[0], rows, moves)
+            rates = np.zeros((len(rows), len(moves), 2 * nv + len(data.act)))
+            for row, out in zip(rows, rates, strict=True):
+                for place, rate in zip(row + moves, out, strict=True):
+                    data.qpos[:], data.qvel[:], data.act[:] = place[:nq], place[nq : nq + nv], place[nq + nv :]
+                    mujoco.mj_forward(loop.model, data)
+                    rate[:] = np.concatenate([data.qvel, data.qacc, data.act_dot])
+        return rates
 
 
 def _method(schedule: Schedule) -> tuple[int, float] | None:
