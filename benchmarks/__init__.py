@@ -1,5 +1,7 @@
-"""Benchmarks: `python -m benchmarks --help`."""
+"""What the project costs, as ratios to something else measured in the same run; see ``python -m benchmarks --help``."""
 
-from icmj.base.environment import one_thread
+from icmj.base.environment import one_thread, seldom_collected
 
-one_thread()  # as the command line does; BLAS reads it when numpy comes
+# as the command line does; BLAS reads it when numpy comes
+one_thread()
+seldom_collected()
