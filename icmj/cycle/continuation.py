@@ -36,6 +36,7 @@ _ACROSS = 0.2  # below this part of the parameter in the tangent, a step is meas
 _AHEAD = 0.8  # least cosine of the angle between two steps
 _ROUNDING = 3e-14  # relative, of what the map magnifies in a flight
 _AGAIN = 1.15  # growth of an interval after which it is asked anew whether it is without bound
+_SLIVER = 1.1  # a step is stretched to the end of the range if so many times it reaches there
 _LEAST = 1e-9  # step
 _MOST = 600  # points
 
@@ -124,15 +125,18 @@ class _Walker:
         curve, last = self.curve, self.points[-1]
         curve.patient(float(last.intervals.max()))
         here, u = self.trail.u[-1], self.trail.predict(self.ds, self.tangent)
-        lands = bool((u[-1] - 1) * (last.sigma - 1) < 0 or (u[-1] * last.sigma < 0))
+        reach = last.sigma + _SLIVER * (u[-1] - last.sigma)  # to leave no sliver for another step
+        lands = bool((reach - 1) * (last.sigma - 1) < 0 or (reach * last.sigma < 0))
         D = self.trail.derivative(self.trail.s[-1] + self.ds)
         direction = (u - here) / max(curve.length(u - here), 1e-300)
         row = curve.normal(direction)
         if lands:
-            edge = 1.0 if (u[-1] - 1) * (last.sigma - 1) < 0 else 0.0
-            part = (edge - last.sigma) / (u[-1] - last.sigma)
-            u, D = here + (u - here) * part, self.trail.derivative(self.trail.s[-1] + part * self.ds)
-            u[-1] = edge
+            edge = 1.0 if (reach - 1) * (last.sigma - 1) < 0 else 0.0
+            ds = self.ds
+            for _ in range(2):
+                ds *= (edge - last.sigma) / (u[-1] - last.sigma)
+                u = self.trail.predict(ds, self.tangent)
+            u[-1], D = edge, self.trail.derivative(self.trail.s[-1] + ds)
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
         found = correct(curve, u, D, row, self.closed(last))
