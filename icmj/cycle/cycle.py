@@ -178,8 +178,8 @@ def closed_cycle(loop: ReturnMap, guess: Guess, closed: float = CLOSED) -> Close
         CycleError: if there is none.
     """
 
-    def derivative(z: Array) -> Array:
-        return fast_jacobian(loop, loop.turn(z, guess.p), guess.scale)
+    def derivative(turn: Turn) -> Array:
+        return fast_jacobian(loop, turn, guess.scale)
 
     return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.case.case import controlled
+from icmj.case.case import Case, controlled
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.cycle.parameter import Parameter
 from icmj.cycle.return_map import PlantKind, ReturnMap
@@ -27,11 +27,20 @@ class Family:
         built: how many loops were built.
     """
 
-    def __init__(self, run: RunFile, parameter: Parameter, plant: PlantKind = "mujoco") -> None:
+    def __init__(
+        self, run: RunFile, parameter: Parameter, plant: PlantKind = "mujoco", like: Case | None = None
+    ) -> None:
+        """Begin; what a case of the run file was made of is taken over from ``like``."""
         self.run, self.parameter, self.plant = run, parameter, plant
         self.built = 0
         self._loops = OpenLoops()
         self._known: dict[str, tuple[Any, Any]] = {}
+        if like is not None and like.run == run and like.run.path == run.path:
+            self._known = {
+                "assumed": (self._bare(run), like.assumed),
+                "actual": (self._bodies(run), like.actual),
+                "design": ((self._bare(run), run.design), like.controller.design),
+            }
 
     def at(self, value: float, longest: float | None = None) -> ReturnMap:
         """The return map at a value.
@@ -46,8 +55,9 @@ class Family:
         run = self.parameter.put(self.run, value)
         self.built += 1
         assumed = self._assumed(run)
-        bodies = (run.assumed, run.actual.model_copy(update={"delay": None}))
-        actual: AnyPlant = self._once("actual", bodies, lambda: self._regained(run) or actual_plant(run, assumed))
+        actual: AnyPlant = self._once(
+            "actual", self._bodies(run), lambda: self._regained(run) or actual_plant(run, assumed)
+        )
         designed = (self._bare(run), run.design)
         design = self._once("design", designed, lambda: controlled(run, assumed)[0].design)
         controller, _ = controlled(run, assumed, design)
@@ -83,6 +93,10 @@ class Family:
     @staticmethod
     def _bare(run: RunFile) -> Any:
         return run.assumed.model_copy(update={"delay": 0.0})
+
+    @staticmethod
+    def _bodies(run: RunFile) -> Any:
+        return run.assumed, run.actual.model_copy(update={"delay": None})
 
     def _once(self, what: str, made_of: Any, make: Any) -> Any:
         if what not in self._known or self._known[what][0] != made_of:

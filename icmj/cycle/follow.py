@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import prepare
+from icmj.case.case import Case, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.continuation import Walk, walk
 from icmj.cycle.corrector import Missed, correct
@@ -18,7 +18,7 @@ from icmj.cycle.family import Family
 from icmj.cycle.guess import Guess, from_prediction, from_simulation
 from icmj.cycle.parameter import parameter
 from icmj.cycle.point import point
-from icmj.cycle.return_map import PlantKind
+from icmj.cycle.return_map import PlantKind, ReturnMap
 from icmj.cycle.variation import fast_jacobian
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
@@ -58,9 +58,12 @@ def follow(
     of = parameter(name)
     first = of.value(run) if start_at is None else start_at
     over, run = Range(first, to), of.put(run, first)
-    family = Family(run, of, plant)
-    loop = family.at(first)
-    guess = start if isinstance(start, Guess) else _guess(run, family, start)
+    if isinstance(start, Guess):
+        family, guess = Family(run, of, plant), start
+    else:
+        case = prepare(run)
+        family = Family(run, of, plant, case)
+        guess = _guess(case, family.at(first), start)
     curve = _curve(family, over, guess)
     curve.longest = LONGEST * guess.longest
     loop = curve.loop(0.0)
@@ -150,9 +153,7 @@ def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array
     return np.asarray(ends[1] - ends[0])
 
 
-def _guess(run: RunFile, family: Family, start: Start) -> Guess:
-    case = prepare(run)
-    loop = family.at(family.parameter.value(run))
+def _guess(case: Case, loop: ReturnMap, start: Start) -> Guess:
     orbit = case.prediction.orbit
     if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
         return from_prediction(case, loop, case.rule.size)

@@ -41,7 +41,7 @@ def newton(
     loop: ReturnMap,
     z: Array,
     scale: Array,
-    derivative: Callable[[Array], Array],
+    derivative: Callable[[Turn], Array],
     *,
     p: int = 1,
     sign: int = 1,
@@ -56,7 +56,7 @@ def newton(
         loop: the return map.
         z: first guess, shape (N,).
         scale: size of each state on the cycle, shape (N,).
-        derivative: DP^p at a state, shape (N, N).
+        derivative: DP^p along a turn, shape (N, N).
         p, sign: how many intervals, and whether they end in the mirror image.
         closed: closure that is enough.
 
@@ -79,7 +79,7 @@ def newton(
         if history[-1] <= FLOOR or (history[-1] <= closed and len(history) > 1 and history[-1] > 0.1 * history[-2]):
             break
         if G is None:
-            G, fresh = sign * derivative(z) * D - np.eye(len(z)), True
+            G, fresh = sign * derivative(turn) * D - np.eye(len(z)), True
         step, neutral = shortest(G, -r)
         found = _damped(residual, z, r, step, scale)
         if found is None:
