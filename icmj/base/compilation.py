@@ -16,12 +16,12 @@ from typing import Any
 
 import numba
 
-from icmj.base.linking import Linked
-
 try:
     import fcntl
 except ImportError:  # no such locks here: each process compiles
     fcntl = None  # type: ignore[assignment]
+
+TESTED = "0.68."  # numba, with icmj.base.linking
 
 
 def contents(folder: Path, *more: str) -> int:
@@ -49,13 +49,11 @@ def entry(function: Callable[..., Any]) -> Any:
 
 
 # what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them
-WITHIN: dict[str, Any] = {
-    "nogil": True,
-    "error_model": "numpy",
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": Linked,
-}
+WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+if numba.__version__.startswith(TESTED):  # its pipeline is not promised to stay; without this, compiling takes longer
+    from icmj.base.linking import Linked
+
+    WITHIN["pipeline_class"] = Linked
 
 
 def known(dispatcher: Any) -> bool:
