@@ -5,12 +5,14 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
+from typing import Any
 
 _POLITE = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+_ALARM = getattr(signal, "SIGALRM", None)  # not everywhere; where it is not, or somebody's, nothing is said twice
 _AGAIN = 1.0  # s
 
 
@@ -46,22 +48,27 @@ def terminable() -> Iterator[Asked]:
         yield asked
         return
 
+    before: dict[int, Any] = {}
+
+    def ring(after: float, again: float) -> None:
+        if _ALARM in before:
+            signal.setitimer(signal.ITIMER_REAL, after, again)
+
     def stop(signum: int, _: object) -> None:
-        if signum != signal.SIGALRM:
+        if signum != _ALARM:
             asked.signum = signum
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN, _AGAIN)
+            ring(_AGAIN, _AGAIN)
         if asked.signum == signal.SIGINT:
             raise KeyboardInterrupt
         raise Terminated(asked.signum)
 
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
         if lost.exc_type in (Terminated, KeyboardInterrupt):  # it fell into a destructor, which cannot end anything
-            signal.setitimer(signal.ITIMER_REAL, 0.01, signal.getitimer(signal.ITIMER_REAL)[1])
+            ring(0.01, signal.getitimer(signal.ITIMER_REAL)[1] if _ALARM in before else 0.0)
         else:
             hook(lost)
 
-    before = {}
-    for signum in (*_POLITE, signal.SIGALRM):
+    for signum in (*_POLITE, *([_ALARM] if _ALARM else [])):
         if signal.getsignal(signum) is signal.SIG_DFL:
             before[signum] = signal.signal(signum, stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -72,8 +79,7 @@ def terminable() -> Iterator[Asked]:
         yield asked
     finally:
         sys.unraisablehook = hook
-        if signal.SIGALRM in before:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+        ring(0.0, 0.0)
         for signum, handler in before.items():
             signal.signal(signum, handler)
 
@@ -85,15 +91,18 @@ def heard_once() -> Iterator[None]:
     Without a :func:`terminable` around it, or in another thread than the main one, it changes nothing.
     """
     before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
+    bare = not callable(before) or before is signal.default_int_handler
+    if threading.current_thread() is not threading.main_thread() or bare:
         yield
         return
+    handler: Callable[[int, FrameType | None], Any] = before  # type: ignore[assignment]
 
     def once(signum: int, frame: FrameType | None) -> None:
         try:
-            before(signum, frame)
+            handler(signum, frame)
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            if _ALARM:
+                signal.setitimer(signal.ITIMER_REAL, 0)
 
     signal.signal(signal.SIGINT, once)
     try:

@@ -205,7 +205,8 @@ class ComposedLoop:
                     if progress is not None:
                         progress(min(data.time / schedule.t_end, 1.0))
                 except KeyboardInterrupt:
-                    stopped = True
+                    if not (stopped := bool(steps or record.count[3])):  # nothing to keep; it may have been compiling
+                        raise
                 except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
                     status, fault = Status.DIVERGED, str(error) if isinstance(error, EngineFault) else words(error)
                 n_dense, n_rows, n_events, taken = (int(n) for n in record.count)

@@ -115,6 +115,8 @@ class Passage:
                 elif (took := pace.stalled(*events[-1][:, 0])) is not None:
                     outcome = ending.stalled(self.t, took)
         except KeyboardInterrupt:
+            if self.t == 0:  # there is nothing to keep; it may have been compiling
+                raise
             outcome = ending.interrupted(self.t, duration)
         if self.t > self._now[Now.ROW]:
             rows.append((np.array([self.t]), self.z[None, :].copy()))

@@ -74,6 +74,8 @@ def _piece_by_piece(
     try:
         outcome = _run(prepared, history, progress)
     except KeyboardInterrupt:
+        if history.t == 0:
+            raise
         outcome = ending.interrupted(history.t, prepared.duration)
     return history.collected(), outcome
 

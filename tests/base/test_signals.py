@@ -85,6 +85,19 @@ def test_ctrl_c_is_remembered() -> None:
     assert within(lambda: sent(signal.SIGINT)).signum == signal.SIGINT
 
 
+def test_somebody_else_s_alarm_is_not_rung() -> None:
+    rung: list[int] = []
+    before = signal.signal(signal.SIGALRM, lambda signum, _: rung.append(signum))
+    try:
+        with terminable():
+            with contextlib.suppress(KeyboardInterrupt):
+                sent(signal.SIGINT)
+            time.sleep(1.2)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert rung == []
+
+
 def test_what_somebody_else_handles_stays_theirs() -> None:
     seen: list[int] = []
     before = signal.signal(signal.SIGTERM, lambda signum, _: seen.append(signum))

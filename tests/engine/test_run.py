@@ -389,6 +389,15 @@ def test_event_times_are_located_to_a_picosecond() -> None:
 # --- outcomes and records --------------------------------------------------------------------------------------------
 
 
+def test_an_interruption_before_anything_was_simulated_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def compiling(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("icmj.engine.native.loop.called", compiling)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=1.0), x0=[0.1, 0.0])
+
+
 def test_fall_divergence_and_interruption_keep_what_was_simulated() -> None:
     actual, control = plant("pendulum", 0.8), controller("pendulum", 0.05)
     fell = simulate(actual, control, Settings(duration=10.0, limit=0.11), x0=[0.1, 0.2])
