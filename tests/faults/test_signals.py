@@ -55,6 +55,14 @@ def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path
     assert (tmp_path / "out" / "short.mujoco.rrd").exists()
 
 
+def test_a_run_interrupted_while_it_compiles_ends_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    found = end(start("run", short_run(tmp_path), "--out", tmp_path / "out", cwd=tmp_path), signal.SIGINT, 2.5)
+    check(found, signal.SIGINT)
+    assert found.status == 130
+    assert not list((tmp_path / "out").glob("*.rrd"))
+
+
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     run = short_run(tmp_path, duration=10000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     process = start("study", run, "--out", tmp_path / "out", "--jobs", "2", "--yes", cwd=tmp_path)
