@@ -7,7 +7,6 @@ A third of the time to compile goes with it, and what comes out is no slower.
 
 from __future__ import annotations
 
-import weakref
 from typing import Any
 
 from numba import _dynfunc  # type: ignore[attr-defined]
@@ -25,7 +24,6 @@ class _Intermediate(JITCodeLibrary):
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
-        self._final_module.__library = weakref.proxy(self)
         self._finalized = True
 
 

@@ -101,7 +101,7 @@ def heard_once() -> Iterator[None]:
         try:
             handler(signum, frame)
         finally:
-            if _ALARM:
+            if _ALARM and signal.getsignal(_ALARM) is handler:  # not somebody else's
                 signal.setitimer(signal.ITIMER_REAL, 0)
 
     signal.signal(signal.SIGINT, once)

@@ -132,10 +132,10 @@ class _Walker:
         row = curve.normal(direction)
         if lands:
             edge = 1.0 if (reach - 1) * (last.sigma - 1) < 0 else 0.0
-            ds = self.ds
-            for _ in range(2):
-                ds *= (edge - last.sigma) / (u[-1] - last.sigma)
-                u = self.trail.predict(ds, self.tangent)
+            ds = self.ds * (edge - last.sigma) / (u[-1] - last.sigma)
+            off = (edge - self.trail.predict(ds, self.tangent)[-1]) / (edge - last.sigma)
+            ds *= float(np.clip(1 + off, 0.5, 1.5))  # near a fold, polynomials may turn before the end
+            u = self.trail.predict(ds, self.tangent)
             u[-1], D = edge, self.trail.derivative(self.trail.s[-1] + ds)
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)

@@ -85,7 +85,7 @@ def test_ctrl_c_is_remembered() -> None:
     assert within(lambda: sent(signal.SIGINT)).signum == signal.SIGINT
 
 
-def test_somebody_else_s_alarm_is_not_rung() -> None:
+def test_somebody_else_s_alarm_is_neither_rung_nor_silenced() -> None:
     rung: list[int] = []
     before = signal.signal(signal.SIGALRM, lambda signum, _: rung.append(signum))
     try:
@@ -93,9 +93,15 @@ def test_somebody_else_s_alarm_is_not_rung() -> None:
             with contextlib.suppress(KeyboardInterrupt):
                 sent(signal.SIGINT)
             time.sleep(1.2)
+            assert rung == []
+            signal.setitimer(signal.ITIMER_REAL, 0.5)
+            with heard_once(), contextlib.suppress(KeyboardInterrupt):
+                sent(signal.SIGINT)
+            time.sleep(0.6)
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
-    assert rung == []
+    assert rung == [signal.SIGALRM]  # nor is it silenced
 
 
 def test_what_somebody_else_handles_stays_theirs() -> None:
