@@ -8,7 +8,7 @@ import numpy as np
 
 from icmj.case.matrices import actual_matrices, assumed_matrices
 from icmj.engine.deviation import Deviation
-from icmj.engine.model import load_spec
+from icmj.engine.inventory import inventory
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
@@ -95,8 +95,8 @@ def keyframe_of(run: RunFile) -> str | None:
     """The actual plant's: its own, or that of the assumed plant if its model has one of this name."""
     if run.actual.keyframe is not None or run.actual.model is None:
         return run.actual.keyframe or run.assumed.keyframe
-    names = [key.name for key in load_spec(run.actual_path).keys]
-    return run.assumed.keyframe if run.assumed.keyframe in names else None
+    known = inventory(run.actual_path).keyframes
+    return run.assumed.keyframe if run.assumed.keyframe in known else None
 
 
 def _outputs(run: RunFile, assumed: AnyPlant) -> tuple[str, ...]:

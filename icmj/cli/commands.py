@@ -184,12 +184,15 @@ def person(command: arguments.Person) -> None:
     """Write a person's model and say what it is."""
     from icmj.base.files import write_text
     from icmj.engine.model import load_spec
+    from icmj.engine.soundness import sound
     from icmj.plant.person import Person
     from icmj.runfile.shipped import model_file
 
     measures = Person(command.height, command.mass)
-    spec = load_spec(model_file(command.model), person=measures)
-    write_text(command.out, spec.to_xml())
+    path = model_file(command.model)
+    with sound(path):
+        text = load_spec(path, person=measures).to_xml()
+    write_text(command.out, text)
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
     OUT.print(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
     OUT.print(f"model    {escape(str(command.out))}", highlight=False)

@@ -60,6 +60,7 @@ except MemoryError:
 except Exception as error:
     sys.exit(str(error) or type(error).__name__)
 """
+_NO_UTF8 = re.compile("[\udc80-\udcff]")  # what "surrogateescape" makes of such bytes
 _SCALES = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
 _known_good: set[bytes] = set()
 
@@ -92,7 +93,8 @@ def examine(path: Path) -> None:
     """Look at what the file asks for, and compile it in a process of its own where that is much.
 
     Raises:
-        ModelError: if it cannot be read, refers to what is no file, or does not compile within the limits.
+        ModelError: if it cannot be read, is not UTF-8 (names would come back as bytes that are no text), refers to
+            what is no file, or does not compile within the limits.
     """
     try:
         if not path.is_file():
@@ -177,7 +179,11 @@ def _texts(path: Path, model: Path, seen: set[Path]) -> Iterator[str]:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
     if len(content) > MOST_BYTES:
         raise ModelError(f"{path}: more than {MOST_BYTES / 1e6:g} MB of MJCF")
-    text = re.sub(r"<!--.*?-->", "", content.decode(errors="surrogateescape"), flags=re.DOTALL)
+    text = content.decode(errors="surrogateescape")
+    text = re.sub(r"<!--.*?-->", lambda comment: "\n" * comment.group().count("\n"), text, flags=re.DOTALL)
+    if wrong := _NO_UTF8.search(text):
+        line, byte = text.count("\n", 0, wrong.start()) + 1, ord(wrong.group()) - 0xDC00
+        raise ModelError(f"{path}: line {line} is not UTF-8 (byte 0x{byte:02x}); save the file as UTF-8")
     yield text
     folders = [Path(), *map(Path, _FOLDERS.findall(text))]
     for name in _FILES.findall(text):

@@ -128,6 +128,24 @@ def test_what_is_no_model_file_is_said(tmp_path: Path, name: str) -> None:
         load_plant(f"{tmp_path}/{name}")
 
 
+@pytest.mark.parametrize(
+    ("old", "new"), [(b'name="bob"', b'name="b\xf6b"'), (b"<mujoco", b"<!--\n\n--><!-- \xe9 --><\xff")]
+)
+def test_bytes_that_are_no_text_are_refused_by_their_line(tmp_path: Path, old: bytes, new: bytes) -> None:
+    path, whole = tmp_path / "model.xml", PENDULUM.encode()
+    path.write_bytes(whole.replace(old, new, 1))
+    line = path.read_bytes().split(new)[0].count(b"\n") + new.count(b"\n") + 1
+    with pytest.raises(ModelError, match=rf"line {line} is not UTF-8 \(byte 0xf[6f]\); save the file as UTF-8"):
+        load_plant(path, keyframe="upright")
+
+
+def test_text_in_any_language_is_taken_and_comments_may_be_anything(tmp_path: Path) -> None:
+    path = tmp_path / "model.xml"
+    text = PENDULUM.replace('name="bob"', 'name="Gewicht, größer: 重り"').encode()
+    path.write_bytes(text.replace(b"<worldbody>", b"<!-- gr\xf6\xdfer -->\n<worldbody>", 1))
+    assert "Gewicht, größer: 重り" in load_plant(path, keyframe="upright").xml
+
+
 def test_ordinary_models_are_not_tried_first() -> None:
     for path in MODELS.glob("*.xml"):
         assert not suspicious(path.read_text(encoding="utf-8"))
