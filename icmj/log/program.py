@@ -10,7 +10,9 @@ from pathlib import Path
 from icmj.base.text import one_line
 from icmj.errors import LogError
 
-LONGEST = 120.0  # s; a log of a gigabyte takes a few
+LONGEST = 120.0  # s on the clock; a log of a gigabyte takes a few
+SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of processor time; 240 MB take one second
+MEMORY, PER_BYTE = 2 << 30, 8  # of which 240 MB take a quarter
 
 
 def program() -> Path:
@@ -30,25 +32,18 @@ def program() -> Path:
 def verify(path: Path) -> str:
     """Decode the whole recording in a process of its own; returns what is wrong with it, or nothing.
 
-    A damaged file can abort the process that decodes it (one in four thousand with a single bit flipped), which must
-    not be ours. Takes 0.05 s.
+    A damaged file can abort the process that decodes it (one in four thousand with a single bit flipped), or have it
+    ask for all the memory there is (one wrong byte among the sizes at the file's end); that must not be ours. Takes
+    0.05 s.
     """
     try:
-        done = subprocess.run(
-            [str(program()), "rrd", "verify", str(path)],
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-            timeout=LONGEST,
-            env=os.environ | {"NO_COLOR": "1"},
-        )
+        done = _bounded(["verify", str(path)], path)
     except subprocess.TimeoutExpired:
         return f"reading it took more than {LONGEST:g} s"
     if done.returncode == 0:
         return ""
     lines = [line for line in map(one_line, done.stderr.splitlines()) if line]
-    reason = lines[0] if lines else f"exit status {done.returncode}"
+    reason = lines[0] if lines else "reading it takes more time or memory than a whole one"
     return reason.removeprefix(f'"{path}":').strip()[:200]
 
 
@@ -58,9 +53,35 @@ def salvage(path: Path, copy: Path) -> str:
     Raises:
         LogError: if nothing can be saved.
     """
-    command = [str(program()), "rrd", "merge", "--continue-on-error", "-o", str(copy), str(path)]
-    done = subprocess.run(command, capture_output=True, check=False)
+    lost = f"{path}: not a rerun recording, or cut so short that nothing can be saved; run the case again"
+    try:
+        done = _bounded(["merge", "--continue-on-error", "-o", str(copy), str(path)], path)
+    except subprocess.TimeoutExpired as error:
+        raise LogError(lost) from error
     if done.returncode != 0 or not copy.is_file() or verify(copy):
-        raise LogError(f"{path}: not a rerun recording, or cut so short that nothing can be saved; run the case again")
+        raise LogError(lost)
     kept, had = copy.stat().st_size / 1e6, path.stat().st_size / 1e6
     return f"{path}: incomplete; salvaged {kept:.2f} MB of {had:.2f} MB, what came after is lost"
+
+
+def _bounded(arguments: list[str], path: Path) -> subprocess.CompletedProcess[str]:
+    """``rerun rrd`` with these arguments, held to what the recording at ``path`` could need if it were whole.
+
+    The shell sets the limits, because setting them in Python between fork and exec is not safe with threads. Where
+    the system has no such limits, only the one on time holds.
+    """
+    command = [str(program()), "rrd", *arguments]
+    if os.name == "posix":
+        size = path.stat().st_size
+        limits = {"d": (MEMORY + PER_BYTE * size) >> 10, "t": SECONDS + size // BYTES_A_SECOND, "c": 0}
+        shell = "; ".join(f"ulimit -{kind} {most} 2>/dev/null" for kind, most in limits.items())
+        command = ["/bin/sh", "-c", f'{shell}; exec "$@"', "sh", *command]
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=LONGEST,
+        env=os.environ | {"NO_COLOR": "1"},
+    )
