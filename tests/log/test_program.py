@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import time
 from pathlib import Path
@@ -13,6 +12,7 @@ from log_cases import made_up
 from icmj.errors import LogError
 from icmj.log import program, read_log, write_log
 
+resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems take no such limits")
 NOT_WHOLE = "reading it takes more time or memory than a whole one"
 
