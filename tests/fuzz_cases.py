@@ -95,7 +95,7 @@ def mutant_run_file(rng: random.Random, folder: Path) -> list[str]:
         lines = _mutate_lines(rng, lines)
     content = "\n".join(lines).encode("utf-8", errors="surrogateescape")
     if rng.random() < 0.08:
-        content = _mutate_bytes(rng, content)
+        content = mutate_bytes(rng, content)
     (folder / "case.toml").write_bytes(content)
     command = rng.choices((["analyse", "--json"], ["run", "--plant", "linear"], ["run"]), (6, 2, 1))[0]
     return [command[0], "case.toml", *command[1:], *([] if command[0] == "analyse" else ["--out", "out"])]
@@ -159,7 +159,7 @@ def mutant_model(rng: random.Random, folder: Path) -> list[str]:
         text = _mutate_xml(rng, text)
     content = text.encode("utf-8", errors="surrogateescape")
     if rng.random() < 0.08:
-        content = _mutate_bytes(rng, content)
+        content = mutate_bytes(rng, content)
     (folder / "model.xml").write_bytes(content)
     if rng.random() < 0.5:
         return ["linearise", "model.xml", "--json"]
@@ -199,7 +199,7 @@ def _mutate_xml(rng: random.Random, text: str) -> str:
     return text[:at] + new + text[at:]
 
 
-def _mutate_bytes(rng: random.Random, content: bytes) -> bytes:
+def mutate_bytes(rng: random.Random, content: bytes) -> bytes:
     content = bytearray(content)
     for _ in range(rng.randint(1, 5)):
         at = rng.randrange(len(content)) if content else 0
@@ -352,7 +352,7 @@ def _put_log(rng: random.Random) -> tuple[str, str]:
             if not _log:
                 write_log(made_up(duration=3.0)[0], folder / "whole.rrd")
                 _log.append((folder / "whole.rrd").read_bytes())
-            (folder / "a.rrd").write_bytes(_mutate_bytes(rng, _log[0]))
+            (folder / "a.rrd").write_bytes(mutate_bytes(rng, _log[0]))
             read_log(folder / "a.rrd")
         except LogError as error:
             good = not re.search(r"[\x00-\x1f]", str(error))

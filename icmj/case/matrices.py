@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
@@ -64,31 +64,22 @@ def read_matrices(path: Path) -> dict[str, Any]:
     try:
         if path.exists() and not path.is_file():
             raise RunFileError(f"{path}: cannot be read: not a file")  # a pipe would be waited on for ever
-        if path.is_file() and _unpacked(path) > MOST_BYTES:
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
             raise RunFileError(f"{path}: more than {MOST_BYTES / 1e6:g} MB")
         if path.suffix == ".json":
             found = json.loads(path.read_text(encoding="utf-8"))
         elif path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as stored:
-                found = {name: stored[name].tolist() for name in stored.files if name in (*LETTERS, "D", *KINDS)}
+            arrays = read_npz(path, MOST_BYTES, (*LETTERS, "D", *KINDS))
+            found = {name: array.tolist() for name, array in arrays.items()}
         else:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror or one_line(error, 200)}") from error
-    except (ValueError, RecursionError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile) as error:
+    except (ValueError, RecursionError, MemoryError) as error:
         raise RunFileError(f"{path}: holds no matrices that can be read ({one_line(error, 200)})") from error
     if not isinstance(found, dict) or not all(letter in found for letter in LETTERS):
         raise RunFileError(f"{path}: expected the matrices A, B and C by these names")
     return found
-
-
-def _unpacked(path: Path) -> int:
-    """Bytes that reading a file would make."""
-    size = path.stat().st_size
-    if path.suffix == ".npz" and zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as packed:
-            size += sum(member.file_size for member in packed.infolist())
-    return size
 
 
 def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None) -> LinearPlant:

@@ -183,16 +183,12 @@ def replay(command: arguments.Replay) -> None:
 def person(command: arguments.Person) -> None:
     """Write a person's model and say what it is."""
     from icmj.base.files import write_text
-    from icmj.engine.model import load_spec
-    from icmj.engine.soundness import sound
+    from icmj.engine.plant import shaped
     from icmj.plant.person import Person
     from icmj.runfile.shipped import model_file
 
     measures = Person(command.height, command.mass)
-    path = model_file(command.model)
-    with sound(path):
-        text = load_spec(path, person=measures).to_xml()
-    write_text(command.out, text)
+    write_text(command.out, shaped(model_file(command.model), measures))
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
     OUT.print(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
     OUT.print(f"model    {escape(str(command.out))}", highlight=False)

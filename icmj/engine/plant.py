@@ -137,6 +137,17 @@ def load_plant(
         return plant
 
 
+@hushed()
+def shaped(path: Path, person: Person) -> str:
+    """The MJCF text of a model with the measures of ``person``.
+
+    Raises:
+        ModelError: see :func:`icmj.engine.model.load_spec` and :mod:`icmj.engine.soundness`.
+    """
+    with sound(path):
+        return load_spec(path, person=person).to_xml()
+
+
 def _told_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[OperatingPoint]:
     try:
         yield from points

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.csv_shape import csv_shape
@@ -136,13 +136,7 @@ def _read_parquet(path: Path) -> tuple[list[str], list[str], Array]:
 
 
 def _read_npz(path: Path) -> tuple[list[str], list[str], Array]:
-    import zipfile
-
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays: dict[str, Any] = {name: file[name] for name in file.files}
-    except (zipfile.BadZipFile, EOFError, KeyError, ValueError) as error:
-        raise DataError(f"not an npz file of plain arrays ({one_line(error, 160)})") from error
+    arrays = read_npz(path, MOST_BYTES)
     known = dict(zip(*(arrays.pop(key, np.zeros(0)).ravel().tolist() for key in ("names", "units")), strict=False))
     vectors = {name: a for name, a in arrays.items() if a.ndim == 1 and a.dtype.kind in "fiu"}
     lengths = {len(a) for a in vectors.values()}
