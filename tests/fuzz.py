@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz --minutes 60`` from the checkout: run files, models and logs, mutated for as long as wanted.
+"""``python -m tests.fuzz --minutes 60`` from the checkout: files of all kinds, mutated for as long as wanted.
 
 ``--mutants 10000`` puts so many of each kind; ``--kind "run file" --seed 7 --mutants 1`` makes one again.
 """

@@ -1,4 +1,4 @@
-"""Mutants of run files, models and logs, and a bench that puts them to icmj in a process that may die or hang.
+"""Mutants of run files, models, time series and logs, and a bench that puts them to icmj in a process of its own.
 
 A mutant is made from a seed alone, so that what failed can be made again.
 """
@@ -61,7 +61,7 @@ class Job:
     """One mutant: what is put to icmj, in an empty folder of its own.
 
     Attributes:
-        kind: ``run file``, ``model`` or ``log``.
+        kind: ``run file``, ``model``, ``series`` or ``log``.
         seed: makes it again.
     """
 
@@ -215,6 +215,66 @@ def mutate_bytes(rng: random.Random, content: bytes) -> bytes:
     return bytes(content)
 
 
+def mutant_series(rng: random.Random, folder: Path) -> list[str]:
+    """A file of time series in ``folder``, and the command to put it to."""
+    import icmj
+
+    noise = np.random.default_rng(rng.randrange(2**32))
+    rows = rng.choice((0, 1, 2, 5, 30, *(300,) * 10))
+    t, y = np.arange(rows) / 100.0, 1e-3 * noise.normal(size=(rows, rng.choice((1, 2, 2, 3)))).cumsum(axis=0)
+    for _ in range(rng.choice((0, 0, 0, 1, 2))):
+        values = rng.choice((t, y))
+        at = rng.choice((slice(None), rng.randrange(rows) if rows else 0, slice(rows // 2, None)))
+        with np.errstate(all="ignore"):
+            if rng.random() < 0.5 and rows:
+                values[at] = float(rng.choice(("nan", "inf", "-inf", "0", "-1", "1e300", "5e-324", "1e12", "1e-12")))
+            elif rows:
+                values[at] *= float(rng.choice(("-1", "1e300", "1e-300", "1e9", "1e-9", "0")))
+    kind, path = rng.choice(("csv", "parquet", "npz")), folder / "sway"
+    path = path.with_suffix(f".{kind}")
+    known = ("ap", "ml", "t", "", "x [m]", "weight", "\u03b6", "a,b")
+    names = tuple(rng.sample(known, y.shape[1]) if rng.random() < 0.9 else rng.choices(known, k=y.shape[1]))
+    try:
+        icmj.write_series(icmj.Series(t, y, names, ("m",) * len(names)), path)
+    except icmj.IcmjError:  # it is no series; a table all the same
+        kind, path = "csv", folder / "sway.csv"
+        cells = (",".join(map(repr, row)) for row in np.column_stack([t, y]).tolist())
+        path.write_text("\n".join((",".join(("t", *names)), *cells)), encoding="utf-8")
+    content = path.read_bytes()
+    if kind == "csv" and rng.random() < 0.4:
+        content = _mutate_cells(rng, content)
+    if rng.random() < 0.15:
+        content = mutate_bytes(rng, content)
+    path.write_bytes(content)
+    command = ["measure", path.name, *(["--json"] if rng.random() < 0.5 else [])]
+    for option, count in (("--rate", 1), ("--since", 1), ("--low-pass", 1), ("--band", 2), ("--columns", 2)):
+        if rng.random() < 0.15:
+            values = (
+                (*names, "y") if option == "--columns" else ("0", "0.1", "1", "5", "100", "1e-9", "1e12", "nan", "inf")
+            )
+            command += [option, *(rng.choice(values) for _ in range(count))]
+    return command
+
+
+def _mutate_cells(rng: random.Random, content: bytes) -> bytes:
+    """Another word in a table, another separator, or a line more or less."""
+    lines = content.decode("utf-8", errors="surrogateescape").splitlines() or [""]
+    at, what = rng.randrange(len(lines)), rng.randrange(5)
+    if what == 0:
+        cells = lines[at].split(",")
+        cells[rng.randrange(len(cells))] = rng.choice((*NUMBERS, "", "x", '"', "1,5", "\t", "1e5 m"))
+        lines[at] = ",".join(cells)
+    elif what == 1:
+        lines = [line.replace(",", rng.choice((";", "\t", " ", ",,"))) for line in lines]
+    elif what == 2:
+        lines.insert(at, rng.choice(("", "# said", ",".join("1" * rng.randrange(9)), lines[-1])))
+    elif what == 3:
+        del lines[at]
+    else:
+        lines = lines[1:]
+    return "\n".join(lines).encode("utf-8", errors="surrogateescape")
+
+
 def mutant_log(rng: random.Random, tree: dict[str, Any], arrays: dict[str, np.ndarray]) -> tuple[str, dict[str, Any]]:
     """An archive whose digest will be right, with something else in it."""
     tree, arrays = json.loads(json.dumps(tree)), dict(arrays)
@@ -304,14 +364,16 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
     folder = Path(tempfile.mkdtemp(prefix="icmj-mutant-"))
     try:
         os.chdir(folder)
-        command = (mutant_run_file if job.kind == "run file" else mutant_model)(rng, folder)
+        command = _FILES[job.kind](rng, folder)
         before = sorted(folder.iterdir())
         mark = os.lseek(2, 0, os.SEEK_CUR)
         status = main(command)
         sys.stdout.flush()
         sys.stderr.flush()
         said = os.pread(2, 100_000, mark).decode(errors="replace")
-        lines = [line for line in said.splitlines() if not re.search(r"after \d+ s$|^icmj: about .* of work$", line)]
+        lines = [
+            line for line in said.splitlines() if not re.search(r"(?<! s) after \d+ s$|^icmj: about .* of work$", line)
+        ]
         after = sorted(path for path in folder.iterdir() if path.name != "out")
         words = f"{' '.join(command)}: status {status}: {said[-600:]}"
         if status not in (0, 2) or "Traceback" in said or after != before:
@@ -498,7 +560,8 @@ def _warm_up() -> None:
         main(["run", f"{folder}/case.toml", "--out", f"{folder}/out"])
 
 
-KINDS = ("run file", "model", "log")
+_FILES = {"run file": mutant_run_file, "model": mutant_model, "series": mutant_series}
+KINDS = (*_FILES, "log")
 
 
 def hunt(kind: str, seeds: Sequence[int], seconds: float) -> Tally:

@@ -12,6 +12,7 @@ from icmj.series.series import Series
 
 MOST_ROWS = 2e7  # of an even series
 EVEN = 1e-3  # of a step: an unevenness like that of rounded times goes without a word
+LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
 _CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
@@ -71,7 +72,7 @@ def even_series(series: Series, rate: float | None = None) -> Series:
 
 
 def check_complete(series: Series, fewest: int = 2) -> None:
-    """See that there are rows, and that each holds a number for every signal.
+    """See that there are rows, that each holds a number for every signal, and that one can compute with them.
 
     Raises:
         DataError: if not.
@@ -85,6 +86,11 @@ def check_complete(series: Series, fewest: int = 2) -> None:
                 f"{name}: {len(missing)} of {len(column)} values are missing or not finite, the first at "
                 f"{series.t[missing[0]]:.6g} s; fill them or measure a part without them"
             )
+        if (largest := np.abs(column).max()) > LARGEST:
+            raise DataError(f"{name}: has a value of {largest:.2g}; expected at most {LARGEST:g}, whatever its unit")
+    steps = np.diff(series.t)
+    if len(steps) and not (np.median(steps) > 1 / LONGEST and steps.max() < LONGEST):
+        raise DataError(f"rows are {steps.min():.2g} to {steps.max():.2g} s apart; are the times in seconds?")
 
 
 def step_of(rate: float, duration: float) -> float:

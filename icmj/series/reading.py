@@ -127,16 +127,20 @@ def _read_parquet(path: Path) -> tuple[list[str], list[str], Array]:
         table = file.read()
     except (pa.ArrowException, OSError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    good = [f for f in table.schema if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)]
+    fields = enumerate(table.schema)  # two may have one name
+    good = {i: f for i, f in fields if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)}
     if not good:
         raise DataError("no column of numbers")
-    units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in good]
-    columns = [table[f.name].to_numpy(zero_copy_only=False).astype(float) for f in good]
-    return [f.name for f in good], units, np.column_stack(columns)
+    units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in good.values()]
+    columns = [table.column(i).to_numpy(zero_copy_only=False).astype(float) for i in good]
+    return [f.name for f in good.values()], units, np.column_stack(columns)
 
 
 def _read_npz(path: Path) -> tuple[list[str], list[str], Array]:
-    arrays = read_npz(path, MOST_BYTES)
+    try:
+        arrays = read_npz(path, MOST_BYTES)
+    except ValueError as error:
+        raise DataError(str(error)) from error
     known = dict(zip(*(arrays.pop(key, np.zeros(0)).ravel().tolist() for key in ("names", "units")), strict=False))
     vectors = {name: a for name, a in arrays.items() if a.ndim == 1 and a.dtype.kind in "fiu"}
     lengths = {len(a) for a in vectors.values()}

@@ -1,4 +1,4 @@
-"""Mutants of run files, models and logs: accepted, or refused in one line, within ten seconds or with progress.
+"""Mutants of run files, models, series and logs: accepted, or refused in one line, in ten seconds or with progress.
 
 For an hour of it: ``python -m tests.fuzz --minutes 60``.
 """

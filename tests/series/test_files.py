@@ -143,6 +143,16 @@ def test_no_file_no_folder_and_no_rubbish(tmp_path, kind, monkeypatch):
         read_series(path)
 
 
+@pytest.mark.parametrize("kind", [".csv", ".parquet"])
+def test_a_signal_may_be_called_as_the_times_are(tmp_path, kind):
+    series, path = Series(np.arange(3.0), np.eye(3)[:, :2], ("t", "ankle"), ("N", "rad")), tmp_path / f"run{kind}"
+    write_series(series, path)
+    back = read_series(path)
+    assert (back.names, back.units) == (series.names, series.units)
+    np.testing.assert_array_equal(back.t, series.t)
+    np.testing.assert_array_equal(back.values, series.values)
+
+
 def test_pickles_are_not_unpacked(tmp_path):
     np.savez(tmp_path / "bad.npz", t=np.arange(2.0), a=np.array([{}, {}], dtype=object))
     with pytest.raises(DataError, match="not an npz file of plain arrays"):

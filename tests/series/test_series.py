@@ -73,6 +73,13 @@ def test_uneven_times_are_made_even_by_a_spline_and_said_so():
             None,
             "gap of",
         ),
+        (
+            lambda s: Series(s.t, s.values * 1e60, s.names),
+            None,
+            r"x\.ankle: has a value of 1e\+60; expected at most 1e\+50",
+        ),
+        (lambda s: Series(s.t * 1e299, s.values, s.names), None, "1e.297 s apart; are the times in seconds"),
+        (lambda s: Series(s.t * 1e-299, s.values, s.names), None, "1e-301 s apart; are the times in seconds"),
         (lambda s: s, -1.0, "must be positive"),
         (lambda s: s, 1e12, "expected at most"),
     ],
