@@ -97,8 +97,12 @@ def mutant_run_file(rng: random.Random, folder: Path) -> list[str]:
     if rng.random() < 0.08:
         content = mutate_bytes(rng, content)
     (folder / "case.toml").write_bytes(content)
-    command = rng.choices((["analyse", "--json"], ["run", "--plant", "linear"], ["run"]), (6, 2, 1))[0]
-    return [command[0], "case.toml", *command[1:], *([] if command[0] == "analyse" else ["--out", "out"])]
+    commands = (["analyse", "--json"], ["run", "--plant", "linear"], ["run"], ["cycle", "--json"])
+    command = rng.choices((*commands, ["continue"]), (6, 2, 1, 3, 1))[0]
+    if command[0] == "continue":
+        of = rng.choice(("b", "b", "q_t", "delay", "rho", "delta_min", "hinge", ""))
+        command = ["continue", "--parameter", of, "--to", rng.choice((*NUMBERS, "0.7", "1.2")), "--points", "5"]
+    return [command[0], "case.toml", *command[1:], *(["--out", "out"] if command[0] in ("run", "continue") else [])]
 
 
 def _mutate_lines(rng: random.Random, lines: list[str]) -> list[str]:

@@ -103,10 +103,12 @@ def continue_(command: arguments.Continue) -> None:
 
 
 def _show_branch(branch: Branch) -> None:
+    from icmj.cycle.parameter import with_unit
+
     table = Table(title=f"{escape(branch.run.case.title)}: {branch.name} ({branch.plant})", title_justify="left")
     table.box = SIMPLE_HEAD
     for column in (
-        branch.parameter,
+        with_unit(branch.parameter),
         "interval (s)",
         "period (s)",
         *(f"peak of {n}" for n in branch.outputs),

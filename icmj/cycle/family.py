@@ -33,6 +33,7 @@ class Family:
         """Begin; what a case of the run file was made of is taken over from ``like``."""
         self.run, self.parameter, self.plant = run, parameter, plant
         self.built = 0
+        self.held = any(key.endswith(".delay") for key in parameter.keys)  # one z along the branch, whatever the delay
         self._loops = OpenLoops()
         self._known: dict[str, tuple[Any, Any]] = {}
         if like is not None and like.run == run and like.run.path == run.path:
@@ -65,11 +66,11 @@ class Family:
         if longest is not None:
             settings = replace(settings, duration=longest)
         if self.plant == "linear":
-            return ReturnMap(actual.linearisation.plant, controller, settings)
+            return ReturnMap(actual.linearisation.plant, controller, settings, held=self.held)
         if not isinstance(actual, MujocoPlant):
             raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
         every = np.inf if longest is None else longest / ROWS
-        return ReturnMap(actual, controller, settings, every, self._loops)
+        return ReturnMap(actual, controller, settings, every, self._loops, self.held)
 
     def _regained(self, run: RunFile) -> MujocoPlant | None:
         """The last actual plant with another input gain, if that is all that differs: its point and model stay."""

@@ -18,7 +18,12 @@ KEYS = {
 }
 """What the names stand for."""
 
-UNITS = {"q_t": "rad", "delay": "s", "delta_min": "s"}
+_UNITS = {"delay": "s", "delta_min": "s"}  # that of q_t is the controller's
+
+
+def with_unit(name: str) -> str:
+    """The name of a parameter, with its unit in brackets where it has one that is known."""
+    return f"{name} ({_UNITS[name]})" if name in _UNITS else name
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """The return map of a simulated loop: from the state at an event to the state at the next, or some events on.
 
 The state is z = (x, x_o), of plant and observer as departures from the operating point, because an event sets the hold
-to the observer; with a delay an event resets nothing yet, and z = (x, x_o, x_h). On a plant that is odd-symmetric about
+to the observer; with a delay an event resets nothing yet, and z = (x, x_o, x_h). As the delay goes to zero, P forgets
+the x_h that it is given, and still says which x_h the next event finds; so a loop without one can be taken with the
+longer z, too, and a branch in the delay goes down to zero. On a plant that is odd-symmetric about
 its operating point the mirror image of a motion is a motion, and a *mirrored* cycle is one with −P(z) = z.
 """
 
@@ -72,6 +74,7 @@ class ReturnMap:
         settings: of the flights; their duration is the longest that is flown.
         every: how often flights on the engine keep a row [s]; never by default.
         loops: makes flights on the engine for several return maps, one at a time; each makes its own by default.
+        held: z has the hold without a delay, too.
     """
 
     plant: LinearPlant | MujocoPlant
@@ -79,6 +82,7 @@ class ReturnMap:
     settings: Settings
     every: float = np.inf
     loops: OpenLoops | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         changing = [
@@ -112,19 +116,24 @@ class ReturnMap:
         return (self.loops or OpenLoops())(self.plant, self.controller, self.settings, self.every)
 
     @property
+    def holds(self) -> bool:
+        """Whether z has the hold."""
+        return self.held or bool(self.controller.delay)
+
+    @property
     def size(self) -> int:
         """N, the length of z."""
-        n_hat = self.controller.design.plant.n
-        return self.linear.n + n_hat * (2 if self.controller.delay else 1)
+        return self.linear.n + self.controller.design.plant.n * (2 if self.holds else 1)
 
-    def split(self, z: Array) -> tuple[Array, ...]:
-        """z as arguments of :attr:`fly`: x, x_o and, with a delay, x_h."""
+    def split(self, z: Array) -> tuple[Array, Array, Array]:
+        """x, x_o and x_h right after the event at z, which without a delay resets the hold."""
         n, n_hat = self.linear.n, self.controller.design.plant.n
-        return tuple(np.split(z, [n, n + n_hat] if self.controller.delay else [n]))
+        x_o = z[n : n + n_hat]
+        return z[:n], x_o, z[n + n_hat :] if self.controller.delay else x_o
 
     def join(self, x: Array, x_o: Array, x_h: Array) -> Array:
-        """z from its parts, shape (..., N)."""
-        return np.concatenate([x, x_o, *([x_h] if self.controller.delay else [])], axis=-1)
+        """z from its parts right before the event, shape (..., N)."""
+        return np.concatenate([x, x_o, *([x_h] if self.holds else [])], axis=-1)
 
     def turn(self, z: Array, p: int = 1) -> Turn:
         """Fly p intervals from z.
@@ -137,8 +146,7 @@ class ReturnMap:
         kept = []
         for i in range(p):
             states[i] = z
-            x, x_o, *x_h = self.split(z)
-            flight, rows = self._flown(x, x_o, x_h[0] if x_h else None)
+            flight, rows = self._flown(*self.split(z))
             kept.append(rows)
             if flight.outcome is not None:
                 raise Lost(flight.outcome, flight.length)
@@ -146,7 +154,7 @@ class ReturnMap:
             y_max, y_min = np.maximum(y_max, flight.y_max), np.minimum(y_min, flight.y_min)
         return Turn(intervals, states, z, y_max, y_min, tuple(kept))
 
-    def _flown(self, x: Array, x_o: Array, x_h: Array | None) -> tuple[OpenLoopInterval, Array]:
+    def _flown(self, x: Array, x_o: Array, x_h: Array) -> tuple[OpenLoopInterval, Array]:
         if isinstance(self.plant, LinearPlant):
             return self.fly(x, x_o, x_h), np.empty((0, 0))
         recorded: tuple[OpenLoopInterval, Array] = self.fly.recorded(x, x_o, x_h)  # type: ignore[attr-defined]

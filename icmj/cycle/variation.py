@@ -35,8 +35,7 @@ def courses_of(loop: ReturnMap, turn: Turn) -> list[Course]:
 
 def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) -> Course:
     """The course of the interval from ``z``, which is known to last ``length`` [s], by what its flight kept."""
-    x, x_o, *given = loop.split(z)
-    x_h = given[0] if given else x_o
+    x, x_o, x_h = loop.split(z)
     if loop.kind == "linear":
         from icmj.linear.course import LinearCourse
 
@@ -99,15 +98,15 @@ def derivative(loop: ReturnMap, along: Course, tolerance: float = TOLERANCE) -> 
         flow = flow - np.outer(along.rate, gradient @ flow) / (gradient @ along.rate)
     parts = layout_of(loop.controller)
     x_o, x_h = flow[n:][parts["x_o"]], flow[n:][parts["x_h"]]
-    return np.concatenate([flow[:n], x_o, *([x_h] if loop.controller.delay else [])])
+    return np.concatenate([flow[:n], x_o, *([x_h] if loop.holds else [])])
 
 
 def _lift(loop: ReturnMap) -> Array:
     """w right after an event from z, shape (n + N_a, N)."""
     columns = []
     for unit in np.eye(loop.size):
-        x, x_o, *given = loop.split(unit)
-        columns.append(np.concatenate([x, start_state(loop.controller, x_o, given[0] if given else x_o)]))
+        x, x_o, x_h = loop.split(unit)
+        columns.append(np.concatenate([x, start_state(loop.controller, x_o, x_h)]))
     return np.array(columns).T
 
 

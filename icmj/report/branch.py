@@ -12,6 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.parameter import with_unit
 from icmj.errors import ReportError
 from icmj.report import style
 
@@ -199,7 +200,9 @@ def _along(
             seen.add(kind)
     if _logarithmic(branches):
         axes.set_xscale("log")
-    axes.set_xlabel({"b": "input gain $b$", "q_t": "threshold $q_t$ (rad)"}.get(first.parameter, first.parameter))
+    axes.set_xlabel(
+        {"b": "input gain $b$", "q_t": "threshold $q_t$ (rad)"}.get(first.parameter, with_unit(first.parameter))
+    )
 
 
 def _parts(of: Branch, values: Array, at: Array) -> Iterator[tuple[Array, Array, bool]]:

@@ -10,6 +10,7 @@ from scipy.optimize import brentq, root
 
 import icmj
 from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.cycle import find_cycle
 from icmj.cycle.follow import branch_off, follow
 from icmj.cycle.guess import Guess
 from icmj.cycle.jacobian import jacobian
@@ -34,6 +35,23 @@ def test_on_the_linear_plant_it_is_the_prediction_at_every_gain() -> None:
         assert found.interval[i] == pytest.approx(predicted.delta_crit, rel=1e-9)
         np.testing.assert_allclose(found.y_peak[i], predicted.orbit.y_peak, rtol=1e-9)
         np.testing.assert_allclose(found.multipliers[i], predicted.multipliers, atol=1e-9)
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+@pytest.mark.parametrize(("start", "end"), [(0.0, 0.06), (0.06, 0.0)])
+def test_a_branch_in_the_delay_begins_or_ends_without_one(start: float, end: float, plant: str) -> None:
+    """Where z has no hold of its own; the cycles at both ends are those that Newton finds with and without a delay."""
+    found = branch("three-link-0.9", "delay", end, start_at=start, plant=plant, points=5)
+    assert (found.value[0], found.value[-1]) == (start, end)
+    assert found.closure.max() <= 1e-10
+    for i in (0, -1):
+        delay = float(found.value[i])
+        alone = find_cycle(case("three-link-0.9", assumed__delay=delay, actual__delay=delay), plant)
+        assert found.interval[i] == pytest.approx(alone.interval, rel=1e-9)
+        np.testing.assert_allclose(found.y_peak[i], alone.y_peak, rtol=1e-7)
+        N = len(alone.multipliers)  # along a branch they are right to some 1e-4
+        np.testing.assert_allclose(np.abs(found.multipliers[i][:N]), np.abs(alone.multipliers), atol=3e-4)
+        np.testing.assert_allclose(found.multipliers[i][N:], 0, atol=1e-9)  # what is forgotten
 
 
 def pendulum_interval(of: icmj.Case, z: np.ndarray) -> tuple[float, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,26 @@ def test_it_is_what_differences_of_flights_say(name: str, q_t: float, plant: str
     found = derivative(loop, course(loop, guess.z, float(loop.turn(guess.z).intervals[0])), 1e-6)
     D = guess.scale[None, :] / guess.scale[:, None]
     assert np.abs((found - expected) * D).max() < 2e-6 * np.abs(expected * D).max()
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_with_the_hold_in_z_a_loop_without_delay_forgets_it(plant: str) -> None:
+    """Another x_h before an event changes nothing after it, and what the next event finds has its derivative, too."""
+    of = case("three-link-0.9", controller__q_t=0.1)
+    short = return_map(of, plant)
+    loop = replace(short, held=True)
+    guess, plain = from_prediction(of, loop, 0.1), from_prediction(of, short, 0.1)
+    m, N = of.controller.design.plant.n, short.size
+    assert (loop.size, len(guess.z)) == (N + m, N + m)
+    np.testing.assert_array_equal(loop.turn(guess.z).end[:N], short.turn(plain.z).end)
+    other = guess.z + np.append(np.zeros(N), guess.scale[N:])
+    np.testing.assert_array_equal(loop.turn(other).end, loop.turn(guess.z).end)
+    found = derivative(loop, course(loop, guess.z, float(loop.turn(guess.z).intervals[0])), 1e-6)
+    expected = jacobian(loop, guess.z, guess.scale).J
+    D = guess.scale[None, :] / guess.scale[:, None]
+    assert np.abs((found - expected) * D).max() < 2e-6 * np.abs(expected * D).max()
+    np.testing.assert_array_equal(found[:, N:], 0)
+    assert np.abs(found[N:] * D[N:]).max() > 0.1
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
