@@ -22,6 +22,7 @@ from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError
 
 GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
+LEAST = 1e-9  # s; with a shorter one event and action cannot be told apart in a recording
 SAME = 1e-9  # relative: a delay this close to a multiple of the clock's interval is one
 
 
@@ -34,7 +35,8 @@ class Delay:
         assumed: what the predictor takes it for [s]; ``t_d`` if ``None``.
 
     Raises:
-        AnalysisError: on construction, if one is negative or not finite, or only the assumed one is there.
+        AnalysisError: on construction, if one is negative or not finite, only the assumed one is there, or the one that
+            is there is too short to be one.
     """
 
     t_d: float = 0.0
@@ -46,6 +48,8 @@ class Delay:
         for name, value in (("delay", self.t_d), ("assumed delay", self.predicted)):
             if not (np.isfinite(value) and value >= 0):
                 raise AnalysisError(f"the {name} must be at least 0 s and finite, got {value}")
+        if 0 < self.t_d < LEAST:
+            raise AnalysisError(f"the delay must be 0 or at least {LEAST:g} s, got {self.t_d:g}")
         if self.t_d == 0 and self.predicted > 0:
             raise AnalysisError(
                 f"a delay of {self.predicted:g} s is assumed where none is there; give the actual one, too"

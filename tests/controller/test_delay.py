@@ -61,6 +61,9 @@ def test_bad_delays_are_refused() -> None:
     for bad in (-0.1, float("nan"), float("inf")):
         with pytest.raises(AnalysisError, match="at least 0 s and finite"):
             Delay(bad)
+    with pytest.raises(AnalysisError, match="0 or at least 1e-09 s, got 1e-12"):
+        Delay(1e-12, 0.1)
+    assert Delay(1e-9, 1e-12).predicted == 1e-12
     with pytest.raises(AnalysisError, match="assumed where none is there"):
         Delay(0.0, 0.1)
     controller = replace(event_controller(pendulum_design()), delay=Delay(0.1))
