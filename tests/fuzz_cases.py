@@ -561,7 +561,9 @@ def _warm_up() -> None:
         text = (ROOT / "runs" / "simple-0.8.toml").read_text(encoding="utf-8")
         text = re.sub(r"duration = [\d.]+", "duration = 0.1", text.replace("../models", str(ROOT / "models")))
         (Path(folder) / "case.toml").write_text(text, encoding="utf-8")
-        main(["run", f"{folder}/case.toml", "--out", f"{folder}/out"])
+        for plant in ("mujoco", "linear"):
+            main(["run", f"{folder}/case.toml", "--plant", plant, "--out", f"{folder}/out"])
+            main(["cycle", f"{folder}/case.toml", "--plant", plant, "--json"])
 
 
 _FILES = {"run file": mutant_run_file, "model": mutant_model, "series": mutant_series}

@@ -21,7 +21,7 @@ from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
 from icmj.cycle.curve import Curve
-from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, touching, worn_out
+from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
 from icmj.cycle.point import FINE, Point, derived, point, redone
 from icmj.cycle.return_map import Lost
 from icmj.cycle.trail import Trail, interpolate
@@ -199,6 +199,7 @@ class _Walker:
             passed(curve, self.points, lambda part: self.between(last, part))
             or self.without_bound()
             or worn_out(curve, self.points, self.closed(self.points[-1]))
+            or round_trip(curve, self.points, self.trail, self.closed(self.points[-1]))
         )
 
     def derived(self) -> None:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.cycle.branch import Kind, SpecialPoint
-from icmj.cycle.corrector import Missed
+from icmj.cycle.corrector import Missed, correct
 from icmj.cycle.crossing import locate
 from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
+from icmj.cycle.trail import Trail
 
 CLOSE = 1e-6  # of the parameter, to which special points are located
 _NEAR = 0.02  # an inner maximum of E this close to zero, relative to the threshold squared, is about to cut in
@@ -21,6 +22,8 @@ _APART = 0.03  # relative, of the intervals of points that a homoclinic one is e
 _WORN = 2e-9  # a closure that cannot be undercut any more
 _TOWARDS = 0.5  # of the way left, by which two successive guesses of where it leads to may differ
 _AGREE = 0.02  # relative, of two successive estimates of μ
+_NEARBY = 0.3  # of a step: if it passes the first point as closely, whether it goes through it is asked
+_SAME = 1e-6  # distance of points, relative to the state's size, that are one
 _LOOSE = 1e-7  # closure there: rounding grows with the interval as the plant's fastest mode does
 
 
@@ -126,6 +129,23 @@ def _agree(estimates: Sequence[tuple[float, float]], close: float) -> bool:
         return False
     (before, mu_before), (after, mu_after) = estimates[-2:]
     return abs(after - before) < close and abs(mu_after / mu_before - 1) < _AGREE
+
+
+def round_trip(curve: Curve, points: Sequence[Point], trail: Trail, closed: float) -> Ending | None:
+    """The end of a branch that is a closed curve, as one between two losses of symmetry is."""
+    start, last, now = trail.u[0], trail.u[-2], trail.u[-1]
+    du = now - last
+    row = curve.normal(du)
+    part = float(row @ (start - last) / (row @ du))
+    off = curve.length(start - last - part * du)
+    if len(trail) < 5 or not 0 < part <= 1 or off > _NEARBY * curve.length(du) or row @ (trail.u[1] - start) <= 0:
+        return None
+    u = trail.between(len(trail) - 2, trail.s[-2] + part * (trail.s[-1] - trail.s[-2]))
+    u -= row @ (u - start) / (row @ du) * du
+    found = correct(curve, u, points[-1].D, row, closed)
+    if isinstance(found, Missed) or curve.length(found.best - start) > _SAME:
+        return None
+    return Ending(None, f"is closed: it came back to where it began, {points[0].value:.6g}, another way")
 
 
 def worn_out(curve: Curve, points: Sequence[Point], closed: float) -> Ending | None:

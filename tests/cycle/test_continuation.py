@@ -54,6 +54,24 @@ def test_a_branch_in_the_delay_begins_or_ends_without_one(start: float, end: flo
         np.testing.assert_allclose(found.multipliers[i][N:], 0, atol=1e-9)  # what is forgotten
 
 
+@pytest.mark.slow
+def test_a_closed_branch_is_walked_once() -> None:
+    """Between losing its symmetry and regaining it, a cycle and its mirror image are one curve without an end."""
+    straight = branch("three-link-1.1", "gravity", 1.123, start_at=1.1, points=4)
+    round_ = branch_off(straight, the(straight, "symmetry breaking"), to=1.2, points=4)
+    assert round_.end.startswith("is closed: it came back to where it began, 1.12181")
+    assert len(round_) < 60
+    assert round_.attracting.all()
+    assert round_.value.max() == pytest.approx(1.12226, abs=1e-5)  # there the halves are alike again
+    gap = round_.intervals[:, 0] - round_.intervals[:, 1]
+    # once round it has been the cycle, its mirror image, and each begun at its other half
+    assert (np.diff(np.sign(gap)) != 0).sum() == 4
+    start, before, after = (round_.states[i, 0] / round_.scale for i in (0, -2, -1))
+    part = (start - before) @ (after - before) / ((after - before) @ (after - before))
+    assert 0 < part <= 1
+    assert np.abs(before + part * (after - before) - start).max() < 0.02  # a chord of a curve
+
+
 def pendulum_interval(of: icmj.Case, z: np.ndarray) -> tuple[float, np.ndarray]:
     """One interval of θ'' = sin θ + b u under the controller's equations, written down and integrated by DOP853."""
     d, rule = of.controller.design, of.rule
