@@ -21,7 +21,7 @@ from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
 from icmj.cycle.curve import Curve
-from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
+from icmj.cycle.ending import CLOSE, LEAST, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
 from icmj.cycle.point import FINE, Point, derived, point, redone
 from icmj.cycle.return_map import Lost
 from icmj.cycle.trail import Trail, interpolate
@@ -185,19 +185,22 @@ class _Walker:
         """Take a point onto the branch; look what has happened since the last."""
         curve = self.curve
         du = best - self.trail.u[-1]
-        length = curve.length(du)
+        self.trail.add(best, curve.length(du))
         curve.weigh(new.u)
         self.tangent = du / curve.length(du)
         self.points.append(new)
-        self.trail.add(best, length)
+        last = len(self.points) - 1
+        if new.least <= LEAST:  # beyond the end; what it does there is no longer the rule's doing
+            self.ending = passed(curve, self.points, lambda part: self.between(last - 1, part))
+            self.points.pop()
+            self.trail.cut(last)
+            return
         if self.closing:
-            self.near.add(len(self.points) - 1)
+            self.near.add(last)
         if new.derived:
             self.derived()
-        last = len(self.points) - 2
         self.ending = (
-            passed(curve, self.points, lambda part: self.between(last, part))
-            or self.without_bound()
+            self.without_bound()
             or worn_out(curve, self.points, self.closed(self.points[-1]))
             or round_trip(curve, self.points, self.trail, self.closed(self.points[-1]))
         )

@@ -14,6 +14,7 @@ from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
 from icmj.cycle.trail import Trail
 
+LEAST = 1e-9  # s; an interval that exceeds the least one by no more was not ended by the event function
 CLOSE = 1e-6  # of the parameter, to which special points are located
 _NEAR = 0.02  # an inner maximum of E this close to zero, relative to the threshold squared, is about to cut in
 _GROWN = 2.5  # times the shortest so far: from here on an interval is suspected of growing without bound
@@ -46,6 +47,8 @@ def missed(curve: Curve, points: Sequence[Point], why: Missed) -> Ending:
     where = f"{name} = {last.value:.8g}"
     if why.lost is not None and why.lost.outcome.kind == "fell":
         return _ends(points, "fall", f"The body falls beyond {where}: a position reaches its limit.")
+    if last.least < CLOSE:
+        return _fallen(curve, points, last)
     if abs(last.graze) < _NEAR:
         words = (
             f"The event function grazes zero before the event at {where}: beyond it an earlier event cuts in and there "
@@ -66,21 +69,21 @@ def touching(points: Sequence[Point]) -> bool:
     return slopes[-1] < 0.05 * float(np.median(slopes))
 
 
-def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Point | None]) -> Ending | None:
-    """The end of a branch whose shortest interval has just fallen to the least one."""
+def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Point | None]) -> Ending:
+    """The end of a branch on whose last step the shortest interval has fallen to the least one."""
     left, right = points[-2:]
-    if right.least > 1e-9:
-        return None
-    least = curve.loop(right.sigma).controller.least
 
     # beyond the point intervals are the least one exactly, and E at their end says how far it is
     def f(at: Point) -> float:
-        return at.least if at.least > 1e-9 else -_beyond(curve, at)
+        return at.least if at.least > LEAST else -_beyond(curve, at)
 
-    at = locate(left, right, f, between, CLOSE) or right
-    name = curve.family.parameter.name
+    return _fallen(curve, points, locate(left, right, f, between, CLOSE) or right, len(points) - 2)
+
+
+def _fallen(curve: Curve, points: Sequence[Point], at: Point, index: int | None = None) -> Ending:
+    least, name = curve.loop(at.sigma).controller.least, curve.family.parameter.name
     words = f"An interval falls to the least one, {least:g} s, at {name} = {at.value:.8g}: the rule no longer decides."
-    return _ends(points, "least interval", words, at, len(points) - 2)
+    return _ends(points, "least interval", words, at, index)
 
 
 def _beyond(curve: Curve, at: Point) -> float:

@@ -57,7 +57,7 @@ class Parameter:
         """The run file's own value.
 
         Raises:
-            CycleError: if it is not one number.
+            CycleError: if it has none, or not one number.
         """
         if not self.keys:
             what, _, of = self.name.partition(":")
@@ -67,7 +67,11 @@ class Parameter:
             return 1.0
         found: Any = run
         for part in self.keys[0].split("."):
-            found = getattr(found, part, None) if not isinstance(found, dict) else found.get(part)
+            if not isinstance(found, dict) and not hasattr(found, part):
+                raise CycleError(f"{run.path}: has no key {self.keys[0]!r} that is one number")
+            found = found.get(part) if isinstance(found, dict) else getattr(found, part)
+        if found is None:
+            raise CycleError(f"{run.path}: does not set {self.name}; say where to begin, with --from")
         if isinstance(found, bool) or not isinstance(found, int | float):
             raise CycleError(f"{run.path}: {self.name} is {found!r} there; a parameter is one number")
         return float(found)

@@ -142,11 +142,16 @@ def test_where_the_mirrored_cycle_loses_its_symmetry_the_other_attractor_is_born
     assert other.attracting.all()
 
 
-def test_an_interval_that_falls_to_the_refractory_period_ends_the_branch() -> None:
-    found = branch("simple-0.8", "delta_min", 2.5, plant="linear", points=8)
+@pytest.mark.parametrize(("name", "points"), [("simple-0.8", 8), ("three-link-0.9", 12)])
+def test_an_interval_that_falls_to_the_refractory_period_ends_the_branch(name: str, points: int) -> None:
+    """And nothing else does: beyond it multipliers are those of a clock, which is no crossing."""
+    found = branch(name, "delta_min", 2.5, plant="linear", points=points)
+    assert len(found.specials) == 1
+    np.testing.assert_allclose(found.largest, found.largest[0], rtol=1e-6)
     end = the(found, "least interval")
-    assert end.value == pytest.approx(case("simple-0.8").prediction.delta_crit, abs=1e-6)  # which knows no Δ_min
-    np.testing.assert_allclose(found.interval, end.value, rtol=1e-9)
+    predicted = case(name).prediction.delta_crit  # which knows no Δ_min
+    assert end.value == pytest.approx(predicted, abs=1e-6)
+    np.testing.assert_allclose(found.interval, predicted, rtol=1e-9)
 
 
 def test_a_body_that_falls_ends_the_branch_where_it_reaches_the_limit() -> None:
@@ -205,7 +210,8 @@ def test_the_three_link_person_sways_up_to_half_a_radian_of_threshold() -> None:
         ("strength", 1.0, CycleError, "no parameter 'strength'"),
         ("b", 0.8, CycleError, "two different values"),
         ("controller.hold", 1.0, CycleError, "a parameter is one number"),
-        ("controller.q_tt", 1.0, CycleError, "one number"),
+        ("controller.q_tt", 1.0, CycleError, "has no key 'controller.q_tt' that is one number"),
+        ("actual.delay", 1.0, CycleError, "does not set actual.delay; say where to begin, with --from"),
         ("q_t", -1.0, RunFileError, "q_t"),
     ],
 )
