@@ -135,7 +135,7 @@ def _agree(estimates: Sequence[tuple[float, float]], close: float) -> bool:
 
 
 def round_trip(curve: Curve, points: Sequence[Point], trail: Trail, closed: float) -> Ending | None:
-    """The end of a branch that is a closed curve, as one between two losses of symmetry is."""
+    """The end of a branch that is a closed curve: it is at its start again, from the other side."""
     start, last, now = trail.u[0], trail.u[-2], trail.u[-1]
     du = now - last
     row = curve.normal(du)
@@ -148,7 +148,7 @@ def round_trip(curve: Curve, points: Sequence[Point], trail: Trail, closed: floa
     found = correct(curve, u, points[-1].D, row, closed)
     if isinstance(found, Missed) or curve.length(found.best - start) > _SAME:
         return None
-    return Ending(None, f"is closed: it came back to where it began, {points[0].value:.6g}, another way")
+    return Ending(None, f"is closed: it came back to where it began, {points[0].value:.6g}, from the other side")
 
 
 def worn_out(curve: Curve, points: Sequence[Point], closed: float) -> Ending | None:

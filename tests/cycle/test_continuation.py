@@ -11,9 +11,11 @@ from scipy.optimize import brentq, root
 import icmj
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.cycle import find_cycle
+from icmj.cycle.family import Family
 from icmj.cycle.follow import branch_off, follow
 from icmj.cycle.guess import Guess
 from icmj.cycle.jacobian import jacobian
+from icmj.cycle.parameter import parameter
 from icmj.errors import CycleError, RunFileError
 from icmj.runfile.reading import load_run
 
@@ -56,15 +58,19 @@ def test_a_branch_in_the_delay_begins_or_ends_without_one(start: float, end: flo
 
 @pytest.mark.slow
 def test_a_closed_branch_is_walked_once() -> None:
-    """Between losing its symmetry and regaining it, a cycle and its mirror image are one curve without an end."""
+    """Between a mirrored cycle's loss of symmetry and the flip of a cycle of one interval, halves change places."""
     straight = branch("three-link-1.1", "gravity", 1.123, start_at=1.1, points=4)
     round_ = branch_off(straight, the(straight, "symmetry breaking"), to=1.2, points=4)
     assert round_.end.startswith("is closed: it came back to where it began, 1.12181")
     assert len(round_) < 60
     assert round_.attracting.all()
-    assert round_.value.max() == pytest.approx(1.12226, abs=1e-5)  # there the halves are alike again
+    far = int(round_.value.argmax())
+    assert round_.value[far] == pytest.approx(1.12226, abs=1e-5)
+    loop = Family(round_.run, parameter("gravity")).at(float(round_.value[far]))
+    one = np.linalg.eigvals(jacobian(loop, round_.states[far, 0], round_.scale).J)
+    assert np.abs(one + 1).min() < 1e-2  # of one interval's map: it is the flip's other side
     gap = round_.intervals[:, 0] - round_.intervals[:, 1]
-    # once round it has been the cycle, its mirror image, and each begun at its other half
+    # once round it has been the cycle and its mirror image, begun at either half
     assert (np.diff(np.sign(gap)) != 0).sum() == 4
     start, before, after = (round_.states[i, 0] / round_.scale for i in (0, -2, -1))
     part = (start - before) @ (after - before) / ((after - before) @ (after - before))
