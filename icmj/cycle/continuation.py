@@ -21,7 +21,7 @@ from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
 from icmj.cycle.curve import Curve
-from icmj.cycle.ending import CLOSE, LEAST, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
+from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
 from icmj.cycle.point import FINE, Point, derived, point, redone
 from icmj.cycle.return_map import Lost
 from icmj.cycle.trail import Trail, interpolate
@@ -190,7 +190,7 @@ class _Walker:
         self.tangent = du / curve.length(du)
         self.points.append(new)
         last = len(self.points) - 1
-        if new.least <= LEAST:  # beyond the end; what it does there is no longer the rule's doing
+        if new.fallen:  # beyond the end; what it does there is no longer the rule's doing
             self.ending = passed(curve, self.points, lambda part: self.between(last - 1, part))
             self.points.pop()
             self.trail.cut(last)

@@ -14,7 +14,6 @@ from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
 from icmj.cycle.trail import Trail
 
-LEAST = 1e-9  # s; an interval that exceeds the least one by no more was not ended by the event function
 CLOSE = 1e-6  # of the parameter, to which special points are located
 _NEAR = 0.02  # an inner maximum of E this close to zero, relative to the threshold squared, is about to cut in
 _GROWN = 2.5  # times the shortest so far: from here on an interval is suspected of growing without bound
@@ -75,7 +74,7 @@ def passed(curve: Curve, points: Sequence[Point], between: Callable[[float], Poi
 
     # beyond the point intervals are the least one exactly, and E at their end says how far it is
     def f(at: Point) -> float:
-        return at.least if at.least > LEAST else -_beyond(curve, at)
+        return -_beyond(curve, at) if at.fallen else at.least
 
     return _fallen(curve, points, locate(left, right, f, between, CLOSE) or right, len(points) - 2)
 

@@ -19,6 +19,7 @@ from icmj.simulation.course import Sample
 NODES = 97  # at which an interval is kept
 EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes
 _STEEP = 30.0  # derivative of the map from which on it has to be known better
+_FALLEN = 1e-9  # s
 ROUGH, FINE = 1e-5, 1e-6  # before the last extrapolation: along a branch, and where a special point is located
 
 
@@ -59,6 +60,11 @@ class Point:
     samples: tuple[Sample, ...]
     D: Array
     derived: bool = True
+
+    @property
+    def fallen(self) -> bool:
+        """Whether an interval was not ended by the event function, but is the least one."""
+        return self.least <= _FALLEN
 
     @property
     def sigma(self) -> float:

@@ -137,7 +137,6 @@ def load_plant(
         return plant
 
 
-@hushed()
 def shaped(path: Path, person: Person) -> str:
     """The MJCF text of a model with the measures of ``person``.
 
