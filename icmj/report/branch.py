@@ -105,13 +105,19 @@ def draw_multipliers(axes: Axes, branch: Branch) -> None:
     axes.axhline(0, color="#cccccc", linewidth=0.4, zorder=0.3)
     axes.axvline(0, color="#cccccc", linewidth=0.4, zorder=0.3)
     shade = colormaps["cividis"](np.linspace(0.92, 0.0, len(branch)))
+    largest = float(np.abs(branch.multipliers).max())
+    reach = float(np.clip(1.08 * largest, 1.15, 2.2))
     for i, values in enumerate(branch.multipliers):
-        axes.plot(values.real, values.imag, "o", color=shade[i], markersize=2.4, markeredgewidth=0, zorder=2)
+        beyond = np.maximum(np.abs(values.real), np.abs(values.imag)) / (0.96 * reach)
+        inside, edge = values[beyond <= 1], values[beyond > 1] / beyond[beyond > 1]
+        axes.plot(inside.real, inside.imag, "o", color=shade[i], markersize=2.4, markeredgewidth=0, zorder=2)
+        axes.plot(edge.real, edge.imag, "+", color=shade[i], markersize=4.4, zorder=2)
+    if largest > reach:
+        axes.text(0.03, 0.96, rf"+ beyond: $|\mu|$ to {largest:.3g}", transform=axes.transAxes, va="top", size=6.4)
     for special in branch.specials:
         if np.isfinite(special.multiplier.real):
             for value in {special.multiplier, special.multiplier.conjugate()}:
                 axes.plot(value.real, value.imag, **_mark(special), linestyle="none", zorder=4)
-    reach = float(np.clip(1.08 * np.abs(branch.multipliers).max(), 1.15, 2.2))
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     axes.set_xlabel(r"Re $\mu$")
     axes.set_ylabel(r"Im $\mu$")

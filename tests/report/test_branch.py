@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cycle_cases import branch
@@ -10,7 +12,7 @@ from icmj.cycle.branch import Branch
 from icmj.cycle.follow import branch_off
 from icmj.errors import ReportError
 from icmj.report import style
-from icmj.report.branch import branch_figure, draw_amplitude, draw_intervals
+from icmj.report.branch import branch_figure, draw_amplitude, draw_intervals, draw_multipliers
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,21 @@ def test_angles_are_in_degrees_and_the_linear_prediction_lies_beneath(losing_sym
     assert all(axes.lines.index(line) < axes.lines.index(others[0]) for line in beneath)
     assert np.ravel(others[0].get_ydata())[0] == pytest.approx(np.degrees(losing_symmetry.y_peak[0, 0]))
     assert "deg" in axes.get_ylabel()
+
+
+def test_multipliers_beyond_the_frame_stand_at_its_edge_and_are_told(losing_symmetry: Branch) -> None:
+    """Else a branch that repels strongly looks as if it attracted."""
+    axes, strong = axes_of(), losing_symmetry.multipliers.copy()
+    strong[2, :2] = -7.3, 0
+    draw_multipliers(axes, replace(losing_symmetry, multipliers=strong))
+    crosses = [line.get_xydata() for line in axes.lines if line.get_marker() == "+" and len(line.get_xdata())]
+    assert len(crosses) == 1
+    left = axes.get_xlim()[0]
+    np.testing.assert_allclose(crosses[0], [[0.96 * left, 0]], atol=1e-12)
+    assert [text.get_text() for text in axes.texts] == [r"+ beyond: $|\mu|$ to 7.3"]
+    plain = axes_of()
+    draw_multipliers(plain, losing_symmetry)
+    assert not plain.texts
 
 
 def test_the_figure_is_the_same_whenever_it_is_drawn(losing_symmetry: Branch) -> None:
