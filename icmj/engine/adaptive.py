@@ -107,13 +107,15 @@ class AdaptiveLoop(ReferenceLoop):
         clock = self._clock * plan.clock if np.isfinite(plan.clock) else np.inf
         edge = plan.edges[self._edge] if self._edge < len(plan.edges) else np.inf
         act = self._next_action()
+        # an action comes before a look at E at the same instant: it resets the hold
+        watched_from = arm if arm < act else np.inf
         target = min(plan.t_end, clock, edge, act)
         self._length = target - t
         fired, status = False, Status.RUNNING
         if self._i == 0 and arm <= t and self._levels()[0].max() >= 0:
             fired, self._length = True, 0.0
         elif target > t:
-            fired, status = self._fly(target, arm, record)
+            fired, status = self._fly(target, watched_from, record)
         self._i += 1
         lands = data.time >= target
         status = self._status() if status == Status.RUNNING else status

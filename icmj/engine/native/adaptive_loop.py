@@ -185,13 +185,15 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
         clock = progress[0].clock * plan.clock if clocked else np.inf
         edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
         act = next_action(plan, progress)
+        # an action comes before a look at E at the same instant: it resets the hold
+        watched_from = arm if arm < act else np.inf
         target = min(plan.t_end, clock, edge, act)
         progress[0].length = target - t
         fired = False
         if progress[0].steps == 0 and arm <= t and _due(rule):
             fired, progress[0].length = True, 0.0
         elif target > t:
-            fired, status = _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm)
+            fired, status = _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, watched_from)
         progress[0].steps += 1
         lands = time[0] >= target
         status = standing(engine, plan) if status == _RUNNING else status
