@@ -25,7 +25,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, Realisation, realise
 from icmj.engine.block import numbers_of, pack
-from icmj.engine.model import model_name
+from icmj.engine.model import compiled, model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError
 from icmj.simulation.disturbance import Disturbance, no_disturbance
@@ -43,9 +43,9 @@ def compose(
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
-            would close an algebraic loop through the controller) or has a delay.
+            would close an algebraic loop through the controller).
     """
-    bare = plant.spec.copy().compile()
+    bare, point = plant.spec.copy().compile(), plant.linearisation.point
     name = model_name(bare)
     _check(bare, name, plant, controller)
     controls = realise(controller)
@@ -74,7 +74,7 @@ def compose(
     )  # fmt: skip
     spec.add_numeric(name=NAME, data=data, size=len(data))
     try:
-        return spec.compile()
+        return compiled(spec, point)
     except (ValueError, mujoco.FatalError) as error:
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
@@ -149,8 +149,6 @@ def _check(bare: mujoco.MjModel, name: str, plant: MujocoPlant, controller: Cont
                 f"model {name!r}: sensor {bare.sensor(i).name!r} needs accelerations, which depend on the control it "
                 "would determine; use position or velocity sensors as outputs"
             )
-    if bare.nhistory:
-        raise ModelError(f"model {name!r} has delayed sensors or actuators; the closed loop integrates none")
     if bare.nplugin:
         raise ModelError(f"model {name!r} has engine plugins, whose state a step cannot be undone over")
 

@@ -10,7 +10,7 @@ weight by giving way, so a body on a floor is first set down until they bear it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
-from icmj.engine.model import OperatingPoint, input_names, model_name, state_names
+from icmj.engine.model import OperatingPoint, data_at, input_names, model_name, state_names
 from icmj.engine.stance import Room, posed, softened, starts, vertical, ways
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
@@ -75,7 +75,7 @@ class _Search:
         self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray, room: Room
     ) -> None:
         self.model, self.given, self.rule = model, given, rule
-        self.data = mujoco.MjData(model)
+        self.data = data_at(model, given)
         self.free, self.room = moving, room
         self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
@@ -115,7 +115,8 @@ class _Search:
         finally:
             self.model.opt.disableflags = flags
         point = self.place(self.z)
-        return OperatingPoint(point.qpos.copy(), 0 * self.given.qvel, point.act.copy(), point.ctrl.copy())
+        still = 0 * self.given.qvel
+        return replace(self.given, qpos=point.qpos.copy(), qvel=still, act=point.act.copy(), ctrl=point.ctrl.copy())
 
     def place(self, z: Array) -> mujoco.MjData:
         nv, nu, data = self.model.nv, self.model.nu, self.data

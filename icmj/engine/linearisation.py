@@ -12,7 +12,15 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.actuator import is_second_order_lag, second_order_lag
 from icmj.engine.callbacks import installed
-from icmj.engine.model import OperatingPoint, input_names, model_name, operating_point, output_names, state_names
+from icmj.engine.model import (
+    OperatingPoint,
+    data_at,
+    input_names,
+    model_name,
+    operating_point,
+    output_names,
+    state_names,
+)
 from icmj.engine.ports import Ports, ports_of
 from icmj.engine.units import input_units, output_units, state_units
 from icmj.errors import ModelError
@@ -112,8 +120,7 @@ def linearise(
 
 def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
     """Half the distance of a difference that is right for the model at ``point``."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = point.qpos
+    data = data_at(model, point)
     mujoco.mj_fwdPosition(model, data)
     return EPS_TOUCHING if data.nefc else EPS
 
@@ -131,7 +138,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
                 f"model {name!r}: actuator {input_names(model)[i]!r} has user activation dynamics that icmj does not "
                 'know; it knows second-order lags, actdim="2" dynprm="ω_n ζ" with ω_n > 0'
             )
-    data = mujoco.MjData(model)
+    data = data_at(model, point)
     nv, na, nu = model.nv, model.na, model.nu
     n = 2 * nv + na
 

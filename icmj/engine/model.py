@@ -16,12 +16,17 @@ from icmj.plant.person import Person
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """Where a model is linearised: position, velocity, activation, control; all in MuJoCo's layout."""
+    """Where a model is linearised: position, velocity, activation, control; all in MuJoCo's layout.
+
+    ``mpos`` and ``mquat`` are where mocap bodies stand, shapes (nmocap, 3) and (nmocap, 4).
+    """
 
     qpos: Array
     qvel: Array
     act: Array
     ctrl: Array
+    mpos: Array
+    mquat: Array
 
 
 def load_spec(path: Path, deviation: Deviation | None = None, person: Person | None = None) -> mujoco.MjSpec:
@@ -63,7 +68,36 @@ def operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> Opera
             known = ", ".join(model.key(i).name or str(i) for i in range(model.nkey)) or "none"
             raise ModelError(f"model {model_name(model)!r} has no keyframe {keyframe!r}; it has {known}")
         mujoco.mj_resetDataKeyframe(model, data, key)
-    return OperatingPoint(data.qpos.copy(), data.qvel.copy(), data.act.copy(), data.ctrl.copy())
+    parts = (data.qpos, data.qvel, data.act, data.ctrl, data.mocap_pos, data.mocap_quat)
+    return OperatingPoint(*(part.copy() for part in parts))
+
+
+def data_at(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjData:
+    """New data of ``model``, or of one that has more controls and activations, at an operating point."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = point.qpos, point.qvel
+    data.act[: len(point.act)], data.ctrl[: len(point.ctrl)] = point.act, point.ctrl
+    data.mocap_pos[:], data.mocap_quat[:] = point.mpos, point.mquat
+    return data
+
+
+def compiled(spec: mujoco.MjSpec, point: OperatingPoint) -> mujoco.MjModel:
+    """The model of ``spec``, with its mocap bodies where ``point`` has them in all data that are made or reset."""
+    # of a copy, for compiling changes the spec, and threads that share a plant may ask at once
+    model = spec.copy().compile()
+    # not in the spec: lengths at rest and welds are made of the pose that the file gives a body
+    mocap = model.body_mocapid >= 0
+    order = model.body_mocapid[mocap]
+    model.body_pos[mocap], model.body_quat[mocap] = point.mpos[order], point.mquat[order]
+    return model
+
+
+def forget(spec: mujoco.MjSpec) -> None:
+    """Take off the memories of sensors and actuators, and delays with them."""
+    for actuator in spec.actuators:
+        actuator.nsample, actuator.delay = 0, 0.0
+    for sensor in spec.sensors:
+        sensor.nsample, sensor.delay, sensor.interval = 0, 0.0, [0.0, 0.0]
 
 
 def model_name(model: mujoco.MjModel) -> str:

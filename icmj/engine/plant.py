@@ -16,7 +16,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibria
 from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import OperatingPoint, load_spec, operating_point, state_names
+from icmj.engine.model import OperatingPoint, compiled, forget, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
@@ -51,9 +51,8 @@ class MujocoPlant:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The model that steps; copy before editing (``copy.copy``)."""
-        # from a copy, for compiling changes the spec, and threads that share the plant may ask at once
         with hushed():
-            return self.spec.copy().compile()
+            return compiled(self.spec, self.linearisation.point)
 
     @cached_property
     def quality(self) -> Quality:
@@ -122,9 +121,13 @@ def load_plant(
         model = spec.compile()
         check_sizes(path, model)
         ports = ports_of(model, chosen, deviation)
+        if model.nhistory:  # what has a delay is not used, and would hold nothing but zeros
+            forget(spec)
+            model = spec.compile()
         if chosen.spare and chosen.drop:  # what shows a dropped state is left out below
             ports = ports_of(model, replace(chosen, drop=()), deviation)
         given = start or operating_point(model, keyframe)
+        model = compiled(spec, given)
         points = _told_where(path, equilibria(model, given, rule))
         raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told) for point in points)
         plants = (_without(plant, model, chosen, deviation) for plant in raw)

@@ -59,7 +59,7 @@ def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviatio
     """The ports of ``model``, with the gains and biases of ``deviation``.
 
     Raises:
-        ModelError: if a name is not one of the model's, or nothing is left.
+        ModelError: if a name is not one of the model's, nothing is left, or an input or output has a delay of its own.
     """
     chosen, name = selection or Selection(), model_name(model)
     inputs, outputs, states = input_names(model), output_names(model), state_names(model)
@@ -82,6 +82,7 @@ def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviatio
     for what, indices in (("input", actuators), ("output", wanted)):
         if len(set(indices)) < len(indices):
             raise ModelError(f"model {name!r}: an {what} is chosen twice; name each once")
+    _check_prompt(model, actuators, wanted)
     b, g, beta = np.ones(len(inputs)), np.ones(len(outputs)), np.zeros(len(outputs))
     if deviation is not None:
         b = deviation.input_gains(inputs, name)
@@ -94,6 +95,25 @@ def _find(label: str, known: dict[str, tuple[int, ...]], what: str, model: str) 
     if label not in known:
         raise ModelError(f"model {model!r} has no {what} {label!r}; it has {', '.join(known)}")
     return known[label]
+
+
+def _check_prompt(model: mujoco.MjModel, actuators: Sequence[int], entries: Sequence[int]) -> None:
+    """See that no input and no output used has a delay in the engine: its derivatives there are zeros."""
+    advice = "remove it from the model, and give the loop's as [assumed] delay, [actual] delay in the run file"
+    sensors = [int(np.searchsorted(model.sensor_adr, entry, side="right")) - 1 for entry in entries]
+    late = [(f"input {input_names(model)[i]!r}", model.actuator_delay[i]) for i in actuators]
+    late += [
+        (f"output {output_names(model)[at]!r}", model.sensor_delay[i]) for at, i in zip(entries, sensors, strict=True)
+    ]
+    for what, delay in late:
+        if delay > 0:
+            raise ModelError(f"model {model_name(model)!r}: {what} has a delay of {delay:g} s; {advice}")
+    for at, i in zip(entries, sensors, strict=True):
+        if (interval := float(model.sensor_interval[i, 0])) > 0:
+            raise ModelError(
+                f"model {model_name(model)!r}: output {output_names(model)[at]!r} is read every {interval:g} s only; "
+                "remove its interval, for the observer reads all the time"
+            )
 
 
 def _states(states: Sequence[str], chosen: Selection, model: str) -> np.ndarray:

@@ -8,6 +8,7 @@ import mujoco
 
 from icmj.controller.controller import Controller
 from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.model import data_at
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule
 from icmj.engine.stages import is_flow, may_constrain
@@ -95,8 +96,6 @@ def _refusal(loop: ComposedLoop, asked: bool) -> str:
         return ""
     if not asked:
         return "contacts, limits, friction losses or equalities may act"
-    point, data = loop.plant.linearisation.point, mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = point.qpos, point.qvel
-    data.ctrl[: len(point.ctrl)], data.act[: len(point.act)] = point.ctrl, point.act
+    data = data_at(model, loop.plant.linearisation.point)
     mujoco.mj_forward(model, data)
     return f"{data.nefc} constraints act at the operating point" if data.nefc else ""
