@@ -12,7 +12,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
-from icmj.case.doubts import doubts, reach
+from icmj.case.doubts import REACHED, doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -153,8 +153,8 @@ def revised(case: Case, run: RunFile) -> Case:
     notices = case.notices
     if rule.size != case.rule.size:
         prediction = scaled(prediction, rule.size / case.rule.size)
-        before = tuple(reach(case.actual, case.prediction))
-        notices = (*(notice for notice in notices if notice not in before), *reach(case.actual, prediction))
+        standing = (notice for notice in notices if notice.kind not in REACHED)
+        notices = (*standing, *reach(case.actual, prediction))
     return replace(
         case,
         run=run,

@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.case.plants import AnyPlant, keyframe_of
+from icmj.engine.corners import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.notice import Notice
 from icmj.runfile.schema import RunFile
 from icmj.theory.prediction import Prediction
+
+REACHED = ("saturation", "joint limit", "not linear")
 
 
 def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
@@ -49,25 +52,11 @@ def _of(notice: Notice, which: str) -> Notice:
 
 
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
-    """Inputs that saturate, and joints that reach the ends of their ranges, on the predicted orbit itself."""
-    if prediction.orbit is None or not isinstance(actual, MujocoPlant):
+    """Limits that the predicted orbit reaches, and other corners of the plant on it; of the kinds ``REACHED``."""
+    if prediction.orbit is None or np.isinf(prediction.orbit.gamma) or not isinstance(actual, MujocoPlant):
         return
-    plant, ports = actual.linearisation.plant, actual.linearisation.ports
-    peaks = dict(zip(plant.inputs, np.abs(prediction.orbit.u).max(axis=0) * np.abs(ports.b), strict=True))
-    for margin in actual.quality.margins:
-        room, peak = min(margin.down, margin.up), peaks[margin.of]
-        if peak > room:
-            words = (
-                f"the predicted orbit moves {margin.of} by {peak:.3g}, and its ctrlrange leaves {room:.3g}; the linear "
-                "theory knows no limits"
-            )
-            yield Notice("saturation", "warning", words)
-    peaks = dict(zip(plant.states, prediction.orbit.x_peak, strict=True))
-    for joint in actual.quality.room:
-        room, peak = min(joint.down, joint.up), peaks[joint.of]
-        if peak > room:
-            words = (
-                f"the predicted orbit moves {joint.of} by {peak:.3g}, and {max(room, 0):.3g} are left to an end of its "
-                "range; the linear theory knows no limits"
-            )
-            yield Notice("joint limit", "warning", words)
+    orbit, n = prediction.orbit, actual.linearisation.plant.n
+    x, u = orbit.X[:, :n], orbit.u
+    if orbit.sign < 0:  # the other half is the mirror image
+        x, u = np.vstack([x, -x]), np.vstack([u, -u])
+    yield from corners(actual, x, u)

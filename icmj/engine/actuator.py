@@ -1,4 +1,4 @@
-"""The actuator that icmj adds to MuJoCo: a second-order lag as user activation dynamics.
+"""Activations: what the engine's steps make of their rates; the actuator that icmj adds, a second-order lag.
 
 An actuator with ``dyntype="user" actdim="2" dynprm="ω_n ζ"`` has the transfer function
 ω_n²/(s² + 2ζω_n s + ω_n²) from control to torque (paper, section 4.1, "Neglected dynamics").
@@ -8,6 +8,9 @@ Its activations are (torque rate, torque); MuJoCo takes the last as the actuator
 from __future__ import annotations
 
 import mujoco
+import numpy as np
+
+from icmj.base.array import Array
 
 
 def is_second_order_lag(model: mujoco.MjModel, actuator: int) -> bool:
@@ -28,3 +31,22 @@ def second_order_lag(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) 
         data.act_dot[adr] = omega_n**2 * (data.ctrl[actuator] - torque) - 2 * zeta * omega_n * rate
         data.act_dot[adr + 1] = rate
     return 0.0
+
+
+def clamped(model: mujoco.MjModel, act: Array) -> Array:
+    """Activations as a step of the engine leaves them: within ``actrange``, shape (na,)."""
+    there = act.copy()
+    for i in np.flatnonzero(model.actuator_actlimited):
+        own = slice(model.actuator_actadr[i], model.actuator_actadr[i] + model.actuator_actnum[i])
+        there[own] = np.clip(act[own], *model.actuator_actrange[i])
+    return there
+
+
+def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Rates of the activations after a forward pass, shape (na,), as far as a step of the model lets them be.
+
+    ``act_dot`` knows no ``actrange``.
+    """
+    wanted = data.act + model.opt.timestep * data.act_dot
+    there = clamped(model, wanted)
+    return np.where(there == wanted, data.act_dot, (there - data.act) / model.opt.timestep)

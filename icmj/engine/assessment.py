@@ -8,13 +8,16 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.actuator import second_order_lag
+from icmj.engine.callbacks import installed
 from icmj.engine.linearisation import EPS, Differences, Linearisation, differences, step_of
-from icmj.engine.model import input_names, state_names
+from icmj.engine.model import data_at, input_names, output_names, state_names
 from icmj.engine.stance import limited
 from icmj.engine.units import state_units
 from icmj.plant import modes
 from icmj.plant.quality import BENT, Kink, Margin, Quality, Residual
 
+_NO_SLOPE = 1e-8  # a slope that is rounding alone, in 1/s² or in units of an output
 _D = 1e-9  # smallest feed-through that is one: a position or velocity has exactly none
 
 
@@ -39,8 +42,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         residual=_residual(model, whole),
         moving=tuple(names[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
         errors=(A, B, C),
-        kinks=tuple(_kinks(model, linearisation, whole.bend, half.bend)),
-        friction=tuple(names[i] for i in np.flatnonzero(model.dof_frictionloss > 0)),
+        kinks=tuple(_kinks(model, linearisation, whole, half)),
+        friction=tuple(_rubbing(model, linearisation)),
         margins=tuple(_margins(model, linearisation)),
         room=tuple(_room(model, linearisation)),
         feedthrough=tuple(feedthrough),
@@ -66,27 +69,66 @@ def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
     return Residual(float(np.abs(found.rate[i])), of, unit, float(share[i]))
 
 
-def _kinks(model: mujoco.MjModel, linearisation: Linearisation, whole: Array, half: Array) -> Iterator[Kink]:
+def _kinks(
+    model: mujoco.MjModel, linearisation: Linearisation, whole: Differences, half: Differences
+) -> Iterator[Kink]:
     """Where the disagreement of one-sided differences stays as the step is halved; that of a curve halves with it."""
-    ports, n = linearisation.ports, len(state_names(model))
-    kinked = (half > BENT) & (half > 0.75 * whole)
-    for i in ports.actuators[kinked[n + ports.actuators]]:
-        why = _why_input(model, int(i), linearisation)
-        yield Kink(input_names(model)[i], "input", float(half[n + i]), why)
-    for i in ports.states[kinked[ports.states]]:
+    ports, nv, rates = linearisation.ports, model.nv, len(half.rate)
+    n, names = nv + rates, output_names(model)
+    bend = _bends(whole, half, ports.states[ports.states >= nv] - nv, n)
+    for i in ports.actuators[bend[n + ports.actuators] > 0]:
+        yield Kink(input_names(model)[i], "input", float(bend[n + i]), _why_input(model, int(i), linearisation))
+    for i in ports.states[bend[ports.states] > 0]:
         why = "a joint limit, a contact or dry friction begins there; move the operating point away from it"
-        yield Kink(state_names(model)[i], "state", float(half[i]), why)
+        yield Kink(state_names(model)[i], "state", float(bend[i]), why)
+    for entry in ports.entries:
+        bend = _bends(whole, half, np.array([rates + entry]), n)
+        for i in ports.states[bend[ports.states] > 0]:
+            why = (
+                f"output {names[entry]!r} has a corner there, such as its cutoff; move the operating point away from it"
+            )
+            yield Kink(state_names(model)[i], "state", float(bend[i]), why)
+
+
+def _bends(whole: Differences, half: Differences, rows: Array, n: int) -> Array:
+    """The disagreement of one-sided slopes of ``rows``, relative to the larger, of each column that has a kink; else 0.
+
+    A column that is zero but for rounding, beside others of the n states or of the inputs, bends by nothing.
+    """
+    if not len(rows):
+        return np.zeros(half.right.shape[1])
+    size = np.maximum(np.abs(half.right[rows]), np.abs(half.left[rows])).max(axis=0)
+    least = np.repeat([part.max(initial=0.0) for part in (size[:n], size[n:])], [n, len(size) - n]) * 1e-6
+    coarse, fine = (np.abs(found.right - found.left)[rows].max(axis=0) for found in (whole, half))
+    bend = fine / np.maximum(np.maximum(size, least), _NO_SLOPE)
+    return np.where((bend > BENT) & (fine > 0.75 * coarse), bend, 0.0)
 
 
 def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> str:
     ctrl, (low, high) = linearisation.point.ctrl[i], model.actuator_ctrlrange[i]
     if model.actuator_ctrllimited[i] and (ctrl <= low + EPS or ctrl >= high - EPS):
         return f"its control {ctrl:g} is at an end of its ctrlrange {low:g} to {high:g}; operate it inside"
+    if model.actuator_actlimited[i]:
+        act, (low, high) = linearisation.point.act[model.actuator_actadr[i]], model.actuator_actrange[i]
+        if act <= low + EPS or act >= high - EPS:
+            return f"its activation {act:g} is at an end of its actrange {low:g} to {high:g}; operate it inside"
     if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
         if 0 < ctrl < 1 and model.actuator_dynprm[i, 2] == 0:
             return f"a muscle at excitation {ctrl:g} rises and falls at different rates; give it a tausmooth"
         return f"a muscle at excitation {ctrl:g} can only go one way; give it a tonic excitation within 0 to 1"
     return "its force is at a limit, or its law has a corner there; operate it elsewhere"
+
+
+def _rubbing(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[str]:
+    """Degrees of freedom and tendons that the engine holds by dry friction at the operating point."""
+    data, names = data_at(model, linearisation.point), state_names(model)
+    with installed(act_dyn=second_order_lag):
+        mujoco.mj_forward(model, data)
+    for kind, i in zip(data.efc_type, data.efc_id, strict=True):
+        if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
+            yield names[i]
+        elif kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON:
+            yield f"tendon {model.tendon(i).name or i}"
 
 
 def _margins(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Margin]:

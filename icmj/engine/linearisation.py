@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.actuator import is_second_order_lag, second_order_lag
+from icmj.engine.actuator import activation_rates, is_second_order_lag, second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import (
     OperatingPoint,
@@ -38,8 +38,8 @@ class Differences:
         A, B, C, D: centred differences; shapes (n, n), (n, nu), (n_s, n), (n_s, nu).
         rate: d/dt of (velocities, activations) at the point, shape (nv + na,).
         sensordata: there, shape (n_s,).
-        bend: how much the two one-sided differences of each column of A and B disagree, relative to the
-            larger of them; shape (n + nu,). It falls with the step for a smooth model, and stays where there is a kink.
+        right, left: one-sided differences of (rate, sensordata), shape (nv + na + n_s, n + nu). How much they disagree
+            falls with the step where the model is smooth, and stays where it has a kink.
     """
 
     A: Array
@@ -48,7 +48,8 @@ class Differences:
     D: Array
     rate: Array
     sensordata: Array
-    bend: Array
+    right: Array
+    left: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +151,9 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
         data.act[:] = point.act + z[2 * nv : n]
         data.ctrl[:] = point.ctrl + z[n:]
         mujoco.mj_forward(model, data)
-        return np.concatenate([data.qvel, data.qacc, data.act_dot, data.sensordata])
+        return np.concatenate([data.qvel, data.qacc, activation_rates(model, data), data.sensordata])
 
-    slopes = np.zeros((n + model.nsensordata, n + nu))
-    gap, size = np.zeros(n + nu), np.zeros(n + nu)
+    slopes, right, left = np.zeros((3, n + model.nsensordata, n + nu))
     with installed(act_dyn=second_order_lag), solved_to_the_end(model):
         rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
@@ -161,17 +161,13 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
             step[j] = eps
             up, down = evaluate(step), evaluate(-step)
             slopes[:, j] = (up - down) / (2 * eps)
-            right, left = (up - rest)[nv:n], (rest - down)[nv:n]
-            gap[j], size[j] = np.abs(right - left).max(), max(np.abs(right).max(), np.abs(left).max())
+            right[:, j], left[:, j] = (up - rest) / eps, (rest - down) / eps
     A, B, C, D = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     A[:nv] = np.hstack([np.zeros((nv, nv)), np.eye(nv), np.zeros((nv, na))])
     B[:nv] = 0
     if not np.isfinite(slopes).all():
         raise ModelError(f"model {name!r} has no finite linearisation at this operating point")
-    # a column that is zero but for rounding bends by nothing but rounding
-    least = np.repeat([size[:n].max(), size[n:].max(initial=0.0)], [n, nu]) * 1e-6
-    bend = gap / np.maximum(np.maximum(size, least), 1e-300)
-    return Differences(A, B, C, D, rest[nv:n], rest[n:], bend)
+    return Differences(A, B, C, D, rest[nv:n], rest[n:], right[nv:], left[nv:])
 
 
 def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:

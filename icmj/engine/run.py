@@ -12,7 +12,7 @@ from icmj.controller.controller import Controller
 from icmj.engine.accuracy import estimate, order_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.saturation import applied, limited, shares
+from icmj.engine.saturation import applied, clipped, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.stepping import stepping_of
 from icmj.engine.tableau import METHODS
@@ -51,7 +51,8 @@ def simulate(
         ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
         ``output_errors`` (of each output), ``steps``, ``seconds``, ``implementation``; where
-        there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often).
+        there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often); where sensors reach
+        their cutoffs ``clipped_share`` and ``clipped`` (which outputs).
 
     Raises:
         ModelError: if plant and design do not fit.
@@ -95,6 +96,8 @@ def simulate(
     acting, cut = applied(plant, loop.disturbance, record.rows, u)
     if limited(model):
         precision |= shares(plant.linearisation.plant.inputs, cut)
+    if (short := clipped(plant, record.rows)).any():
+        precision |= shares(plant.linearisation.plant.outputs, short, "clipped")
     return Simulation(
         plant="mujoco",
         control=controller.trigger.kind,

@@ -1,4 +1,4 @@
-"""What of a command passes the limits of the actuators: ranges of control and of force."""
+"""What of a command passes the limits of the actuators, of control, activation and force; outputs at a cutoff."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.actuator import second_order_lag
+from icmj.engine.actuator import activation_rates, second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.plant import MujocoPlant
 from icmj.simulation.disturbance import Disturbance
 
+_FORCES, _TORQUES = ("actuator_forcelimited", "tendon_actfrclimited"), ("jnt_actfrclimited",)
+
 
 def limited(model: mujoco.MjModel) -> bool:
-    """Whether any actuator, or the joint that it moves, has a limit."""
-    return bool(
-        model.actuator_ctrllimited.any()
-        or model.actuator_forcelimited.any()
-        or model.jnt_actfrclimited.any()
-        or (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE).any()
-    )
+    """Whether any actuator, or the joint or tendon that it moves, has a limit."""
+    muscles = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE).any()
+    return bool(muscles or model.actuator_ctrllimited.any() or _strength_limited(model))
+
+
+def _strength_limited(model: mujoco.MjModel) -> bool:
+    return any(getattr(model, name).any() for name in ("actuator_actlimited", *_FORCES, *_TORQUES))
 
 
 def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array) -> tuple[Array, np.ndarray]:
@@ -45,7 +47,7 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
     ctrl[:, ports.actuators] += ports.b * wanted
     passed = np.clip(ctrl, *_range(model))
     cut = np.abs(passed - ctrl) > 1e-12 * (1 + np.abs(ctrl))
-    if model.actuator_forcelimited.any() or model.jnt_actfrclimited.any():
+    if _strength_limited(model):
         passed, beyond = _within_force(copy(model), rows, passed)
         cut |= beyond
     b = np.where(ports.b == 0, 1.0, ports.b)
@@ -54,11 +56,24 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
     return np.where(there, acting, wanted), there
 
 
-def shares(inputs: Sequence[str], cut: np.ndarray) -> dict[str, float | str]:
-    """How much of the rows saturates: as one number, and as text for each input that does."""
-    facts: dict[str, float | str] = {"saturated_share": float(cut.any(axis=1).mean())}
+def clipped(plant: MujocoPlant, rows: Array) -> np.ndarray:
+    """Where each output is at the cutoff of its sensor, shape (N, n_y).
+
+    Args:
+        plant: the plant.
+        rows: recorded (..., sensordata), shape (N, ...).
+    """
+    model, entries = plant.model, plant.linearisation.ports.entries
+    cutoff = np.repeat(model.sensor_cutoff, model.sensor_dim)[entries]
+    there = np.abs(rows[:, rows.shape[1] - model.nsensordata :][:, entries]) >= cutoff
+    return np.asarray(there & (cutoff > 0))
+
+
+def shares(inputs: Sequence[str], cut: np.ndarray, fact: str = "saturated") -> dict[str, float | str]:
+    """How much of the rows is cut: as one number, and as text for each input (or output) that is."""
+    facts: dict[str, float | str] = {f"{fact}_share": float(cut.any(axis=1).mean())}
     each = [f"{name} {share:.1%}" for name, share in zip(inputs, cut.mean(axis=0), strict=True) if share > 0]
-    return facts | ({"saturated": ", ".join(each)} if each else {})
+    return facts | ({fact: ", ".join(each)} if each else {})
 
 
 def _range(model: mujoco.MjModel) -> tuple[Array, Array]:
@@ -72,41 +87,49 @@ def _range(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Array, np.ndarray]:
-    """Controls less what limits of force cut off, and which they are; the model's limits are lifted on the way."""
+    """Controls less what limits of force cut off, and which they or an activation's range are.
+
+    The engine says what each limit does: those of actuators and tendons, then those of joints, are lifted on the way.
+    """
     data, nq, nv, na = mujoco.MjData(model), model.nq, model.nv, model.na
     passed, cut = ctrl.copy(), np.zeros(ctrl.shape, dtype=bool)
-    forced, joints = model.actuator_forcelimited.astype(bool), model.jnt_actfrclimited.astype(bool)
-    low, high = model.actuator_forcerange.T
-    direct = forced & (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE)
-    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    at = np.where(on_joint, model.actuator_trnid[:, 0], -1)
+    switches = [(array, array.copy()) for array in (getattr(model, name) for name in (*_FORCES, *_TORQUES))]
+    direct = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE
+    jointed, clamped = bool(model.jnt_actfrclimited.any()), np.flatnonzero(model.actuator_actlimited)
 
-    def force(control: Array) -> Array:
+    def forces(control: Array, *, on_actuators: bool, on_joints: bool) -> tuple[Array, Array]:
+        """Of the actuators and on the degrees of freedom, under these limits."""
+        for (array, limits), on in zip(switches, (on_actuators, on_actuators, on_joints), strict=True):
+            array[:] = limits if on else False
         data.ctrl[:] = control
         mujoco.mj_fwdActuation(model, data)
-        return data.actuator_force.copy()
+        return data.actuator_force.copy(), data.qfrc_actuator.copy()
 
-    try:
-        with installed(act_dyn=second_order_lag):
-            for i, row in enumerate(rows):
-                data.qpos[:], data.qvel[:] = row[1 : 1 + nq], row[1 + nq : 1 + nq + nv]
-                data.act[:] = row[1 + nq + nv : 1 + nq + nv + na]
-                mujoco.mj_fwdPosition(model, data)
-                mujoco.mj_fwdVelocity(model, data)
-                model.actuator_forcelimited[:] = False
-                free = force(ctrl[i])
-                slope = force(ctrl[i] + 1.0) - free if direct.any() else np.ones(model.nu)
-                model.actuator_forcelimited[:] = forced
-                inside = np.where(forced, np.clip(free, low, high), free)
-                cut[i] = np.abs(inside - free) > 1e-12 * (1 + np.abs(free))
-                there = direct & cut[i] & (slope != 0)
-                passed[i, there] += (inside - free)[there] / slope[there]
-                for joint in np.flatnonzero(joints):
-                    mine = at == joint
-                    torque = float((inside * model.actuator_gear[:, 0])[mine].sum())
-                    least, most = model.jnt_actfrcrange[joint]
-                    if not least <= torque <= most:
-                        cut[i, mine] = True
-    finally:
-        model.actuator_forcelimited[:] = forced
+    with installed(act_dyn=second_order_lag):
+        for i, row in enumerate(rows):
+            data.qpos[:], data.qvel[:] = row[1 : 1 + nq], row[1 + nq : 1 + nq + nv]
+            data.act[:] = row[1 + nq + nv : 1 + nq + nv + na]
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            free, _ = forces(ctrl[i], on_actuators=False, on_joints=False)
+            slope = forces(ctrl[i] + 1.0, on_actuators=False, on_joints=False)[0] - free
+            inside, torque = forces(ctrl[i], on_actuators=True, on_joints=False)
+            cut[i] = np.abs(inside - free) > 1e-12 * (1 + np.abs(free))
+            there = direct & cut[i] & (slope != 0)
+            passed[i, there] += (inside - free)[there] / slope[there]
+            if jointed:
+                left = forces(ctrl[i], on_actuators=True, on_joints=True)[1] - torque
+                cut[i] |= _moments(data, nv) @ (np.abs(left) > 1e-12 * (1 + np.abs(torque))) > 0
+            held = activation_rates(model, data) != data.act_dot
+            for k in clamped:
+                cut[i, k] |= held[model.actuator_actadr[k] :][: model.actuator_actnum[k]].any()
     return passed, cut
+
+
+def _moments(data: mujoco.MjData, nv: int) -> np.ndarray:
+    """Whether each actuator acts on each degree of freedom, shape (nu, nv)."""
+    acts = np.zeros((len(data.moment_rownnz), nv), dtype=bool)
+    for row, first, count in zip(acts, data.moment_rowadr, data.moment_rownnz, strict=True):
+        entries = slice(first, first + count)
+        row[data.moment_colind[entries]] = data.actuator_moment[entries] != 0
+    return acts

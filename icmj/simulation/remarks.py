@@ -32,7 +32,13 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
     if float(facts.get("saturated_share", 0.0)) > 0:
         words = (
             f"the actuators reach their limits ({facts.get('saturated', '')} of the time), where the plant is not "
-            "linear: u is the command, applied what acts; widen ctrlrange or forcerange, or lower the threshold"
+            "linear: u is the command, applied what acts; widen their ranges, or lower the threshold"
+        )
+        yield Notice("saturation", "warning", words)
+    if facts.get("clipped"):
+        words = (
+            f"sensors reach their cutoff ({facts['clipped']} of the time), where the controller sees less than there "
+            "is; widen cutoff, or lower the threshold"
         )
         yield Notice("saturation", "warning", words)
     if facts.get("not_adaptive"):

@@ -10,8 +10,8 @@ import pytest
 from model_cases import written
 
 from icmj.case.case import prepare, simulate
+from icmj.engine.dynamics import Dynamics
 from icmj.engine.equilibrium import equilibria
-from icmj.engine.iosystem import Dynamics
 from icmj.engine.model import operating_point
 from icmj.engine.plant import load_plant
 from icmj.engine.pose import scene
