@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
-from icmj.case.doubts import REACHED, doubts, reach
+from icmj.case.doubts import doubts, reach
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -47,7 +48,7 @@ class Case(Shown):
         settings: of its runs.
         system: error system of the actual plant under that controller.
         prediction: the linear theory of it.
-        notices: what to tell of it.
+        told: what there is to tell of its plants.
     """
 
     run: RunFile
@@ -58,7 +59,12 @@ class Case(Shown):
     settings: Settings
     system: ErrorSystem
     prediction: Prediction
-    notices: tuple[Notice, ...] = ()
+    told: tuple[Notice, ...] = ()
+
+    @cached_property
+    def notices(self) -> tuple[Notice, ...]:
+        """What to tell of it: of its plants, and of limits of the actual one that the predicted orbit reaches."""
+        return (*self.told, *reach(self.actual, self.prediction))
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
@@ -119,7 +125,6 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
         raise type(error)(f"{run.path}: {error}{why}") from error
-    notices += tuple(reach(actual, prediction))
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
 
 
@@ -150,11 +155,8 @@ def revised(case: Case, run: RunFile) -> Case:
     _check_names(run, case.assumed.linearisation.plant, case.actual.linearisation.plant)
     rule = run.controller.trigger(case.controller.design)
     prediction = case.prediction
-    notices = case.notices
     if rule.size != case.rule.size:
         prediction = scaled(prediction, rule.size / case.rule.size)
-        standing = (notice for notice in notices if notice.kind not in REACHED)
-        notices = (*standing, *reach(case.actual, prediction))
     return replace(
         case,
         run=run,
@@ -162,7 +164,6 @@ def revised(case: Case, run: RunFile) -> Case:
         rule=rule,
         settings=run.simulation.settings(),
         prediction=prediction,
-        notices=notices,
     )
 
 

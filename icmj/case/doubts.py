@@ -14,8 +14,6 @@ from icmj.plant.notice import Notice
 from icmj.runfile.schema import RunFile
 from icmj.theory.prediction import Prediction
 
-REACHED = ("saturation", "joint limit", "not linear")
-
 
 def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
     """What there is to tell of both plants; what holds for both is told once."""
@@ -52,7 +50,7 @@ def _of(notice: Notice, which: str) -> Notice:
 
 
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
-    """Limits that the predicted orbit reaches, and other corners of the plant on it; of the kinds ``REACHED``."""
+    """Limits that the predicted orbit reaches, and other corners of the plant on it."""
     if prediction.orbit is None or np.isinf(prediction.orbit.gamma) or not isinstance(actual, MujocoPlant):
         return
     orbit, n = prediction.orbit, actual.linearisation.plant.n

@@ -25,6 +25,8 @@ from icmj.plant.quality import BENT
 _SAMPLES = 64  # of a motion, beside those where a signal is largest
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes
 _SLIGHT = 5e-4  # of the size of an answer: a departure from the linear one that hides no corner
+_SMALL = 1e-3  # of the size of the largest answer of its kind: one that is taken to be as large
+_WAYS = 16  # from rest that are followed
 _LEAP = 1e-4  # of the size of an answer: what is no rounding
 _CELLS, _FINER, _DEPTH = 16, 4, 4  # cells of the way from rest; into how many a cell is cut, and how often
 _END = "; the linear theory knows no limits"
@@ -167,12 +169,13 @@ def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
     expected = np.hstack([x @ linear.A.T + u @ linear.B.T, x @ linear.C.T])
     found = _answers(engine, x, u) - rest
     size = np.maximum(np.abs(expected), np.abs(found)).max(axis=0)
-    size = np.where(size > 1e-9, size, np.inf)
+    nq, n = int((engine.plant.linearisation.ports.states < engine.model.nv).sum()), linear.n
+    for kind in (slice(0, nq), slice(nq, n), slice(n, None)):  # what is small beside its like is rounding, or squares
+        size[kind] = np.maximum(size[kind], _SMALL * size[kind].max(initial=0.0))
+    size[size < 1e-12] = np.inf
     departure = (np.abs(found - expected) / size).max(axis=1)
     touching = _touching(engine, 0 * x[0], 0 * u[0])
-    for i in np.argsort(-departure):
-        if departure[i] <= _SLIGHT:
-            return
+    for i in _ways(departure, u):
 
         def along(s: float, x: Array = x[i], u: Array = u[i]) -> Array:
             return np.concatenate(engine(s * x, s * u)) / size
@@ -193,6 +196,16 @@ def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
         why = ": " + ", ".join(f"{one} and {other} touch, or let go" for one, other in others) if others else ""
         yield Notice("not linear", "warning", f"{words}{why}; the linear theory knows none")
         return
+
+
+def _ways(departure: Array, u: Array) -> list[int]:
+    """Samples to which the way from rest is followed, the largest departure first.
+
+    Some of all that depart, and those where an input is largest, either way.
+    """
+    order = [int(i) for i in np.argsort(-departure) if departure[i] > _SLIGHT]
+    some = set(order[:: max(1, len(order) // _WAYS)]) | {*u.argmax(axis=0), *u.argmin(axis=0)}
+    return [i for i in order if i in some]
 
 
 def _corner(
