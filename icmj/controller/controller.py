@@ -72,6 +72,23 @@ class Controller:
 
 
 @dataclass(frozen=True, eq=False)
+class Rates:
+    """What the controller's rates are made of: ȧ = A a + B u + N (y − H a), with u its own command.
+
+    Attributes:
+        A: what its models do by themselves, shape (N_a, N_a).
+        B: what the command does to them, shape (N_a, n_u).
+        N: what it makes of an innovation, shape (N_a, n_y).
+        H: what it expects to read, shape (n_y, N_a).
+    """
+
+    A: Array
+    B: Array
+    N: Array
+    H: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Realisation:
     """A controller as one linear system with resets in its state a, which a simulator runs without knowing its parts.
 
@@ -84,6 +101,7 @@ class Realisation:
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
         cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
         delay: t_d [s].
+        rates: what M and N are made of: M = A − N H − B K.
     """
 
     layout: Layout
@@ -95,6 +113,7 @@ class Realisation:
     R: Array
     cuts: np.ndarray
     delay: float
+    rates: Rates
 
 
 def layout_of(controller: Controller) -> Layout:
@@ -145,9 +164,13 @@ def _realised(controller: Controller) -> Realisation:
     o, h = layout["x_o"], layout["x_h"]
     M, K = np.zeros((layout.size, layout.size)), np.zeros((design.plant.n_u, layout.size))
     N, J, G = np.zeros((layout.size, design.plant.n_y)), np.eye(layout.size), np.eye(layout.size)
+    A, B, H = np.zeros_like(M), np.zeros((layout.size, design.plant.n_u)), np.zeros((design.plant.n_y, layout.size))
     M[o, o], N[o] = design.A_o, design.L
+    A[o, o], B[o], H[:, o] = design.plant.A, design.plant.B, design.plant.C
     if trigger.holds:
         M[o, h], M[h, h], K[:, h] = -design.plant.B @ design.k, controller.hold.A_h, design.k
+        # the system-matched hold is the model under the command, and nothing beside it
+        A[h, h], B[h] = design.plant.A + (controller.hold.A_h - design.A_c), design.plant.B
         if controller.delay:
             _delayed(controller, layout, J, G)
         else:
@@ -156,10 +179,11 @@ def _realised(controller: Controller) -> Realisation:
         # x_h runs along with x_o, so that what is recorded as the hold state is the observer's
         M[o, o] -= design.plant.B @ design.k
         M[h, o], N[h], K[:, o] = M[o, o], N[o], design.k
+        A[h, o], B[h] = A[o, o], B[o]
     faces = controller.faces
     R = np.zeros((len(faces.R), layout.size))
     R[:, o], R[:, h] = -faces.R, faces.R
-    return Realisation(layout, M, N, K, J, G, R, faces.cuts, controller.delay.t_d)
+    return Realisation(layout, M, N, K, J, G, R, faces.cuts, controller.delay.t_d, Rates(A, B, N, H))
 
 
 def _expected(controller: Controller) -> list[float]:

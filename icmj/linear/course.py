@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, realise, start_state
+from icmj.controller.closed_loop import compose
+from icmj.controller.controller import Controller, start_state
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.course import Sample
 from icmj.simulation.settings import Bias, Settings, Step
@@ -25,19 +26,18 @@ class LinearCourse:
         length: float,
     ) -> None:
         """From an event on, for ``length`` [s]; what disturbs must be constant."""
-        controls = realise(controller)
-        n, size = plant.n, plant.n + controls.layout.size
-        self.plant, self.controller, self._controls = plant, controller, controls
-        delay = controls.delay
+        loop = compose(plant, controller)
+        n, size = plant.n, len(loop.F)
+        self.plant, self.controller, self._loop = plant, controller, loop
+        delay = controller.delay.t_d
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
         F = np.zeros((size + 1, size + 1))  # the last state is 1: a constant push
-        F[:n, :n], F[:n, n:size] = plant.A, -plant.B @ controls.K
-        F[n:size, :n], F[n:size, n:size] = controls.N @ plant.C, controls.M
+        F[:size, :size] = loop.F
         for source in settings.disturbance:
             if isinstance(source, Step):
-                F[:n, size] += plant.B[:, plant.inputs.index(source.input)] * source.size
+                F[:size, size] += loop.D[:, plant.inputs.index(source.input)] * source.size
             elif isinstance(source, Bias):
-                F[n:size, size] += controls.N[:, plant.outputs.index(source.output)] * source.size
+                F[:size, size] += loop.E[:, plant.outputs.index(source.output)] * source.size
         self._F = F
         w = np.concatenate([x, start_state(controller, x_o, x_h), [1.0]])
         self._starts = [w]
@@ -45,7 +45,7 @@ class LinearCourse:
             from scipy.linalg import expm
 
             w = expm(F * delay) @ w
-            w[n:size] = controls.G @ w[n:size]
+            w[:size] = loop.G @ w[:size]
             self._starts.append(w)
         self.rate = F[:size] @ self._states(np.array([length]))[0]
 
@@ -61,11 +61,10 @@ class LinearCourse:
 
     def sample(self, t: Array) -> Sample:
         """What it does at times within it."""
-        n, w = self.plant.n, self._states(t)
-        x, a = w[:, :n], w[:, n:-1]
-        parts = self._controls.layout.split(a)
-        y, u = x @ self.plant.C.T, -a @ self._controls.K.T
-        return Sample(t, x, parts["x_o"], parts["x_h"], y, u, np.zeros((len(t), 0)))
+        w = self._states(t)[:, :-1]
+        parts = self._loop.layout.split(w)
+        y, u = parts["x"] @ self.plant.C.T, -w @ self._loop.K.T
+        return Sample(t, parts["x"], parts["x_o"], parts["x_h"], y, u, np.zeros((len(t), 0)))
 
     def generators(self, t: Array, part: int) -> Array:
         """F, the same at all times."""

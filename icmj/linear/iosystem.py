@@ -10,12 +10,16 @@ plant's and u_<input>, the command. States are the plant's, then x_o_<state>, x_
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of, realise
+from icmj.controller.closed_loop import compose
+from icmj.controller.controller import Controller
+from icmj.controller.delay import NO_DELAY
+from icmj.controller.trigger import Continuous
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import loop_signals
@@ -28,12 +32,11 @@ def continuous_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
     """The loop under u = −k̂ x_o, whatever the controller's trigger is; states (x, x_o)."""
     import control
 
-    n, design = plant.n, controller.design
-    k, L, m = design.k, design.L, design.plant.n
-    A = np.block([[plant.A, -plant.B @ k], [L @ plant.C, design.A_o - design.plant.B @ k]])
-    B = np.block([[plant.B, np.zeros((n, plant.n_y))], [np.zeros((m, plant.n_u)), L]])
-    C = np.block([[plant.C, np.zeros((plant.n_y, m))], [np.zeros((plant.n_u, n)), -k]])
-    return control.ss(A, B, C, 0, **loop_signals(plant, controller.design.plant, "x_o"))
+    loop = compose(plant, replace(controller, trigger=Continuous(), delay=NO_DELAY))
+    kept = slice(0, plant.n + controller.design.plant.n)
+    C = np.vstack([np.hstack([plant.C, np.zeros((plant.n_y, controller.design.plant.n))]), -loop.K[:, kept]])
+    B = np.hstack([loop.D, loop.E])
+    return control.ss(loop.F[kept, kept], B[kept], C, 0, **loop_signals(plant, controller.design.plant, "x_o"))
 
 
 def clocked_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
@@ -111,13 +114,8 @@ def _held(plant: LinearPlant, controller: Controller, step: float) -> tuple[Arra
     """(x, x_o, x_h) after ``step`` from right after a sample, and the share of constant inputs (d, n)."""
     from scipy.linalg import expm
 
-    real = realise(controller)
-    o, h = (layout_of(controller)[name] for name in ("x_o", "x_h"))
-    order = np.r_[o.start : o.stop, h.start : h.stop]
-    M, N, K = real.M[np.ix_(order, order)], real.N[order], real.K[:, order]
-    n, width = plant.n, plant.n + len(order)
-    A = np.block([[plant.A, -plant.B @ K], [N @ plant.C, M]])
-    B = np.block([[plant.B, np.zeros((n, plant.n_y))], [np.zeros((len(order), plant.n_u)), N]])
+    loop = compose(plant, controller)
+    A, B, width = loop.F, np.hstack([loop.D, loop.E]), len(loop.F)
     whole = np.zeros((width + B.shape[1],) * 2)
     whole[:width] = np.hstack([A, B]) * step
     flow = expm(whole)[:width]

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, realise
+from icmj.controller.closed_loop import compose
+from icmj.controller.controller import Controller
 from icmj.plant.linear_plant import LinearPlant
 
 
@@ -17,21 +18,14 @@ def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
         plant: the actual plant.
         controller: with a clock; a its states, predictions under way included.
     """
-    controls, n = realise(controller), plant.n
+    loop = compose(plant, controller)
     interval, delay = controller.trigger.clock, controller.delay
-    F = np.block([[plant.A, -plant.B @ controls.K], [controls.N @ plant.C, controls.M]])
-
-    def at(jump: Array) -> Array:
-        whole = np.eye(len(F))
-        whole[n:, n:] = jump
-        return whole
-
     if not delay:
-        return np.asarray(at(controls.J) @ expm(F * interval))
+        return np.asarray(loop.J @ expm(loop.F * interval))
     # of the events under way one acts in each interval; where the delay is a multiple of it, just before the next event
     acts = delay.t_d - (delay.in_flight(interval) - 1) * interval
     rest = max(interval - acts, 0.0)
-    return np.asarray(at(controls.J) @ expm(F * rest) @ at(controls.G) @ expm(F * acts))
+    return np.asarray(loop.J @ expm(loop.F * rest) @ loop.G @ expm(loop.F * acts))
 
 
 def is_stable(plant: LinearPlant, controller: Controller) -> bool:

@@ -17,9 +17,12 @@ import numpy as np
 from scipy.linalg import expm
 
 from icmj.base.array import Array
+from icmj.controller.closed_loop import ERRORS, compose
+from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold, system_matched
+from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.plant.matching import Match, matched
@@ -174,25 +177,7 @@ def error_system(
     T_hat = transformation(assumed, actual) if T_hat is None else np.atleast_2d(np.asarray(T_hat, float))
     if T_hat.shape != (assumed.n, actual.n):
         raise AnalysisError(f"T̂ has shape {T_hat.shape}; expected {(assumed.n, actual.n)}")
-    A, B, C = actual.A, actual.B, actual.C
-    k_hat, L = design.k, design.L
     hold = hold or system_matched(design)
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by the analysis
-        k = k_hat @ T_hat
-        A_h = hold.A_h
-        A_k = A - B @ k
-        B_tilde = assumed.B - T_hat @ B
-        Z = np.zeros((actual.n, assumed.n))
-        Z_m = np.zeros((assumed.n, assumed.n))
-        A_C = np.block(
-            [
-                [A_k, Z, -B @ k_hat],
-                [
-                    assumed.A @ T_hat - T_hat @ A - B_tilde @ k - L @ (assumed.C @ T_hat - C),
-                    design.A_o,
-                    -B_tilde @ k_hat,
-                ],
-                [A_h @ T_hat - T_hat @ A_k, Z_m, A_h + T_hat @ B @ k_hat],
-            ]
-        )
-    return ErrorSystem(A_C, T_hat, actual, design, hold, delay)
+    # between events neither the trigger nor the delay matters
+    loop = compose(actual, Controller(design, hold, ClockTrigger(1.0)), ERRORS, T_hat)
+    return ErrorSystem(loop.F, T_hat, actual, design, hold, delay)
