@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.others import LAST, SETTINGS, LinearTask, measured
 from benchmarks.row import Row, interleaved, least
 from benchmarks.task import three_link
-from icmj.linear.closed_loop import closed_loop
+from icmj.linear.loop import linear_loop
 from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
 from icmj.simulation.settings import Settings
@@ -24,7 +24,7 @@ GROUP = "linear plant"
 
 
 def rows() -> list[Row]:
-    """Speed of the compiled simulation, of the one piece by piece, of single intervals, and of others."""
+    """Speed of the compiled simulation, of single intervals, and of others."""
     task = three_link()
     plant, controller = task.plant.linearisation.plant, task.controller
     settings = Settings(duration=DURATION, record_interval=0.01, limit=10.0)
@@ -45,18 +45,11 @@ def rows() -> list[Row]:
     }
     interleaved(ways, 2)
     fast = interleaved(ways, REPEATS)
-    slow = least(lambda: simulate(plant, controller, replace(settings, native=False), **start), 3)
     run = simulate(plant, controller, settings, **start)
-    pieces = simulate(plant, controller, replace(settings, native=False), **start)
-    apart = float(np.abs(run.events.interval - pieces.events.interval).max())
     note = f"{len(run.events)} events in {DURATION:g} s of the three-link; least of {REPEATS}, preparation and all"
     table = [
         Row(GROUP, f"compiled, {way}", DURATION / min(times), "× time", note, FASTER if index < 2 else None, False)
         for index, (way, times) in enumerate(fast.items())
-    ]
-    table += [
-        Row(GROUP, "piece by piece in Python", DURATION / slow, "× time", "what it is tested against"),
-        Row(GROUP, "largest difference of an interval", apart, "s", "between these two", 1e-12),
     ]
     return table + _others(task.x, task.x_o)
 
@@ -64,12 +57,12 @@ def rows() -> list[Row]:
 def _others(x: np.ndarray, x_o: np.ndarray) -> list[Row]:
     task = three_link()
     plant, controller = task.plant.linearisation.plant, task.controller
-    loop = closed_loop(plant, controller)
+    loop = linear_loop(plant, controller)
     settings = Settings(duration=COMPARED, record_interval=COMPARED, limit=10.0)
     exact = simulate(plant, controller, settings, x0=x, x_o0=x_o).events.interval[-LAST:]
     ours = least(lambda: simulate(plant, controller, settings, x0=x, x_o0=x_o), 50)
     table = [Row(GROUP, f"icmj, {COMPARED:g} s", 1e3 * ours, "ms", "exact")]
-    found = measured(LinearTask(loop.M, loop.faces.R, loop.state(x, x_o, x_o), COMPARED), exact)
+    found = measured(LinearTask(loop.M, controller.faces.R, loop.state(x, np.concatenate([x_o, x_o])), COMPARED), exact)
     for way, (package, _) in SETTINGS.items():
         if way not in found:
             table.append(Row(GROUP, way, None, "ms", f"skipped: {package} is not installed (see --help)"))

@@ -27,7 +27,7 @@ class LinearCourse:
     ) -> None:
         """From an event on, for ``length`` [s]; what disturbs must be constant."""
         loop = compose(plant, controller)
-        n, size = plant.n, len(loop.F)
+        size = len(loop.F)
         self.plant, self.controller, self._loop = plant, controller, loop
         delay = controller.delay.t_d
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)

@@ -2,28 +2,23 @@
 
 Between events the state follows a matrix exponential. A step of the internal grid only fixes where its series is
 expanded; on each step the event function is a polynomial (to round-off), and whether it reaches zero anywhere on the
-step is decided by its Bernstein coefficients (:mod:`icmj.base.bernstein`), not by sampling. The same holds for the
-limit on positions and for the extremes of the outputs.
+step is decided by its Bernstein coefficients, not by sampling. The same holds for the limit on positions and for the
+extremes of the outputs. What disturbs, noise included, is a function of time whose response is exact, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of
-from icmj.linear.flight import Stage, stage
-from icmj.linear.history import Collected, History
-from icmj.linear.passage import Passage, suits
-from icmj.linear.queue import Queue
+from icmj.controller.controller import Controller
+from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation import ending
-from icmj.simulation.ending import Outcome
+from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import Simulation
+from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
 
 
@@ -56,44 +51,40 @@ def simulate(
             finite, or a disturbance names an unknown input or output.
     """
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)
-    prepared = stage(plant, controller, settings)
-    known = layout_of(controller).split(a)
-    start = prepared.loop.state(x, known["x_o"], known["x_h"])
-    if settings.native and suits(prepared):
-        collected, outcome = Passage(prepared, settings.record_interval).run(start, progress)
-    else:
-        collected, outcome = _piece_by_piece(prepared, settings.record_interval, start, progress)
-    run = collected.simulation(prepared.loop, outcome, settings.noisy)
-    return replace(run, applied=run.u + prepared.disturbance(run.t)) if len(prepared.disturbance) else run
-
-
-def _piece_by_piece(
-    prepared: Stage, interval: float, start: Array, progress: Callable[[float], None] | None
-) -> tuple[Collected, Outcome]:
-    history = History(prepared.loop, interval, start)
-    try:
-        outcome = _run(prepared, history, progress)
-    except KeyboardInterrupt:
-        if history.t == 0:
-            raise
-        outcome = ending.interrupted(history.t, prepared.duration)
-    return history.collected(), outcome
-
-
-def _run(prepared: Stage, history: History, progress: Callable[[float], None] | None) -> Outcome:
-    duration, queue = prepared.duration, Queue(prepared.loop.controller)
-    pace = ending.EventPace(duration)
-    while history.t < duration:
-        if prepared.loop.controller.delay:
-            queue.take_up(history.t, prepared.loop.x_o(history.z), prepared.loop.x_h(history.z))
-        for watch, piece, t in prepared.flight(history.z, history.t, queue):
-            history.append(watch, piece, t)
-            if progress is not None:
-                progress(t / duration)
-        if piece.kind in ("fell", "diverged"):
-            return prepared.outcome(piece.kind, piece.z, t)
-        if piece.kind == "event":
-            history.event()
-            if (took := pace.stalled(t)) is not None:
-                return ending.stalled(t, took)
-    return ending.ran(duration, history.intervals(), prepared.loop.controller.least)
+    simulator = Simulator(plant, controller, settings, settings.record_interval)
+    loop = simulator.loop
+    found, outcome = simulator.run(loop.state(x, a), progress)
+    x, x_h = loop.x(found.Z), loop.x_h(found.Z)
+    u = -x_h @ controller.design.k.T
+    return Simulation(
+        plant="linear",
+        control=controller.trigger.kind,
+        t=found.t,
+        x=x,
+        y=x @ plant.C.T,
+        u=u,
+        x_o=loop.x_o(found.Z),
+        x_h=x_h,
+        E=controller.faces.E(loop.e(found.Z)),
+        events=Events(
+            t=found.event_t,
+            x=loop.x(found.event_Z),
+            x_o=loop.x_o(found.event_Z),
+            x_h=loop.x_h(found.event_Z),
+            y_max=found.y_max,
+            y_min=found.y_min,
+        ),
+        applied=u + simulator.disturbance(found.t) if len(simulator.disturbance) else np.zeros((0, 0)),
+        outcome=outcome,
+        precision={
+            "integrator": "matrix exponential",
+            "order": "exact",
+            "event_tolerance": 1e-12,
+            "step": simulator.tables.step,
+            "series_terms": simulator.tables.A.shape[1],
+        },
+        delay=controller.delay.t_d,
+        least=controller.least,
+        noisy=settings.noisy,
+        labels=labels_of(plant, controller.design.plant),
+    )

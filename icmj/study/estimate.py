@@ -15,13 +15,13 @@ from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
-from icmj.linear.closed_loop import closed_loop
+from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
-BLOCKS, SLOW_BLOCKS = 1e6, 2e4  # likewise, of compiled code on the linear plant, and of Python
+BLOCKS, _DISTURBED = 10.0  # times what a quiet run costs
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
@@ -38,7 +38,7 @@ def startable(case: Case, plant: PlantKind) -> None:
         if plant == "mujoco":
             stepping_of(close_loop(case.model, case.controller, case.settings), case.settings)
         else:
-            closed_loop(case.actual.linearisation.plant, case.controller)
+            linear_loop(case.actual.linearisation.plant, case.controller)
     except SimulationError as error:
         raise SimulationError(f"{case.run.path}: {error}") from error
 
@@ -55,10 +55,8 @@ def estimate(case: Case, plant: PlantKind) -> float:
     growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
     simulated = repeats * settings.duration + growth
     if plant == "linear":
-        # whatever acts, and the clock that stands for continuous control with a delay, are gone through in Python
-        slowly = 1.5 * settings.duration if case.controller.delay else 0.0
-        slowly = simulated if settings.disturbance or not settings.native else slowly
-        plenty = simulated * _rate(case) / 128 > BLOCKS or slowly * _rate(case) / 128 > SLOW_BLOCKS
+        disturbed = _DISTURBED if settings.disturbance else 1.0
+        plenty = disturbed * simulated * _rate(case) / 128 > BLOCKS
     else:
         plenty = simulated / _timestep(case) > STEPS
     seconds = _PER_ROW * rows

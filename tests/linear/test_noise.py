@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, ivp_events, pendulum_design, settings, settings_from
 from scipy.integrate import quad
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 
 from icmj.controller.controller import Controller
 from icmj.controller.trigger import Continuous
-from icmj.linear.propagator import Propagator
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
@@ -44,27 +43,6 @@ def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A = np.block([[PLANT.A, -PLANT.B @ d.k], [d.L @ PLANT.C, P.A - d.L @ P.C - P.B @ d.k]])
     B = np.block([[PLANT.B, np.zeros((2, 1))], [np.zeros((2, 1)), d.L]])
     return A, B, np.hstack([PLANT.C, np.zeros((1, 2))])
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_oscillators_are_matrix_exponentials(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    n, K = 4, 6
-    M, W, omega = random.standard_normal((n, n)), random.standard_normal((n, K)), 10 * random.random(K)
-    G = np.zeros((n + 2 * K, n + 2 * K))
-    G[:n, :n], G[:n, n : n + K] = M, W
-    G[n : n + K, n + K :], G[n + K :, n : n + K] = -np.diag(omega), np.diag(omega)
-    flow, z = Propagator(M, drive=W, omega=omega), random.standard_normal(n + 2 * K)
-    Z = flow.states(z)
-    for k in (0, 1, 7, flow.block):
-        exact = expm(G * flow.h * k) @ z
-        assert np.abs(Z[k] - exact).max() < 1e-11 * np.abs(exact).max()
-    assert np.array_equal(flow.states(z, 5), Z[:6])
-    for part in (0.0, 0.3, 1.0):
-        exact = expm(G * flow.h * part) @ z
-        assert np.abs(flow.within(z[None, :], np.array([part]))[0] - exact).max() < 1e-13 * np.abs(z).max() * 10
-    C = np.hstack([random.standard_normal((2, n)), np.zeros((2, 2 * K))])
-    assert (flow.powers_of(C) @ z).sum(axis=0) == pytest.approx(C @ Z[1], abs=1e-12)
 
 
 def test_noise_and_bias_agree_with_dop853() -> None:

@@ -25,7 +25,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger
 from icmj.errors import SimulationError
-from icmj.linear.closed_loop import closed_loop
+from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
@@ -282,7 +282,7 @@ def test_fall_is_exact_and_keeps_the_run():
     assert abs(run.x[-1, 0]) == pytest.approx(0.5, abs=1e-12)
     assert np.abs(run.x[:-1, 0]).max() < 0.5
     assert run.t[-1] == run.outcome.t
-    assert list(closed_loop(plant, controller).positions) == [0]
+    assert list(linear_loop(plant, controller).positions) == [0]
 
 
 def test_divergence():

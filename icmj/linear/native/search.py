@@ -1,10 +1,15 @@
-"""What ends a step, and how far the outputs go on it, in compiled code; :mod:`icmj.linear.watch` in Python."""
+"""What ends a step, and how far the outputs go on it, decided by certified bounds instead of samples.
+
+A curve R_j e(θ) stays within the largest norm of its control points, so a step whose control points are all inside
+every face of the event rule holds no event; only on the others the polynomial E_j itself is looked at for its first
+root. Spans of several steps are dismissed at once by short polynomials, of which the rest of their series is bounded.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from icmj.base.compilation import compiled
+from icmj.base.compilation import compiled, inlined
 from icmj.linear.native.motion import times
 from icmj.linear.native.polynomial import first_root, largest, to_bernstein
 
@@ -13,15 +18,15 @@ NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
 
 
 @compiled
-def first_end(flow, cuts, r, n_pos, z, armed, falls, work):  # type: ignore[no-untyped-def]
-    """(kind, θ) of the first end on the step from ``z``: by the bounds of the whole series, then by roots."""
+def first_end(A, F, F2, cuts, n_pos, s, armed, falls, work):  # type: ignore[no-untyped-def]
+    """(kind, θ) of the first end on the step from ``s``: by the bounds of the whole series, then by roots."""
     curves, level, stack, spans = work.curves, work.level, work.stack, work.spans
-    A, F, F2 = flow.A, flow.F, flow.F2
+    r = cuts[-1]
     degree = A.shape[1] - 1
     kind, first = NOTHING, np.inf
     if falls:
         for row in range(r, r + n_pos):
-            times(A[row], z, curves[row])
+            times(A[row], s, curves[row])
             for sign in (1.0, -1.0):
                 for j in range(degree + 1):
                     level[j] = sign * curves[row, j]
@@ -34,7 +39,7 @@ def first_end(flow, cuts, r, n_pos, z, armed, falls, work):  # type: ignore[no-u
             for i in range(degree + 1):
                 level[i] = 0
             for row in range(cuts[face], cuts[face + 1]):
-                times(A[row], z, curves[row])
+                times(A[row], s, curves[row])
                 to_bernstein(curves[row], degree, F, stack[0])
                 for i in range(degree + 1):
                     level[i] += stack[0, i] ** 2
@@ -57,39 +62,40 @@ def first_end(flow, cuts, r, n_pos, z, armed, falls, work):  # type: ignore[no-u
 
 
 @compiled
-def extremes(flow, row, z, theta, high, low, k, work):  # type: ignore[no-untyped-def]
-    """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [0, theta] of the step from ``z``."""
+def extremes(A, F, row, s, theta, high, low, k, work):  # type: ignore[no-untyped-def]
+    """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [0, theta] of the step from ``s``."""
     curve, stack, spans = work.curves[row], work.stack, work.spans
     degree = len(curve) - 1
-    times(flow.A[row], z, curve)
-    to_bernstein(curve, degree, flow.F, stack[0])
+    times(A[row], s, curve)
+    to_bernstein(curve, degree, F, stack[0])
     most, least = stack[0, 0], stack[0, 0]
     for i in range(1, degree + 1):
         most, least = max(most, stack[0, i]), min(least, stack[0, i])
     if most > high[k]:
-        high[k] = largest(curve, degree, 1.0, theta, high[k], flow.F, stack, spans)
+        high[k] = largest(curve, degree, 1.0, theta, high[k], F, stack, spans)
     if least < low[k]:
-        low[k] = -largest(curve, degree, -1.0, theta, -low[k], flow.F, stack, spans)
+        low[k] = -largest(curve, degree, -1.0, theta, -low[k], F, stack, spans)
 
 
-@compiled
-def doubtful(flow, cuts, r, coarse, z, out, sizes, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
-    """What the short polynomials cannot exclude on the span from ``z``, of which ``out`` is W z.
+@inlined
+def doubtful(T, m, s, out, sizes, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
+    """What the short polynomials cannot exclude on the span from ``s`` = (z, f), of which ``out`` is W s.
 
     Returns:
         whether it grows large; whether an event, a fall, an extreme of any output are to be looked for.
     """
-    m, n_y = len(z), len(high)
+    n_y, cuts, coarse = len(high), T.cuts, T.coarse
+    r = cuts[-1]
     biggest = 0.0
-    for k in range(m):
-        sizes[k] = abs(z[k])
+    for k in range(len(s)):
+        sizes[k] = abs(s[k])
         if sizes[k] < _NORMAL:  # rounding would keep the smallest subnormal alive for ever
-            z[k] = 0
+            s[k] = 0
         biggest = max(biggest, sizes[k])
     if biggest < _TINY:  # zero for every purpose; subnormal numbers would only be slow
         for k in range(m):
-            z[k] = out[k] = 0
-    times(flow.V, sizes, tails)
+            s[k] = out[k] = 0
+    times(T.V, sizes, tails)
     for k in range(m):
         biggest = max(biggest, abs(out[k]))
     wild = not biggest < _LARGE
@@ -109,11 +115,14 @@ def doubtful(flow, cuts, r, coarse, z, out, sizes, tails, armed, high, low, turn
     at = m + r * (coarse + 1)
     for k in range(n_y):
         high[k], low[k] = max(high[k], out[at]), min(low[k], out[at])
-        rise, fall = np.inf, -np.inf
+        rise, fall, most, least = np.inf, -np.inf, out[at], out[at]
         for j in range(coarse):
             change = out[at + j + 1] - out[at + j]
             rise, fall = min(rise, change), max(fall, change)
-        turning[k] = wild or not (coarse * rise - tails[r + k] >= 0 or coarse * fall + tails[r + k] <= 0)
+            most, least = max(most, out[at + j + 1]), min(least, out[at + j + 1])
+        tail = tails[r + k]  # of the slope, hence more than of the value
+        turns_not = coarse * rise - tail >= 0 or coarse * fall + tail <= 0
+        turning[k] = wild or not (turns_not or (most + tail <= high[k] and least - tail >= low[k]))
         turns = turns or turning[k]
         at += coarse + 1
     for k in range(len(out) - at):

@@ -1,0 +1,128 @@
+"""The closed loop of a linear plant as the simulation takes it: w = (x, d, e, p), and what acts on it from outside.
+
+d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error; p are predictions under way. With e as a state
+the reset x_h := x_o is e := 0, and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays
+exact (no round-off of x leaks into d), so that the interval can grow without bound as it should.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
+from icmj.controller.controller import Controller
+from icmj.errors import SimulationError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.disturbance import Disturbance
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop:
+    """A composed loop, with views of its state; Z holds the moving part z = (x, d, e) of w in its last axis.
+
+    Attributes:
+        composed: in the coordinates of :data:`icmj.controller.closed_loop.CHAIN`.
+    """
+
+    composed: ClosedLoop
+
+    @property
+    def plant(self) -> LinearPlant:
+        """The actual plant."""
+        return self.composed.plant
+
+    @property
+    def controller(self) -> Controller:
+        """Design, hold, trigger and delay."""
+        return self.composed.controller
+
+    @cached_property
+    def moving(self) -> int:
+        """Length m of z; what follows in w are predictions, which no rate moves."""
+        layout = self.composed.layout
+        return layout.size - (layout.sizes[-1] if layout.names[-1] == "pending" else 0)
+
+    @property
+    def M(self) -> Array:
+        """ż = M z, shape (m, m)."""
+        return self.composed.F[: self.moving, : self.moving]
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Indices of the states that the limit guards: those with a ``<name>_rate`` beside them, else all."""
+        states = self.plant.states
+        return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(self.plant.n))
+
+    def state(self, x: Array, a: Array) -> Array:
+        """w from the states of plant and controller."""
+        return self.composed.coordinates.of_states(np.concatenate([x, a]))
+
+    def x(self, Z: Array) -> Array:
+        """Plant state, last axis; any leading shape."""
+        return Z[..., self.composed.layout["x"]]
+
+    def x_o(self, Z: Array) -> Array:
+        """Observer state."""
+        return Z[..., self.composed.layout["x_o"]] + self.x(Z) @ self.composed.coordinates.T_hat.T
+
+    def e(self, Z: Array) -> Array:
+        """Hold error e_hp = x_h − x_o."""
+        return Z[..., self.composed.layout["x_h"]]
+
+    def x_h(self, Z: Array) -> Array:
+        """Hold state."""
+        return self.x_o(Z) + self.e(Z)
+
+
+def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
+    """The closed loop of ``plant`` under ``controller``; their orders may differ.
+
+    Raises:
+        SimulationError: if inputs or outputs of plant and assumed plant differ in number.
+    """
+    assumed = controller.design.plant
+    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
+        raise SimulationError(
+            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+    return LinearLoop(compose(plant, controller, CHAIN))
+
+
+@dataclass(frozen=True, eq=False)
+class Forcing:
+    """What acts on z from outside: K sinusoids a cos(ωt + φ), each in a window, in S signals.
+
+    Attributes:
+        D: what each signal does to ż, shape (m, S).
+        signal: which one a sinusoid belongs to, rising, shape (K,).
+        amplitude, omega, phase, start, end: of each; see :class:`icmj.simulation.disturbance.Disturbance`.
+    """
+
+    D: Array
+    signal: np.ndarray
+    amplitude: Array
+    omega: Array
+    phase: Array
+    start: Array
+    end: Array
+
+    @property
+    def edges(self) -> Array:
+        """Times at which a term begins or ends to act, rising, positive and finite [s]."""
+        times = np.unique(np.concatenate([self.start, self.end]))
+        return times[np.isfinite(times) & (times > 0)]
+
+
+def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance) -> Forcing:
+    """Disturbance on the plant's inputs, and errors of its outputs as the observer reads them, as one."""
+    effects = np.hstack([loop.composed.D, loop.composed.E])[: loop.moving]
+    ports = np.concatenate([disturbance.input, disturbance.n_u + errors.input]).astype(np.int64)
+    used, signal = np.unique(ports, return_inverse=True)
+    terms, order = ("amplitude", "omega", "phase", "start", "end"), np.argsort(signal, kind="stable")
+    joined = (np.concatenate([getattr(disturbance, name), getattr(errors, name)])[order] for name in terms)
+    return Forcing(np.ascontiguousarray(effects[:, used]), signal[order], *joined)

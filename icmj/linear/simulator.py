@@ -1,0 +1,167 @@
+"""A closed loop laid out for the compiled simulation, and what comes of it: the whole run, or one interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.controller import Controller
+from icmj.linear.loop import LinearLoop, forcing, linear_loop
+from icmj.linear.native.state import FRESH, Count, Now, Run, Status, Tables
+from icmj.linear.tables import tables
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation import ending
+from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
+from icmj.simulation.ending import EventPace, Outcome
+from icmj.simulation.settings import Settings
+
+_ROWS, _EVENTS = 4096, 512  # of the buffers
+
+
+@dataclass(frozen=True, eq=False)
+class Collected:
+    """What a run yields, in z = (x, d, e).
+
+    Attributes:
+        t, Z: rows, shapes (N,) and (N, m).
+        event_t, event_Z: events and z just before their resets, shapes (K,) and (K, m).
+        y_max, y_min: extremes of the outputs over the intervals that they end, shape (K, n_y).
+    """
+
+    t: Array
+    Z: Array
+    event_t: Array
+    event_Z: Array
+    y_max: Array
+    y_min: Array
+
+
+class Simulator:
+    """The compiled simulation of one loop, with its buffers; not for two threads at once.
+
+    Attributes:
+        loop: the closed loop.
+        disturbance: on the plant's inputs.
+        tables: the numbers that stay.
+    """
+
+    loop: LinearLoop
+    disturbance: Disturbance
+    tables: Tables
+
+    def __init__(
+        self, plant: LinearPlant, controller: Controller, settings: Settings, interval: float = np.inf
+    ) -> None:
+        """Prepare runs of ``plant`` under ``controller``, recorded every ``interval`` seconds, or not at all.
+
+        Raises:
+            SimulationError: if plant and controller do not fit, or a disturbance names an unknown input or output.
+        """
+        from icmj.base.compilation import called
+        from icmj.linear.native.simulator import simulator
+
+        self._simulate, self._call = simulator(), called
+        self.loop = loop = linear_loop(plant, controller)
+        self.disturbance = disturbance_of(settings.disturbance, plant.inputs)
+        acting = forcing(loop, self.disturbance, reading_error_of(settings.disturbance, plant.outputs))
+        self.duration, self.limit = float(settings.duration), settings.limit
+        self.tables = T = tables(loop, acting, self.duration, self.limit, interval)
+        m, n_y, rows = loop.moving, plant.n_y, int(min(T.steps * T.step / interval, 1e9)) + 8
+        self._m, self._n_y, several = m, n_y, np.isfinite(interval)
+        capacity = max(_ROWS, 2 * rows) if several else 8
+        self._run = Run(
+            now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), w=np.zeros(len(T.J)),
+            s=np.zeros(T.P.shape[1]), wave=np.zeros((2, len(T.omega))), row=np.zeros(m),
+            high=np.zeros(n_y), low=np.zeros(n_y), rows_t=np.empty(capacity), rows_z=np.empty((capacity, m)),
+            events=np.empty((_EVENTS if several else 1, 1 + m + 2 * n_y)),
+        )  # fmt: skip
+
+    @property
+    def t(self) -> float:
+        """Where it is now [s]."""
+        return float(self._run.now[Now.TIME])
+
+    @property
+    def z(self) -> Array:
+        """z there, shape (m,); not to be kept."""
+        return self._run.s[: self._m] if self._run.counts[Count.STEP] >= 0 else self._run.w[: self._m]
+
+    def begin(self, w: Array, t: float) -> None:
+        """Start from ``w`` right after an event at ``t``."""
+        run, controller, T = self._run, self.loop.controller, self.tables
+        clock, delay, counts = controller.trigger.clock, controller.delay.t_d, run.counts
+        run.w[:] = w
+        run.now[:] = 0.0
+        run.now[[Now.TIME, Now.ROW, Now.READY]] = t, t, t + controller.least
+        run.now[[Now.TICK, Now.ACTION]] = np.inf
+        run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
+        counts[:] = 0
+        counts[Count.NEXT], counts[Count.AGE], counts[Count.STEP] = 1, FRESH, -1
+        if np.isfinite(clock):
+            counts[Count.TICK] = int(np.floor(t / clock * (1 + 1e-12))) + 1
+            counts[Count.ACTED] = counts[Count.TICK] - 1
+            run.now[Now.TICK] = counts[Count.TICK] * clock
+        if controller.delay:
+            # the event at the start makes a prediction like any other
+            on_tick = T.ticks >= 0 and counts[Count.ACTED] * clock == t
+            run.now[Now.ACTION] = (counts[Count.ACTED] + T.ticks) * clock if on_tick else t + delay
+        run.high[:] = run.low[:] = self.loop.plant.C @ self.loop.x(w)
+
+    def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collected, Outcome]:
+        """The whole run from ``w`` at 0, which is an event; interrupted, it keeps what it has."""
+        duration, pace = self.duration, EventPace(self.duration)
+        rows: list[tuple[Array, Array]] = [(np.zeros(1), w[None, : self._m].copy())]
+        events: list[Array] = [self._run.events[:0].copy()]
+        self.begin(w, 0.0)
+        outcome = None
+        try:
+            while outcome is None:
+                # who follows the run hears of every event
+                status, n_rows, n_events = self.advance(1 << 40 if progress is None else 1)
+                rows.append((self._run.rows_t[:n_rows].copy(), self._run.rows_z[:n_rows].copy()))
+                events.append(self._run.events[:n_events].copy())
+                if progress is not None:
+                    progress(self.t / duration)
+                if status is Status.ENDED:
+                    least = self.loop.controller.least
+                    outcome = ending.ran(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
+                elif status in (Status.FELL, Status.DIVERGED):
+                    outcome = self.outcome(status)
+                elif (took := pace.stalled(*events[-1][:, 0])) is not None:
+                    outcome = ending.stalled(self.t, took)
+        except KeyboardInterrupt:
+            if self.t == 0:  # there is nothing to keep; it may have been compiling
+                raise
+            outcome = ending.interrupted(self.t, duration)
+        if self.t > self._run.now[Now.ROW]:
+            rows.append((np.array([self.t]), self.z[None, :].copy()))
+        t, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+        return Collected(t, Z, *self._parted(np.concatenate(events))), outcome
+
+    def outcome(self, status: Status) -> Outcome:
+        """What it means that it ended so, where it is now; for a fall and for divergence."""
+        if status is Status.FELL:
+            positions = self.loop.positions
+            state = positions[np.argmax(np.abs(self.z[positions]))]
+            return ending.fell(self.t, self.loop.plant.states[state], self.limit)
+        return ending.diverged(self.t, "a state exceeded 1e+12")
+
+    def advance(self, events: int = 1 << 40) -> tuple[Status, int, int]:
+        """Go on for a while, to so many events at most; why it stopped, and how many rows and events it recorded."""
+        counts = self._run.counts
+        counts[Count.ROWS] = counts[Count.EVENTS] = 0
+        status = self._call(self._simulate, self.tables, self._run, events)
+        return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])
+
+    def last_event(self) -> tuple[float, Array, Array, Array]:
+        """Of the last event recorded: its time [s], z before the reset, largest and smallest outputs until then."""
+        last = int(self._run.counts[Count.EVENTS]) - 1
+        t, z, high, low = self._parted(self._run.events[last : last + 1].copy())
+        return float(t[0]), z[0], high[0], low[0]
+
+    def _parted(self, events: Array) -> tuple[Array, Array, Array, Array]:
+        m, n_y = self._m, self._n_y
+        return events[:, 0], events[:, 1 : 1 + m], events[:, 1 + m : 1 + m + n_y], events[:, 1 + m + n_y :]
