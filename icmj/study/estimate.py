@@ -17,11 +17,14 @@ from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
+from icmj.simulation.disturbance import LOW_PASS_END
+from icmj.simulation.settings import Noise
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
-BLOCKS, _DISTURBED = 10.0  # times what a quiet run costs
+BLOCKS = 1e6  # likewise, on the linear plant
+_DISTURBED = 10.0  # times what a quiet run costs there
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
@@ -94,9 +97,11 @@ def in_words(seconds: float) -> str:
 
 
 def _rate(case: Case) -> float:
-    """About how fast the closed loop is [1/s]: the exact simulation's blocks are 128 times as long as its inverse."""
-    design = case.controller.design
-    return max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
+    """About how fast the closed loop is, or what acts on it [1/s]; 128 of its inverse are a block."""
+    design, plant = case.controller.design, case.actual.linearisation.plant
+    loop = max(float(np.linalg.norm(M, 2)) for M in (plant.A, design.A_c, design.A_o))
+    noises = (source for source in case.settings.disturbance if isinstance(source, Noise))
+    return max(loop, *(2 * np.pi * (noise.bandwidth or LOW_PASS_END * (noise.corner or 0.0)) for noise in noises), 0.0)
 
 
 def _timestep(case: Case) -> float:
