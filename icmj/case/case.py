@@ -13,7 +13,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
-from icmj.case.doubts import doubts, reach
+from icmj.case.doubts import doubts, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -63,8 +63,8 @@ class Case(Shown):
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
-        """What to tell of it: of its plants, and of limits of the actual one that the predicted orbit reaches."""
-        return (*self.told, *reach(self.actual, self.prediction))
+        """What to tell of it: of its plants, limits of the actual one that the predicted orbit reaches, slow noise."""
+        return (*self.told, *reach(self.actual, self.prediction), *slow_noise(self.settings))
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""

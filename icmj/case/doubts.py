@@ -12,7 +12,12 @@ from icmj.engine.corners import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.notice import Notice
 from icmj.runfile.schema import RunFile
+from icmj.simulation.disturbance import expected, realised
+from icmj.simulation.settings import Noise, Settings
 from icmj.theory.prediction import Prediction
+
+SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word
+MANY = 20.0  # periods of the edge of its spectrum, beyond which no run falls short by so much
 
 
 def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
@@ -47,6 +52,27 @@ def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice
 
 def _of(notice: Notice, which: str) -> Notice:
     return replace(notice, words=f"{notice.words} ({which} plant)")
+
+
+def slow_noise(settings: Settings) -> Iterator[Notice]:
+    """Noise that changes so slowly that a run may show another size than was asked for."""
+    for noise in settings.disturbance:
+        if not isinstance(noise, Noise) or noise.start >= settings.duration:
+            continue
+        edge = noise.bandwidth or noise.corner or 0.0
+        if edge * (settings.duration - noise.start) > MANY:
+            continue
+        low, high = expected(noise, settings.duration)
+        if low > (1 - SLOW) * noise.size:
+            continue
+        mean, deviation = realised(noise, settings.duration)
+        words = (
+            f"the noise on {noise.output if noise.input is None else noise.input} is slow beside the run: over "
+            f"{settings.duration - noise.start:g} s this one (seed {noise.seed}) has a standard deviation of "
+            f"{deviation:.3g} about a mean of {mean:.3g}, for a size of {noise.size:g}; of other seeds 95 % have "
+            f"{low:.3g} to {high:.3g}; take a longer run, or many seeds"
+        )
+        yield Notice("slow noise", "warning", words)
 
 
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:

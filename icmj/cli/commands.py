@@ -80,7 +80,7 @@ def analyse(command: arguments.Analyse) -> None:
         ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
         ("cycle predicted", "yes" if prediction.cycle else "no"),
         ("period", _seconds(prediction.period)),
-        ("γ", "–" if prediction.gamma is None else f"{prediction.gamma:.6g}"),
+        ("γ", "–" if prediction.gamma is None else _amount(prediction.gamma, "")),
     ]
     if prediction.amplitude is not None:
         rows += [
@@ -106,7 +106,7 @@ def analyse(command: arguments.Analyse) -> None:
     OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
     if prediction.beyond is not None:
         OUT.print(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
-    for words in (*(m.words for m in prediction.neutral), *((prediction.family.words,) if prediction.family else ())):
+    for words in prediction.remarks:
         OUT.print(escape(words[0].upper() + words[1:] + "."))
     _tell(case.notices)
 
@@ -292,7 +292,8 @@ def _seconds(value: float | None) -> str:
 
 def _amount(value: float, unit: str) -> str:
     value += 0.0  # not −0
-    return f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.4g}°)" if unit == "rad" else "")
+    shown = f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.4g}°)" if unit == "rad" else "")
+    return shown if np.isfinite(value) else "–"
 
 
 def _error(value: float | None) -> str:

@@ -120,9 +120,9 @@ def _show_branch(branch: Branch) -> None:
     shown = sorted({*marks, *np.linspace(0, len(branch) - 1, min(len(branch), 12)).astype(int).tolist()})
     for i in shown:
         intervals = ", ".join(f"{interval:.6g}" for interval in branch.intervals[i])
-        peaks = (f"{peak:.4g} {unit}".rstrip() for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
+        peaks = (_amount(peak, unit, 4) for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
         table.add_row(
-            f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, f"{branch.largest[i]:.4g}",
+            f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, _amount(branch.largest[i], "", 4),
             "attracting" if branch.attracting[i] else "repelling",
         )  # fmt: skip
         if i in marks:
@@ -179,8 +179,8 @@ def _show(found: Cycle, case: Case) -> None:
     table.add_row("period", f"{found.period:.9f} s", "–" if orbit is None else f"{orbit.period:.9f} s")
     units = plant.output_units or ("",) * plant.n_y
     for i, (name, unit) in enumerate(zip(plant.outputs, units, strict=True)):
-        expected = "–" if orbit is None else f"{orbit.y_peak[i]:.6g} {unit}"
-        table.add_row(f"peak of {escape(name)}", f"{found.y_peak[i]:.6g} {unit}", expected)
+        expected = _amount(None if orbit is None else orbit.y_peak[i], unit)
+        table.add_row(f"peak of {escape(name)}", _amount(found.y_peak[i], unit), expected)
     theirs = () if prediction.multipliers is None else prediction.multipliers
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
@@ -193,6 +193,10 @@ def _show(found: Cycle, case: Case) -> None:
     )
     steps = len(found.history) - 1
     OUT.print(f"It closes to {found.closure:.0e} after {steps} Newton steps{error}.", highlight=False)
+
+
+def _amount(value: float | None, unit: str, figures: int = 6) -> str:
+    return "–" if value is None or not np.isfinite(value) else f"{value:.{figures}g} {unit}".rstrip()
 
 
 def _complex(value: complex) -> str:

@@ -29,6 +29,7 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
             "gamma": prediction.gamma,
             "outputs": outputs,
             "amplitude": prediction.amplitude,
+            "missing": prediction.missing or None,
             "verdict": prediction.verdict,
             "multipliers": prediction.multipliers,
             "crossings": [

@@ -51,7 +51,8 @@ def measure(command: arguments.Measure) -> None:
     if (command.torque is None) != (command.weight is None):
         raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")
     with Working(f"measuring {command.file.name}", ERR):
-        series = _signals(command).since(command.since)
+        series, notes = _signals(command)
+        series = series.since(command.since)
         if command.torque is not None and command.weight is not None:
             series = from_torque(series, command.torque, command.weight)
         if len(series.names) > MOST and not command.json:
@@ -64,16 +65,18 @@ def measure(command: arguments.Measure) -> None:
         except DataError as error:
             raise DataError(f"{command.file}: {error}") from error
     if command.json:
-        print(json.dumps(record(sway), indent=2, allow_nan=False))
+        print(json.dumps({**record(sway), "notices": notes}, indent=2, allow_nan=False))
         return
     filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
     OUT.print(table(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}"))
     if "resampled" in sway.series.facts:
-        OUT.print(f"note: resampled by a {escape(sway.series.facts['resampled'])}", highlight=False, style="yellow")
+        notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
+    for note in notes:
+        OUT.print(f"note: {escape(note)}", highlight=False, style="yellow")
 
 
-def _signals(command: arguments.Measure) -> Series:
-    """What is to be measured of a log or a file, evenly sampled if it is a log or a rate is asked for."""
+def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
+    """What is to be measured of a log or a file, evenly sampled if it is a log or a rate is asked for; what to tell."""
     from icmj.series.even import even_series
     from icmj.series.reading import read_series
 
@@ -82,10 +85,11 @@ def _signals(command: arguments.Measure) -> Series:
         from icmj.log import read_log
 
         result = read_log(command.file)
+        notes = tuple(notice for notice in result.notices if notice.startswith("slow noise"))
         series = result.to_series(RATE if command.rate is None else command.rate)
         ground = result.simulation.pressure
         moving = () if ground is None else tuple(f"cop.{axis}" for axis in ground.axes)
         series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
-        return replace(series, facts={key: value for key, value in series.facts.items() if key != "resampled"})
+        return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
     series = read_series(command.file, columns=columns, rate=command.rate)
-    return series if command.rate is None else even_series(series, command.rate)
+    return (series if command.rate is None else even_series(series, command.rate)), ()

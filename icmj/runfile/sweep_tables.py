@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,6 +19,7 @@ from icmj.runfile.shipped import RUNS, SWEEPS
 from icmj.runfile.table import Finite, Line, TomlTable
 
 MOST_POINTS = 10**9
+RESERVED = r"point|status|words|attractors?(_.*)?|(predicted|linear|mujoco)_.*"  # columns of what comes out
 _TABLES = ("assumed", "actual", "design", "controller", "analysis", "simulation")
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
 _Plant = Literal["linear", "mujoco"]
@@ -174,6 +176,10 @@ class SweepFile(TomlTable):
             raise ValueError("sweep.samples: a Sobol sequence has at most 2^30 points")
         seen: set[str] = set()
         for name in (vary.column for vary in self.vary):
+            if re.fullmatch(RESERVED, name, re.IGNORECASE):
+                raise ValueError(
+                    f"what varies is called {name!r}, which the table calls what comes out; give it another name"
+                )
             if name in seen:
                 raise ValueError(f"two things that vary are called {name!r}; give one a name")
             seen.add(name)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,9 @@ from icmj.errors import SimulationError
 from icmj.simulation.settings import Bias, Impulse, Noise, Source
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
+_FINE, _COARSE = 4000, 400  # instants: of one signal, and of each of many
+_SEEDS = 1000  # signals whose standard deviations tell what is to be expected
+_ENOUGH = 200  # terms: more change the range of standard deviations no further
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,34 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
         SimulationError: if a source names an output that the plant does not have.
     """
     return _sum([(source, source.output) for source in sources if isinstance(source, Noise | Bias)], outputs, "output")
+
+
+def realised(noise: Noise, end: float) -> tuple[float, float]:
+    """Mean and standard deviation that this very signal has from its start to ``end`` [its unit]."""
+    drawn = _from_terms(1, [(0, *term) for term in _terms(noise)])
+    values = drawn(np.linspace(noise.start, end, _FINE, endpoint=False))[:, 0]
+    return float(values.mean()), float(values.std())
+
+
+def expected(noise: Noise, end: float) -> tuple[float, float]:
+    """Between which its standard deviation from its start to ``end`` is for 95 % of all seeds [its unit]."""
+    edge = noise.bandwidth if noise.corner is None else noise.corner
+    assert edge is not None
+    low, high = _expected(noise.corner is None, float(edge * (end - noise.start)), min(noise.terms, _ENOUGH))
+    return low * noise.size, high * noise.size
+
+
+@lru_cache(maxsize=256)
+def _expected(flat: bool, periods: float, terms: int) -> tuple[float, float]:
+    """The same for a size of one and a spectrum whose edge makes so many periods in that time."""
+    edge = {"bandwidth": periods} if flat else {"corner": periods}
+    t = np.linspace(0, 1, _COARSE, endpoint=False)
+    spread = []
+    for seed in range(_SEEDS):
+        noise = Noise(input="u", size=1.0, seed=seed, terms=terms, **edge)  # type: ignore[arg-type]
+        spread.append(_from_terms(1, [(0, *term) for term in _terms(noise)])(t)[:, 0].std())
+    low, high = np.quantile(spread, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], what: str) -> Disturbance:

@@ -92,6 +92,21 @@ class Prediction(Shown):
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
 
+    @property
+    def missing(self) -> str:
+        """Why γ, or the peak of an output, is not a number; "" where all are."""
+        if self.orbit is None or np.isfinite([self.orbit.gamma, *self.orbit.y_peak]).all():
+            return ""
+        drifts = np.isfinite(self.orbit.gamma)
+        return "a neutral mode may add any constant" if drifts else "the event rule does not see this orbit"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What there is to say beside the numbers: of neutral modes, of a family, of numbers that there are not."""
+        family = () if self.family is None else (self.family.words,)
+        missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
+        return (*(mode.words for mode in self.neutral), *family, *missing)
+
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
         searched = f"up to {self.delta_max:.4g} s"

@@ -1,13 +1,19 @@
 """The command line's contract: JSON keys, exit status, one line on standard error, nothing written on bad input."""
 
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+import icmj
+from icmj.case.case import revised
 from icmj.cli.commands import noted
 from icmj.cli.main import main
+from icmj.simulation.disturbance import disturbance_of
 
 COMMANDS = (
     "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
@@ -153,3 +159,77 @@ def test_a_notice_on_a_case_is_told_once():
 
     runs = [Told("a", "linear", "both"), Told("a", "mujoco", "both", "one"), Told("b", "mujoco", "both")]
     assert list(noted(runs)) == ["a: both", "a (mujoco): one", "b (mujoco): both"]
+
+
+DRIFT = """
+[case]
+name = "drift"
+title = "An output that nothing but a drift moves"
+[assumed]
+A = [[0, 1, 0], [1, 0, 0], [1, 0, 0]]
+B = [0, 1, 0]
+C = [[1, 0, 0], [0, 0, 1]]
+states = ["hinge", "hinge_rate", "place"]
+inputs = ["torque"]
+outputs = ["angle", "place"]
+[actual]
+gain = 0.8
+[design]
+k = [4.31662479, 2.9382392, 0]
+L = [[4.70103725, 0], [11.04987562, 0], [0, 0]]
+[controller]
+Q_t = [1.0, 0.0, 0.0]
+q_t = 0.01
+delta_min = 0.01
+[simulation]
+duration = 10.0
+initial = { hinge = 0.02 }
+"""
+
+
+def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, capsys):
+    file, why = tmp_path / "drift.toml", "a neutral mode may add any constant"
+    file.write_text(DRIFT, encoding="utf-8")
+    assert main(["analyse", str(file)]) == 0
+    shown = capsys.readouterr().out
+    assert not re.search(r"\b(nan|inf)\b", shown)
+    assert sum(line.rstrip().endswith(" –") for line in shown.splitlines()) >= 1
+    assert f"A dash stands where there is no number: {why}." in " ".join(shown.split())
+    assert main(["analyse", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["amplitude"][1] is None
+    assert found["missing"] == why
+    seen = icmj.prepare(icmj.load_run(file)).prediction
+    unseen = replace(seen.orbit, gamma=np.inf, y_peak=np.full(2, np.inf))
+    unseen = replace(seen, orbit=unseen, gamma=np.inf, amplitude=unseen.y_peak)
+    assert unseen.missing == "the event rule does not see this orbit"
+
+
+def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, capsys):
+    noise = '[[simulation.disturbance]]\nkind = "noise"\ninput = "torque"\nsize = 0.002\nseed = 5\nbandwidth = {}\n'
+    text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8").replace("../models", str(root / "models"))
+    slow, fast, file = (tmp_path / name for name in ("slow.toml", "fast.toml", "simple-0.8.linear.rrd"))
+    slow.write_text(text.replace("[study]", noise.format(0.02) + "[study]"), encoding="utf-8")
+    fast.write_text(text.replace("[study]", noise.format(2.0) + "[study]"), encoding="utf-8")
+    case = icmj.prepare(icmj.load_run(slow))
+    t = np.arange(0, 40, 1e-3)
+    acting = disturbance_of(case.settings.disturbance, ("torque",))(t)[:, 0]
+    told = f"standard deviation of {acting.std():.3g} about a mean of {acting.mean():.3g}, for a size of 0.002"
+    # another duration or seed of the same case is told anew
+    later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})
+    assert not revised(case, later).notices
+    assert str(revised(case, case.run.with_(**{"simulation.disturbance[0].seed": 6})).notices) != str(case.notices)
+    assert main(["analyse", str(fast)]) == 0
+    assert "slow" not in capsys.readouterr().out
+    commands = [
+        ["analyse", str(slow)],
+        ["analyse", str(slow), "--json"],
+        ["run", str(slow), "--plant", "linear", "--out", str(tmp_path)],
+        ["report", str(file), "--out", str(tmp_path / "report.html")],
+        ["measure", str(file)],
+        ["measure", str(file), "--json"],
+    ]
+    for command in commands:
+        assert main(command) == 0
+        assert told in " ".join(capsys.readouterr().out.split()), command
+    assert "is slow beside the run" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ from sweep_cases import GRID, PENDULUM, sweep_file
 
 from icmj.cli.main import main
 from icmj.errors import IcmjError
+from icmj.sweeps.columns import meanings
 from icmj.sweeps.sweep import planned
 
 B = '[[vary]]\nfield = "actual.gain"\n'
@@ -21,6 +22,10 @@ WRONG = {
     f"{B}": "give either values, or low and high",
     f"{B}values = []": "at least 1",
     f"{B}values = [0.8]\n{B}values = [0.9]": "two things that vary are called 'gain'",
+    **{
+        f"{B}name = '{name}'\nvalues = [0.8]": f"called '{name}', which the table calls what comes out"
+        for name in ("point", "status", "Words", "predicted_delta_crit", "mujoco_error", "attractors", "attractor_p")
+    },
     f"{B}values = [0.8]\n[set]\nsimulation.duration = -1": "set: .*simulation.duration: must be greater than 0",
     "[[vary]]\nvalues = [1]": "give one of field and change",
     "[[vary]]\nfield = 'case.name'\nvalues = ['x']": "'case.name' is no field that varies",
@@ -62,3 +67,14 @@ def test_the_run_file_is_found_beside_the_sweep_file(tmp_path: Path) -> None:
     with pytest.raises(IcmjError, match=r"none\.toml: cannot be read"):
         planned(tmp_path / "sweep.toml")
     assert planned(sweep_file(tmp_path, GRID.format(count=2))).file.base.path == PENDULUM
+
+
+def test_every_column_of_what_comes_out_is_refused_as_a_name_of_what_varies(tmp_path: Path) -> None:
+    ask = 'motion = ["linear", "mujoco"]\ncycle = ["linear", "mujoco"]\nattractors = 3'
+    noise = "[[set.simulation.disturbance]]\nkind = 'noise'\ninput = 'torque'\nsize = 1e-3\nbandwidth = 3\nseed = 1"
+    plan = planned(sweep_file(tmp_path, GRID.format(count=3), ask=f"{ask}\n{noise}"))
+    computed = [name for name in meanings(plan) if name not in plan.points.names]
+    assert len(computed) > 60
+    for name in computed:
+        with pytest.raises(IcmjError, match=f"called '{name}'"):
+            planned(sweep_file(tmp_path, f"{B}name = '{name}'\nvalues = [0.8]"))

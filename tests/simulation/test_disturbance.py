@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from icmj.errors import SimulationError
-from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, no_disturbance, reading_error_of
+from icmj.simulation.disturbance import (
+    LOW_PASS_END,
+    disturbance_of,
+    expected,
+    no_disturbance,
+    reading_error_of,
+    realised,
+)
 from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Step
 
 
@@ -104,3 +111,28 @@ def test_noise_is_the_same_signal_wherever_it_is_put() -> None:
     n = reading_error_of([Noise(output="y", size=1.0, bandwidth=4.0, seed=7)], ("y",))
     d = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
     np.testing.assert_array_equal(n([0.3, 2.0]), d([0.3, 2.0]))
+
+
+@pytest.mark.parametrize("spectrum", [{"bandwidth": 0.01}, {"corner": 0.01}, {"bandwidth": 0.1}, {"corner": 2.0}])
+def test_what_a_noise_has_over_a_run_is_the_integral_of_its_sinusoids(spectrum: dict[str, float]) -> None:
+    """Mean and variance over a window by the antiderivatives of cos and cos·cos, not by samples."""
+    noise, end = Noise(input="u", size=2.0, seed=1, start=3.0, **spectrum), 63.0
+    d = disturbance_of([noise], ("u",))
+    w, p, a = d.omega, d.phase, d.amplitude
+
+    def average(omega: np.ndarray, phase: np.ndarray) -> np.ndarray:
+        return (np.sin(omega * end + phase) - np.sin(omega * 3.0 + phase)) / (omega * 60.0)
+
+    mean = np.sum(a * average(w, p))
+    apart = w[:, None] - w + 1e-300 * np.eye(len(w))
+    other = np.where(np.eye(len(w)) > 0, 1.0, average(np.where(np.eye(len(w)) > 0, 1.0, apart), p[:, None] - p))
+    square = np.sum(a[:, None] * a * (average(w[:, None] + w, p[:, None] + p) + other) / 2)
+    assert realised(noise, end) == pytest.approx((mean, np.sqrt(square - mean**2)), rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("spectrum", [{"bandwidth": 0.01}, {"corner": 0.02}, {"corner": 0.2, "terms": 100}])
+def test_of_other_seeds_the_range_told_holds_ninety_five_in_a_hundred(spectrum: dict[str, float]) -> None:
+    noise = Noise(input="u", size=2.0, **spectrum)
+    low, high = expected(noise, 60.0)
+    inside = [low <= realised(replace(noise, seed=seed), 60.0)[1] <= high for seed in range(10_000, 11_000)]
+    assert 0.93 < np.mean(inside) < 0.97
