@@ -32,6 +32,7 @@ def carry_out(command: Identify, out: Console, err: Console) -> None:
         for i, path in enumerate(command.motions):
             working.tell(f"identifying from {path.name}", i / len(command.motions))
             unknown, observed, plant = _read(command, path)
+            observed = observed.with_errors(command.timing, command.reading)
             result = identify(unknown, observed, plant=plant, seed=command.seed)
             found.append((path, result))
     if command.json:
@@ -85,5 +86,7 @@ def _record(path: Path, result: Identification) -> dict[str, object]:
         "value": result.value,
         "intervals": result.intervals,
         "way": result.way,
+        "probability": result.probability,
+        "edge": result.edge,
         "words": result.words,
     }

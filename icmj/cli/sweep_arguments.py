@@ -49,6 +49,10 @@ class Identify(Overrides):
     """Least value that is thought of."""
     high: float = 1.5
     """Largest value that is thought of."""
+    timing: float | None = None
+    """Standard deviation of the errors of times [s]; what rounding to the sampling interval makes, by default."""
+    reading: float | None = None
+    """Standard deviation of the errors of outputs [rad, or the plant's unit]; a hundredth of their size by default."""
     plant: Literal["linear", "mujoco"] | None = None
     """What moved; a log says it itself, and MuJoCo's stands for what was measured elsewhere."""
     seed: int = 0

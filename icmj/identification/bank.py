@@ -8,7 +8,8 @@ there are (Sellentin & Heavens 2016, MNRAS 456:L132-L136).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from icmj.identification.unknown import Unknown
 from icmj.simulation.simulation import Simulation
 
 GRID = 201
+_COARSE = 51  # values at which the nearest is sought
+_TAIL = 0.2  # part of the simulated motions, the furthest, from which it is told how rare one further still is
 _WIDTH = 0.07  # of the range: the neighbourhood of the regression
 
 
@@ -48,17 +51,54 @@ class Bank:
         Raises:
             IdentificationError: if the observation is too short.
         """
-        seen = summaries(observed, self.least, self.reference)
-        if seen is None:
-            raise IdentificationError("too short to tell under noise; observe longer")
+        seen = self._seen(observed)
         grid = np.linspace(self.low, self.high, GRID)
         log = np.array([self._log_likelihood(value, seen) for value in grid])
         density = np.exp(log - log.max())
         return grid, density / np.trapezoid(density, grid)
 
+    def probability(self, observed: Observed) -> float:
+        """That a motion of the run file, whatever the value, agrees less with the value that explains it best.
+
+        By the simulated motions themselves, each against all others: the share that is further off; beyond four fifths
+        of them by the power law that the furthest follow (Hill 1975, Ann. Stat. 3:1163-1174).
+
+        Raises:
+            IdentificationError: if the observation is too short.
+        """
+        gap = self._gap(self._seen(observed))
+        begin = float(np.quantile(self._gaps, 1 - _TAIL))
+        if gap <= begin:
+            return float(np.mean(self._gaps >= gap))
+        slope = float(np.mean(np.log(self._gaps[self._gaps > begin] / begin)))
+        return float(_TAIL * (gap / begin) ** (-1 / slope))
+
+    @cached_property
+    def _gaps(self) -> Array:
+        """How far each simulated motion is from what the others predict at the value that explains it best."""
+        return np.array([self._gap(told, without=i) for i, told in enumerate(self.told)])
+
+    def _gap(self, seen: Array, without: int | None = None) -> float:
+        grid = np.linspace(self.low, self.high, _COARSE)
+        return min(self._distance(float(value), seen, without)[0] for value in grid)
+
+    def _seen(self, observed: Observed) -> Array:
+        seen = summaries(observed, self.least, self.reference)
+        if seen is None:
+            raise IdentificationError("too short to tell under noise; observe longer")
+        return seen
+
     def _log_likelihood(self, value: float, seen: Array) -> float:
+        distance, spread, count = self._distance(value, seen)
+        # Student's distribution for a covariance that is itself estimated
+        return -0.5 * spread - 0.5 * count * float(np.log1p(distance / (count - 1)))
+
+    def _distance(self, value: float, seen: Array, without: int | None = None) -> tuple[float, float, float]:
+        """Squared distance in local covariances, the logarithm of their determinant, and of how many motions it is."""
         away = (self.values - value) / (_WIDTH * (self.high - self.low))
         weight = np.exp(-0.5 * away**2)
+        if without is not None:
+            weight[without] = 0.0
         design = np.column_stack([np.ones_like(away), away])
         root = np.sqrt(weight)[:, None]
         fitted = np.linalg.lstsq(design * root, self.told * root, rcond=None)[0]
@@ -67,9 +107,7 @@ class Bank:
         S = (rest * weight[:, None]).T @ rest / weight.sum() * count / max(count - 2, 1.0)
         S += 1e-9 * np.trace(S) / len(S) * np.eye(len(S)) + 1e-12 * np.eye(len(S))
         gap = seen - fitted[0]
-        distance = float(gap @ np.linalg.solve(S, gap))
-        # Student's distribution for a covariance that is itself estimated
-        return -0.5 * float(np.linalg.slogdet(S)[1]) - 0.5 * count * float(np.log1p(distance / (count - 1)))
+        return float(gap @ np.linalg.solve(S, gap)), float(np.linalg.slogdet(S)[1]), float(count)
 
 
 def bank(
@@ -111,7 +149,7 @@ def bank(
             if unknown.run.simulation.disturbance[j].kind == "noise"
         }
         case = unknown.case(float(value), like, **{"simulation.duration": observed.duration, **changes})
-        found = None if case is None else _told(case, plant, observed, least, reference)
+        found = None if case is None else _told(case, plant, observed, least, reference, int(seeds[i].sum()) + i)
         if found is not None and np.isfinite(found).all():
             kept.append(value)
             told.append(found)
@@ -126,22 +164,32 @@ def bank(
     return Bank(unknown.low, unknown.high, np.array(kept), np.array(told), least, reference)
 
 
-def _told(case: Case, plant: PlantKind, observed: Observed, least: float, reference: float) -> Array | None:
+def _told(case: Case, plant: PlantKind, observed: Observed, least: float, reference: float, seed: int) -> Array | None:
     try:
         run = simulate(case, plant)
     except IcmjError:
         return None
     if run.outcome.kind not in ("completed", "sliding"):
         return None
-    return summaries(seen_alike(run, observed), least, reference)
+    return summaries(seen_alike(run, observed, seed), least, reference)
 
 
-def seen_alike(run: Simulation, observed: Observed) -> Observed:
-    """A simulated run, of which only that is seen that was observed."""
+def seen_alike(run: Simulation, observed: Observed, seed: int = 0) -> Observed:
+    """A simulated run, of which only that is seen that was observed, with errors of times and readings as large."""
+    random = np.random.default_rng(seed)
+    timing, reading = observed.timing or 0.0, observed.reading or 0.0
     if len(observed.t):
         t = observed.t - observed.t[0]
-        y = np.column_stack([np.interp(t, run.t, column) for column in run.y.T[: observed.y.shape[1]]])
-        return Observed(np.zeros(0), np.zeros((0, 0)), t, y)
+        at = t + timing * random.standard_normal(len(t))
+        y = np.column_stack([np.interp(at, run.t, column) for column in run.y.T[: observed.y.shape[1]]])
+        y += reading * random.standard_normal(y.shape)
+        return replace(observed, t=t, y=y, begin=0.0)
     seen = Observed.of_simulation(run)
     outputs = seen.outputs[:, : observed.outputs.shape[1]]
-    return Observed(seen.times, outputs, seen.t, seen.y, 0.0, observed.whole)
+    times, step = seen.times, observed.resolution
+    if timing:
+        times = np.sort(times + timing * random.standard_normal(len(times)))
+    elif step:
+        times = np.round(times / step) * step
+    outputs = outputs + reading * random.standard_normal(outputs.shape)
+    return replace(observed, times=times, outputs=outputs, begin=0.0)

@@ -11,6 +11,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.case.case import PlantKind
 from icmj.errors import IdentificationError
+from icmj.identification.agreement import LEVEL, Agreement, agreement, agreement_of_sequence
 from icmj.identification.bank import Bank, bank
 from icmj.identification.inverse import Candidate, Inverse, refined
 from icmj.identification.observed import FEWEST, Observed
@@ -20,6 +21,7 @@ from icmj.identification.unknown import Unknown
 
 Way = Literal["rhythm", "sequence", "noise", "none"]
 _FLAT = 0.85  # of the range: an interval that wide tells nothing
+_EDGE = 1e-6  # of the range: what is so near to its end reaches it
 _BAD_FIT = 0.05  # mean intervals: events that the best value does not explain
 
 
@@ -35,6 +37,10 @@ class Identification:
         way: what it was taken from: the settled ``rhythm``, the ``sequence`` of events since the start, motions
             simulated under ``noise``, or ``none``.
         words: for people.
+        probability: that the motion predicted by the best value would agree less with what it makes itself, by errors
+            of times and readings or by noise; ``None`` where nothing was compared. Below
+            :data:`icmj.identification.agreement.LEVEL` nothing fits, and the motion cannot tell.
+        edge: an end of the range that the intervals reach, beyond which the value may lie; else ``None``.
     """
 
     name: str
@@ -42,6 +48,8 @@ class Identification:
     intervals: tuple[tuple[float, float], ...]
     way: Way
     words: str
+    probability: float | None = None
+    edge: float | None = None
 
     def holds(self, value: float) -> bool:
         """Whether a value lies in the intervals."""
@@ -95,7 +103,7 @@ def identify(
         if plant == "mujoco" and refine:
             candidates = [refined(inverse, each, found) for each in candidates]
         if candidates:
-            return _from_rhythm(unknown, observed, found, candidates, plant)
+            return _from_rhythm(inverse.unknown, observed, found, candidates, plant)
     if observed.whole and len(observed.times) >= FEWEST - 2:
         return _from_sequence(unknown, observed, plant)
     if found is not None:
@@ -118,16 +126,27 @@ def _from_rhythm(
         count = min(len(observed.times), 6)
         off = [float(np.sum(sequence.residuals(each.value, count, plant) ** 2)) for each in candidates]
         candidates = [candidates[int(np.argmin(off))]]
-    best = candidates[0]
-    intervals = tuple((each.value - each.error, each.value + each.error) for each in candidates)
     if any(not np.isfinite(each.error) for each in candidates):
         return _cannot(unknown, f"the interval does not depend on {unknown.name} here")
+    agreements = [agreement(unknown, each.value, observed, found, plant) for each in candidates]
+    nearest = max(agreements, key=lambda each: each.probability)
+    if not nearest.fits:
+        best = candidates[agreements.index(nearest)]
+        return _nothing_fits(
+            unknown, f"{unknown.name} = {best.value:.5g} gives the rhythm, but {nearest.words}", nearest
+        )
+    candidates = [each for each, how in zip(candidates, agreements, strict=True) if how.fits]
+    best = candidates[0]
+    intervals = tuple((each.value - each.error, each.value + each.error) for each in candidates)
     values = " or ".join(f"{each.value:.6g} ± {each.error:.1g}" for each in candidates)
     sign = {1: ", not mirrored", -1: ", mirrored", 0: ""}[found.sign]
     words = f"{unknown.name} = {values}, from a settled interval of {found.interval:.7g} s{sign}."
     if len(candidates) > 1:
         words += " Branches cannot be told apart from this; outputs at the events, or a known start, would."
-    return Identification(unknown.name, best.value if len(candidates) == 1 else None, intervals, "rhythm", words)
+    if not nearest.predicted:
+        words += " Amplitude and shape were not observed; only that the events are even could be compared."
+    value = best.value if len(candidates) == 1 else None
+    return _found(unknown, value, intervals, "rhythm", words, nearest.probability)
 
 
 def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Identification:
@@ -138,25 +157,39 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Id
             f"no value between {unknown.low:g} and {unknown.high:g} gives these events: the best one is off by "
             f"{100 * fit.residual:.2g} % of an interval",
         )
+    how = agreement_of_sequence(unknown, fit.value, observed, plant)
+    if not how.fits:
+        return _nothing_fits(
+            unknown, f"{unknown.name} = {fit.value:.5g} gives the events nearest, but {how.words}", how
+        )
     words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."
-    return Identification(unknown.name, fit.value, ((fit.value - fit.error, fit.value + fit.error),), "sequence", words)
+    interval = (fit.value - fit.error, fit.value + fit.error)
+    return _found(unknown, fit.value, (interval,), "sequence", words, how.probability)
 
 
 def _under_noise(unknown: Unknown, observed: Observed, compared: Bank) -> Identification:
     try:
         grid, density = compared.posterior(observed)
+        probability = compared.probability(observed)
     except IdentificationError as error:
         return _cannot(unknown, str(error))
     intervals = densest(grid, density)
     width = sum(high - low for low, high in intervals)
     best = float(grid[density.argmax()])
+    if probability < LEVEL:
+        return _nothing_fits(
+            unknown,
+            f"{unknown.name} = {best:.4g} is nearest, but intervals, sizes or courses are further from what it predicts "
+            "than noise explains",
+            Agreement(probability),
+        )
     if width > _FLAT * (unknown.high - unknown.low):
         return _cannot(
             unknown, f"under this noise, any value between {unknown.low:g} and {unknown.high:g} is as likely"
         )
     where = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
     words = f"{unknown.name} = {best:.4g}, with 95 % confidence {where}, from the motion under noise."
-    return Identification(unknown.name, best, intervals, "noise", words)
+    return _found(unknown, best, intervals, "noise", words, probability)
 
 
 def densest(grid: Array, density: Array, share: float = 0.95) -> tuple[tuple[float, float], ...]:
@@ -172,6 +205,36 @@ def densest(grid: Array, density: Array, share: float = 0.95) -> tuple[tuple[flo
         (float(max(low, grid[a] - step / 2)), float(min(high, grid[b - 1] + step / 2)))
         for a, b in zip(edges[::2], edges[1::2], strict=True)
     )
+
+
+def _found(
+    unknown: Unknown,
+    value: float | None,
+    intervals: tuple[tuple[float, float], ...],
+    way: Way,
+    words: str,
+    probability: float,
+) -> Identification:
+    """What was found, with how well it fits and whether it reaches an end of the range."""
+    room = _EDGE * (unknown.high - unknown.low)
+    low, high = min(pair[0] for pair in intervals), max(pair[1] for pair in intervals)
+    edge = unknown.low if low <= unknown.low + room else unknown.high if high >= unknown.high - room else None
+    words += f" Goodness of fit: p = {probability:.2g}."
+    if edge is not None:
+        words += f" This reaches the edge of the range, {edge:g}, beyond which the value may lie: widen the range."
+    return Identification(unknown.name, value, intervals, way, words, probability, edge)
+
+
+def _nothing_fits(unknown: Unknown, why: str, how: Agreement) -> Identification:
+    words = (
+        f"No value of {unknown.name} between {unknown.low:g} and {unknown.high:g} fits the motion: {why} "
+        f"(p {_small(how.probability)})."
+    )
+    return Identification(unknown.name, None, (), "none", words, how.probability)
+
+
+def _small(probability: float) -> str:
+    return f"= {probability:.1g}" if probability >= 1e-6 else "< 1e-6"
 
 
 def _cannot(unknown: Unknown, why: str) -> Identification:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from icmj.errors import IdentificationError
 from icmj.simulation.simulation import Simulation
 
 FEWEST = 4  # events, or rows, below which nothing can be said
+READING = 0.01  # of its size: standard deviation of the error of an output, if nothing is said of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,9 @@ class Observed:
         t, y: instants [s] and outputs there, shapes (N,) and (N, n_y); empty where only events were observed.
         begin: where the record begins [s]; the first interval is counted from here.
         whole: whether the record begins with the start that the run file describes.
-        resolution: to which the times are known [s].
+        resolution: to which the times are known [s]: the sampling interval, or the last decimal of times of events.
+        timing, reading: standard deviations of the errors of times [s] and of outputs [their unit]; ``None`` for what
+            rounding to the resolution makes, and for a hundredth of each output's size.
     """
 
     times: Array
@@ -33,11 +36,36 @@ class Observed:
     begin: float = 0.0
     whole: bool = False
     resolution: float = 0.0
+    timing: float | None = None
+    reading: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("timing", "reading"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value >= 0):
+                raise IdentificationError(f"{name} {value:g}: expected a standard deviation, 0 or greater")
 
     @property
     def intervals(self) -> Array:
         """Open-loop intervals [s]: of a whole record all K, from its begin on, else the K − 1 between the events."""
         return np.diff(self.times, prepend=self.begin) if self.whole else np.diff(self.times)
+
+    @property
+    def jitter(self) -> float:
+        """Standard deviation of the errors of its times [s]."""
+        return self.resolution / np.sqrt(12) if self.timing is None else self.timing
+
+    def unsure(self, size: Array) -> Array:
+        """Standard deviation of the errors of outputs of some sizes, shape (n_y,) [their units]."""
+        return READING * size if self.reading is None else np.full(len(size), self.reading)
+
+    def with_errors(self, timing: float | None, reading: float | None) -> Observed:
+        """The same, of which another accuracy is known.
+
+        Raises:
+            IdentificationError: if one is negative or not finite.
+        """
+        return replace(self, timing=timing, reading=reading)
 
     @property
     def duration(self) -> float:
@@ -76,7 +104,7 @@ class Observed:
             raise IdentificationError("an output is not finite; leave out what was not measured")
         if not np.any(np.ptp(y, axis=0) > 0):
             raise IdentificationError("the outputs do not move")
-        return cls(np.zeros(0), np.zeros((0, 0)), t, y, float(t[0]))
+        return cls(np.zeros(0), np.zeros((0, 0)), t, y, float(t[0]), False, float(np.median(np.diff(t))))
 
 
 def _rising(times: Array, what: str) -> Array:

@@ -5,18 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from icmj.base.array import Array
 from icmj.identification.observed import Observed
 
-_SETTLED = 1e-3  # relative: intervals that agree so well have settled
+SETTLED = 1e-3  # relative: intervals that agree so well have settled
 _LEAST = 3  # of them
+_EXACT = 1e-9  # relative: no interval is known better
+_FAR = 10.0  # standard deviations of the error of a time: intervals differ by no more for it
 _CLOSED = 0.02  # of the size of the output: what may be left of a motion that repeats itself
 _NEAR = 0.5  # the same between two shifts that are looked at
-_SPAN = 0.4  # part of the record over which it has to
+SPAN = 0.4  # part of the record over which it has to
 
 
 @dataclass(frozen=True)
@@ -38,26 +40,30 @@ class Rhythm:
 
 def rhythm(observed: Observed) -> Rhythm | None:
     """The rhythm at the end of a motion, or ``None`` where it has none."""
-    return _of_events(observed) if len(observed.times) else _of_samples(observed.t, observed.y)
+    return _of_events(observed) if len(observed.times) else _of_samples(observed)
 
 
 def _of_events(observed: Observed) -> Rhythm | None:
     intervals = np.diff(observed.times)
-    slack = 2 * observed.resolution
+    slack = _FAR * observed.jitter
     good = 0
     # from the end on, as long as they agree with the last ones
     for first in range(len(intervals) - _LEAST, -1, -1):
         tail = intervals[first:]
-        if np.ptp(tail) > _SETTLED * tail.mean() + slack:
+        if np.ptp(tail) > SETTLED * tail.mean() + slack:
             break
         good = len(tail)
     if not good:
         return None
     # the later half, to be as near to the cycle as may be
-    tail = intervals[len(intervals) - max(_LEAST, good // 2) :]
-    scatter = tail.std(ddof=1) / np.sqrt(len(tail)) * student.ppf(0.975, len(tail) - 1)
-    rounding = observed.resolution / len(tail)
-    return Rhythm(float(tail.mean()), float(np.hypot(scatter, rounding)), _sign(observed.outputs), len(tail))
+    n = max(_LEAST, good // 2)
+    tail = intervals[len(intervals) - n :]
+    # errors of times move an interval and the next in opposite ways, and leave in the mean those of the ends
+    timing = 2 * observed.jitter**2
+    scatter = student.ppf(0.975, n - 1) * np.sqrt(max(tail.var(ddof=1) - timing, 0.0) / n)
+    error = np.hypot(scatter, 1.96 * np.sqrt(timing) / n)
+    error = max(float(error), _EXACT * float(tail.mean()))
+    return Rhythm(float(tail.mean()), error, _sign(observed.outputs), n)
 
 
 def _sign(outputs: Array) -> int:
@@ -70,38 +76,60 @@ def _sign(outputs: Array) -> int:
     return 0 if abs(clearest) < 0.5 else int(np.sign(clearest))
 
 
-def _of_samples(t: Array, y: Array) -> Rhythm | None:
+def _of_samples(observed: Observed) -> Rhythm | None:
     """From when on the outputs repeat themselves, as they are or mirrored, over the last part of the record."""
-    curve = CubicSpline(t, y)
-    end, span = t[-1], _SPAN * (t[-1] - t[0])
+    t, y = observed.t, observed.y
+    stated = bool(observed.reading or observed.timing)
+    curve = _smoothed(t, y) if stated else CubicSpline(t, y)
+    end, span = t[-1], SPAN * (t[-1] - t[0])
     at = np.linspace(end - span, end, 800)
     now = curve(at)
     size = np.sqrt(np.mean((now - now.mean(axis=0)) ** 2))
+    unsure = np.sqrt(np.mean(observed.unsure(now.std(axis=0)) ** 2))
+    rate = np.sqrt(np.mean(curve(at, 1) ** 2))
+    # what errors of readings and times leave of a motion that repeats itself
+    left_over = np.sqrt(2 * (unsure**2 + (rate * observed.jitter) ** 2)) / size
+    closed = float(np.hypot(_CLOSED, left_over if stated else 0.0))
 
     def left(shift: float, sign: int) -> float:
         return float(np.sqrt(np.mean((curve(at - shift) - sign * now) ** 2)) / size)
 
-    shifts = np.arange(4 * (t[-1] - t[0]) / len(t), (t[-1] - t[0]) * (1 - _SPAN) * 0.98, 2 * (t[-1] - t[0]) / len(t))
-    found = [each for sign in (1, -1) if (each := _first(left, shifts, sign)) is not None]
+    shifts = np.arange(4 * (t[-1] - t[0]) / len(t), (t[-1] - t[0]) * (1 - SPAN) * 0.98, 2 * (t[-1] - t[0]) / len(t))
+    found = [each for sign in (1, -1) if (each := _first(left, shifts, sign, closed)) is not None]
     if not found:
         return None
     shift, sign = min(found)
     # from two halves of the part, how well it is known
     half = [minimize_scalar(_part(curve, a, sign), bounds=(0.98 * shift, 1.02 * shift), method="bounded").x
             for a in np.split(at, 2)]  # fmt: skip
-    return Rhythm(shift, float(max(abs(half[0] - half[1]), 1e-9 * shift)), sign, max(1, int(span / shift)))
+    count = np.sum(t >= end - span) * y.shape[1]
+    known = 1.96 * left_over * size / (rate * np.sqrt(count))
+    return Rhythm(
+        shift, float(max(np.hypot(half[0] - half[1], known), _EXACT * shift)), sign, max(1, int(span / shift))
+    )
 
 
-def _first(left, shifts: Array, sign: int) -> tuple[float, int] | None:  # type: ignore[no-untyped-def]
+def _smoothed(t: Array, y: Array) -> CubicSpline:
+    """The outputs without most of their errors: splines as smooth as leaves what third differences say they are."""
+    fine = np.linspace(t[0], t[-1], 4 * len(t))
+    errors = np.std(np.diff(y, 3, axis=0), axis=0) / np.sqrt(20)
+    smooth = (make_splrep(t, column, s=len(t) * error**2) for column, error in zip(y.T, errors, strict=True))
+    return CubicSpline(fine, np.column_stack([each(fine) for each in smooth]))
+
+
+def _first(left, shifts: Array, sign: int, closed: float) -> tuple[float, int] | None:  # type: ignore[no-untyped-def]
     """The first shift after which the outputs repeat themselves with this sign."""
     gap = np.array([left(shift, sign) for shift in shifts])
     apart = False
     for i in range(1, len(shifts) - 1):
-        apart = apart or gap[i] > 10 * _CLOSED  # near 0 every motion repeats itself
+        apart = apart or gap[i] > 10 * _CLOSED + closed  # near 0 every motion repeats itself
         if apart and gap[i] <= min(gap[i - 1], gap[i + 1]) and gap[i] < _NEAR:
-            best = minimize_scalar(left, args=(sign,), bounds=(shifts[i - 1], shifts[i + 1]), method="bounded",
-                                   options={"xatol": 1e-10})  # fmt: skip
-            if best.fun < _CLOSED:
+            # errors of readings make a valley rough: its deepest place
+            beyond = np.flatnonzero(gap[i:] > gap[i] + 2 * closed)
+            valley = i + int(np.argmin(gap[i : i + int(beyond[0])] if len(beyond) else gap[i:-1]))
+            bounds = (shifts[valley - 1], shifts[valley + 1])
+            best = minimize_scalar(left, args=(sign,), bounds=bounds, method="bounded", options={"xatol": 1e-10})
+            if best.fun < closed:
                 return float(best.x), sign
     return None
 

@@ -9,6 +9,7 @@ from icmj.identification.observed import Observed
 
 FEWEST = 8  # intervals
 SKIPPED = 0.1  # part of the record at its begin that is left out, where a start may still be felt
+_NEAR = 4.0  # standard deviations of the error of a time: an interval so near to the least one may be it
 _LAGS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 
 
@@ -26,11 +27,11 @@ def summaries(observed: Observed, least: float, reference: float) -> Array | Non
 def _of_events(observed: Observed, least: float) -> Array | None:
     begin = observed.begin + SKIPPED * observed.duration
     kept = observed.times >= begin
-    intervals = np.diff(observed.times[kept])
+    intervals = np.maximum(np.diff(observed.times[kept]), 1e-9)
     if len(intervals) < FEWEST:
         return None
     log = np.log(intervals)
-    free = intervals > least * (1 + 1e-6)
+    free = intervals > least * (1 + 1e-6) + _NEAR * observed.jitter
     told = [log.mean(), np.log(log.std() + 1e-3), np.arcsin(np.sqrt(1 - free.mean())), _lagged(log)]
     outputs = observed.outputs[kept]
     for y in outputs.T:
