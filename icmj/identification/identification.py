@@ -151,7 +151,9 @@ def _from_rhythm(
 
 def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Identification:
     fit = Sequence(unknown, observed, plant).fit()
-    if fit.residual > _BAD_FIT or not np.isfinite(fit.error):
+    if fit.residual <= _BAD_FIT and not np.isfinite(fit.error):
+        return _cannot(unknown, f"the events do not depend on {unknown.name} here")
+    if fit.residual > _BAD_FIT:
         return _cannot(
             unknown,
             f"no value between {unknown.low:g} and {unknown.high:g} gives these events: the best one is off by "
@@ -179,8 +181,8 @@ def _under_noise(unknown: Unknown, observed: Observed, compared: Bank) -> Identi
     if probability < LEVEL:
         return _nothing_fits(
             unknown,
-            f"{unknown.name} = {best:.4g} is nearest, but intervals, sizes or courses are further from what it predicts "
-            "than noise explains",
+            f"{unknown.name} = {best:.4g} is nearest, but intervals, sizes or courses are further from what it "
+            "predicts than noise explains",
             Agreement(probability),
         )
     if width > _FLAT * (unknown.high - unknown.low):

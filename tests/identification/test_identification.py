@@ -93,7 +93,9 @@ def test_motions_that_cannot_tell() -> None:
     assert "does not settle" in wild.words
     # what does not act on the loop leaves no trace in its motion
     without = identify(Unknown(PENDULUM, "simulation.limit", low=1.0, high=2.0), Observed.of_simulation(motion(0.8)))
-    for found in (sliding, none, wild, without):
+    exact = identify(Unknown(PENDULUM, "simulation.limit", low=1.0, high=2.0), Observed.of_simulation(motion(1.0)))
+    assert "depend on simulation.limit" in without.words
+    for found in (sliding, none, wild, without, exact):
         assert (found.value, found.intervals, found.way) == (None, (), "none"), found.words
 
 
