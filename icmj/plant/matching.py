@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Literal
 
@@ -12,15 +11,16 @@ from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 Match = Literal["name", "position"]
-# what a plant gets that has no names: of icmj, and of python-control
-_UNNAMED = {"inputs": re.compile(r"u\[?\d+\]?"), "outputs": re.compile(r"y\[?\d+\]?")}
+# what a plant gets that has no names, in this order: of icmj, and of python-control
+_GENERATED = {"inputs": ("u{}", "u[{}]"), "outputs": ("y{}", "y[{}]")}
 
 
 def matched(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") -> LinearPlant:
     """``actual`` with its inputs and outputs in the order of those of the same name in ``assumed``.
 
-    Where either plant has no names of its own (u0, u1, …, or python-control's u[0], …) they are matched by position,
-    and for ``match="position"`` in any case.
+    Where both have the same names they are matched by these, whatever they are; else, where either plant has no names
+    of its own (u0, u1, … in this order, or python-control's u[0], …), by position, and for ``match="position"`` in any
+    case.
 
     Raises:
         AnalysisError: if inputs or outputs differ in number, or both plants have names and not the same ones.
@@ -78,11 +78,15 @@ def deviated(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPla
 
 
 def _order(what: str, here: tuple[str, ...], there: tuple[str, ...]) -> np.ndarray:
-    if here == there or any(all(_UNNAMED[what].fullmatch(name) for name in names) for names in (here, there)):
+    if sorted(here) == sorted(there):
+        return np.array([here.index(name) for name in there], dtype=int)
+    if _nameless(what, here) or _nameless(what, there):
         return np.arange(len(here))
-    if sorted(here) != sorted(there) or len(set(here)) < len(here):
-        raise AnalysisError(
-            f"the actual plant has the {what} {', '.join(here)}, the assumed one {', '.join(there)}; name them alike, "
-            f'or match them by position: match="position"'
-        )
-    return np.array([here.index(name) for name in there], dtype=int)
+    raise AnalysisError(
+        f"the actual plant has the {what} {', '.join(here)}, the assumed one {', '.join(there)}; name them alike, "
+        f'or match them by position: match="position"'
+    )
+
+
+def _nameless(what: str, names: tuple[str, ...]) -> bool:
+    return any(names == tuple(form.format(i) for i in range(len(names))) for form in _GENERATED[what])
