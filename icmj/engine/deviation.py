@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -15,6 +15,7 @@ from icmj.plant.change import Change, What
 
 _OUTSIDE = ("input_gain", "sensor_gain", "sensor_bias")  # not in the model but at the plant's ports
 _INERTIAL = ("mass", "inertia", "centre_of_mass", "length")
+_PASSIVE = ("stiffness", "damping", "armature")
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,8 @@ class Deviation:
     """How the actual plant departs from an MJCF model; the default is no departure.
 
     Attributes:
-        gain: b, input gain of every actuator (one number) or of each; short for changes of ``input_gain``.
+        gain: b, input gain of every input (one number), or of each in the order in which they are chosen; short for
+            changes of ``input_gain``.
         dynprm: in place of ``dynprm`` of the named actuators; short for changes of ``dynprm``.
         rho: ρ, how much of every change there is: 0 none, 1 all of it.
         changes: the others, by name.
@@ -57,17 +59,21 @@ class Deviation:
                 reason = " ".join(str(error).split())
                 raise ModelError(f"{name}: the changed model does not compile: {reason}") from error
 
-    def input_gains(self, inputs: Sequence[str], name: str) -> Array:
-        """b of each actuator, shape (n_u,).
+    def input_gains(self, inputs: Sequence[str], chosen: Sequence[int], name: str) -> Array:
+        """b of each actuator that is ``chosen`` from those called ``inputs``, in that order, shape (n_u,).
 
         Raises:
             ModelError: if the number of gains, or a name, does not fit.
         """
         gain = np.asarray(self.gain, dtype=float)
-        if gain.ndim > 1 or (gain.ndim == 1 and gain.size != len(inputs)):
-            raise ModelError(f"{name}: gain has {gain.size} entries for {len(inputs)} actuators")
-        b = 1 + self.rho * (np.broadcast_to(gain, (len(inputs),)) - 1)
-        return self._ports("input_gain", b, {label: (i,) for i, label in enumerate(inputs)}, "actuator", name)
+        if gain.ndim > 1 or (gain.ndim == 1 and gain.size != len(chosen)):
+            raise ModelError(
+                f"{name}: gain has {gain.size} entries for {len(chosen)} inputs, {', '.join(inputs[i] for i in chosen)}"
+            )
+        b = np.ones(len(inputs))
+        b[list(chosen)] = 1 + self.rho * (gain - 1)
+        places = {label: (i,) for i, label in enumerate(inputs)}
+        return self._ports("input_gain", b, places, "actuator", name)[list(chosen)]
 
     def sensor_errors(
         self, outputs: Sequence[str], sensors: Mapping[str, Sequence[int]], name: str
@@ -87,19 +93,18 @@ class Deviation:
         values = values.copy()
         for change in self.changes:
             if change.what == what:
-                for label in _named(change, places, kind, name):
-                    at = list(places[label])
+                if change.of is not None and change.of not in places:
+                    known = ", ".join(filter(None, places))
+                    raise ModelError(f"{name}: no {kind} {change.of!r} to change; it has {known}")
+                at = list(range(len(values)) if change.of is None else places[change.of])
+                if np.ndim(change.value):  # a list is for the entries of one sensor
+                    try:
+                        values[at] = change(values[at], self.rho)
+                    except ModelError as error:
+                        raise ModelError(f"{name}: {error}") from error
+                else:
                     values[at] = [change(value, self.rho) for value in values[at]]
         return values
-
-
-def _named(change: Change, known: Iterable[str], kind: str, name: str) -> list[str]:
-    labels = list(known)
-    if change.of is None:
-        return list(dict.fromkeys(label for label in labels if "." not in label or kind != "sensor"))
-    if change.of not in labels:
-        raise ModelError(f"{name}: no {kind} {change.of!r} to change; it has {', '.join(filter(None, labels))}")
-    return [change.of]
 
 
 def _apply(spec: mujoco.MjSpec, change: Change, rho: float) -> None:
@@ -107,31 +112,36 @@ def _apply(spec: mujoco.MjSpec, change: Change, rho: float) -> None:
         spec.option.gravity = change(spec.option.gravity, rho)
         return
     if change.what in _INERTIAL:
-        known = {body.name: body for body in spec.bodies if body.name != "world"}
+        known = [(body.name, body) for body in spec.bodies if body.name != "world"]
         verb: Callable[..., None] = {"mass": _mass, "inertia": _inertia, "centre_of_mass": _com, "length": _length}[
             change.what
         ]
         for body in _chosen(change, known, "body", lambda body: body.mass > 0):
             verb(body, change, rho)
         return
-    if change.what in ("stiffness", "damping", "armature"):
-        things, kind = spec.joints, "joint"
+    if change.what in _PASSIVE:
+        kind = "joint, tendon or actuator" if change.what != "stiffness" else "joint or tendon"
+        things = [*spec.joints, *spec.tendons, *(spec.actuators if change.what != "stiffness" else ())]
+        if change.of is None and change.factor is None:  # a number with a unit fits one kind
+            things = list(spec.joints)
     else:
-        things, kind = spec.actuators, "actuator"
-    for thing in _chosen(change, {thing.name: thing for thing in things}, kind, lambda thing: True):
+        things, kind = list(spec.actuators), "actuator"
+    for thing in _chosen(change, [(thing.name, thing) for thing in things], kind, lambda thing: True):
         before = getattr(thing, change.what)
         setattr(thing, change.what, change(before, rho) if np.ndim(before) else float(change(before, rho)))
 
 
-def _chosen(change: Change, known: dict, kind: str, where: Callable) -> list:
+def _chosen(change: Change, known: list, kind: str, where: Callable) -> list:
+    """Those that are meant; of several of one name the first."""
     if change.of is None:
-        return [thing for thing in known.values() if where(thing)]
-    if change.of not in known:
-        names = ", ".join(filter(None, known))
+        return [thing for _, thing in known if where(thing)]
+    found = [thing for name, thing in known if name == change.of]
+    if not found:
+        names = ", ".join(filter(None, dict(known)))
         raise ModelError(f"no {kind} {change.of!r} to change; it has {names}")
-    if not where(known[change.of]):
+    if not where(found[0]):
         raise ModelError(f"{kind} {change.of!r} has no mass of its own to change")
-    return [known[change.of]]
+    return found[:1]
 
 
 def _mass(body: mujoco.MjsBody, change: Change, rho: float) -> None:

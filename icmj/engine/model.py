@@ -107,14 +107,14 @@ def model_name(model: mujoco.MjModel) -> str:
 
 def input_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the actuators, which are the plant's inputs."""
-    return tuple(model.actuator(i).name or f"u{i}" for i in range(model.nu))
+    return _called("u", [model.actuator(i).name for i in range(model.nu)])
 
 
 def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the sensors, one for each entry of ``sensordata``; they are the plant's outputs."""
     names: list[str] = []
-    for i in range(model.nsensor):
-        name, dim = model.sensor(i).name or f"y{i}", int(model.sensor_dim[i])
+    for i, name in enumerate(_sensors(model)):
+        dim = int(model.sensor_dim[i])
         names += [name] if dim == 1 else [f"{name}.{j}" for j in range(dim)]
     return tuple(names)
 
@@ -122,9 +122,9 @@ def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
 def sensor_entries(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """The places of each sensor in ``sensordata``, by its name."""
     places = {}
-    for i in range(model.nsensor):
+    for i, name in enumerate(_sensors(model)):
         first = int(model.sensor_adr[i])
-        places[model.sensor(i).name or f"y{i}"] = tuple(range(first, first + int(model.sensor_dim[i])))
+        places[name] = tuple(range(first, first + int(model.sensor_dim[i])))
     return places
 
 
@@ -136,8 +136,24 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
         dofs = {int(mujoco.mjtJoint.mjJNT_FREE): 6, int(mujoco.mjtJoint.mjJNT_BALL): 3}.get(kind, 1)
         q += [name] if dofs == 1 else [f"{name}.{j}" for j in range(dofs)]
     act: list[str] = []
+    inputs = input_names(model)
     for i in range(model.nu):
         n = int(model.actuator_actnum[i])
-        name = model.actuator(i).name or f"u{i}"
+        name = inputs[i]
         act += [f"{name}_act"] if n == 1 else [f"{name}_act{j}" for j in range(n)]
     return (*q, *(f"{name}_rate" for name in q), *act)
+
+
+def _sensors(model: mujoco.MjModel) -> tuple[str, ...]:
+    return _called("y", [model.sensor(i).name for i in range(model.nsensor)])
+
+
+def _called(letter: str, names: list[str]) -> tuple[str, ...]:
+    """The names, and for what has none its letter and number, which nothing else is called."""
+    found = []
+    for i, name in enumerate(names):
+        label = name or f"{letter}{i}"
+        while not name and label in names:
+            label += "_"
+        found.append(label)
+    return tuple(found)

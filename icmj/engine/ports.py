@@ -83,12 +83,12 @@ def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviatio
         if len(set(indices)) < len(indices):
             raise ModelError(f"model {name!r}: an {what} is chosen twice; name each once")
     _check_prompt(model, actuators, wanted)
-    b, g, beta = np.ones(len(inputs)), np.ones(len(outputs)), np.zeros(len(outputs))
+    b, g, beta = np.ones(len(actuators)), np.ones(len(outputs)), np.zeros(len(outputs))
     if deviation is not None:
-        b = deviation.input_gains(inputs, name)
+        b = deviation.input_gains(inputs, actuators, name)
         g, beta = deviation.sensor_errors(outputs, entries, name)
     rows, columns = np.array(wanted, dtype=int), np.array(actuators, dtype=int)
-    return Ports(columns, b[columns], rows, g[rows], beta[rows], kept, len(states))
+    return Ports(columns, b, rows, g[rows], beta[rows], kept, len(states))
 
 
 def _find(label: str, known: dict[str, tuple[int, ...]], what: str, model: str) -> tuple[int, ...]:

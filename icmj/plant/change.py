@@ -11,9 +11,13 @@ inertia            body        its moments of inertia alone
 centre_of_mass     body        where its centre of mass is, in the body's frame [m]: a factor, or three numbers
 length             body        everything that is placed in its frame (children, joints, geoms, sites, centre of mass)
                                moves away from its origin by a factor; the mass stays, inertia goes with the square
-stiffness          joint       linear and higher coefficients by a factor; a value replaces the linear one
-damping            joint       the same
-armature           joint       [kg m² or kg]
+stiffness          joint,      linear and higher coefficients by a factor; a value replaces the linear one. A name is
+                   tendon      that of a joint or else of a tendon; without one a factor is for all of both, and a value
+                               for all joints
+damping            joint,      the same, of actuators that have damping of their own, too
+                   tendon
+armature           joint,      the same as damping [kg m² or kg]
+                   tendon
 gainprm, biasprm,  actuator    parameters of its force and of its dynamics: all by a factor, or the first few by value
 dynprm
 sensor_gain        sensor      g in y = g sensordata + β

@@ -136,7 +136,7 @@ class Actual(PlantTable):
     """
 
     gain: Finite | Numbers = 1.0
-    """b in ctrl = ctrl₀ + b (u + d): a number for all inputs, or one for each."""
+    """b in ctrl = ctrl₀ + b (u + d): a number for all inputs, or one for each, in the order of ``inputs``."""
     dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps
     """First parameters of the dynamics of actuators, by name."""
     change: list[ChangeTable] = []

@@ -121,7 +121,7 @@ def test_a_change_that_is_none_is_refused(make, words):
     ("change", "words"),
     [
         (Change("mass", "trunk", 1.1), "no body 'trunk' to change; it has rod"),
-        (Change("damping", "knee", 1.1), "no joint 'knee' to change; it has lean"),
+        (Change("damping", "knee", 1.1), "no joint, tendon or actuator 'knee' to change; it has lean, ankle"),
         (Change("input_gain", "knee", 1.1), "no actuator 'knee' to change; it has ankle"),
         (Change("sensor_gain", "knee", 1.1), "no sensor 'knee' to change; it has angle"),
         (Change("sensor_gain", "angle", 0.0), "gain of 0"),
@@ -133,3 +133,36 @@ def test_a_change_that_does_not_fit_the_model_is_one_line(tmp_path, change, word
     with pytest.raises(ModelError, match=words) as caught:
         changed(tmp_path, change)
     assert "\n" not in str(caught.value)
+
+
+TENDON = """<mujoco><compiler angle="radian"/><worldbody>
+  <body><joint axis="0 1 0" stiffness="3" damping="0.2"/><inertial pos="0 0 0.9" mass="70" diaginertia="6 6 1"/>
+    <body pos="0 0 1"><joint axis="0 1 0" stiffness="5" damping="0.3" armature="0.4"/>
+      <inertial pos="0 0 0.3" mass="20" diaginertia="2 2 1"/></body></body></worldbody>
+  <tendon><fixed name="calf" stiffness="7" damping="0.5" armature="0.2">
+    <joint joint="{joint}" coef="1"/></fixed></tendon>
+  <actuator><motor name="m" tendon="calf" damping="0.6" armature="0.1"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("what", ["stiffness", "damping", "armature"])
+def test_a_factor_without_a_name_is_for_tendons_too(tmp_path, what):
+    """All that have the property: joints, of which none has a name here but one, a tendon, an actuator."""
+    text = TENDON.replace("<joint axis", '<joint name="ankle" axis', 1).format(joint="ankle")
+    path = written(tmp_path, text)
+    before, after = load_spec(path).compile(), load_spec(path, Deviation(changes=(Change(what, factor=2.0),))).compile()
+    kinds = {"stiffness": ("jnt", "tendon"), "damping": ("dof", "tendon", "actuator")}
+    for kind in kinds.get(what, ("dof", "tendon", "actuator")):
+        old, new = (getattr(model, f"{kind}_{what}") for model in (before, after))
+        assert old.any(), kind
+        np.testing.assert_array_equal(new, 2 * old)
+    named = load_spec(path, Deviation(changes=(Change(what, "calf", value=9.0),))).compile()
+    assert getattr(named, f"tendon_{what}").ravel()[0] == 9.0
+    every = load_spec(path, Deviation(changes=(Change(what, value=9.0),))).compile()
+    assert (getattr(every, "jnt_stiffness" if what == "stiffness" else f"dof_{what}") == 9.0).all()
+    np.testing.assert_array_equal(getattr(every, f"tendon_{what}"), getattr(before, f"tendon_{what}"))
+
+
+def test_a_change_of_mass_without_a_name_is_for_bodies_without_one_too(tmp_path):
+    path = written(tmp_path, TENDON.replace("<joint axis", '<joint name="ankle" axis', 1).format(joint="ankle"))
+    model = load_spec(path, Deviation(changes=(Change("mass", factor=2.0),))).compile()
+    np.testing.assert_allclose(model.body_mass, [0, 140, 40])

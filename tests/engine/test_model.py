@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_cases import pendulum, written
 
 from icmj.engine.deviation import Deviation
 from icmj.engine.model import load_spec, operating_point, state_names
@@ -101,3 +102,10 @@ def test_unknown_keyframe_names_the_known_ones(root):
 def test_states_are_named_after_joints_and_actuators(root):
     model = load_spec(root / "models" / "pendulum_neglected.xml").compile()
     assert state_names(model) == ("hinge", "hinge_rate", "torque_act0", "torque_act1")
+
+
+def test_a_generated_name_is_nobody_elses(tmp_path):
+    text = pendulum('<motor name="u1" joint="lean"/><motor joint="lean"/>', sensor='<jointvel joint="lean"/>')
+    text = text.replace('name="angle"', 'name="y1"')
+    plant = load_plant(written(tmp_path, text)).linearisation.plant
+    assert (plant.inputs, plant.outputs) == (("u1", "u1_"), ("y1", "y1_"))

@@ -80,6 +80,39 @@ def test_the_disturbance_passes_the_gain_and_the_observer_does_not(tmp_path):
     np.testing.assert_allclose(ends[1], 0.5 * ends[0], rtol=1e-6)
 
 
+def test_a_list_of_gains_follows_the_inputs_as_they_are_chosen(tmp_path):
+    path = two(tmp_path)  # push, turn
+
+    def effect(inputs, gain):
+        return load_plant(path, Deviation(gain), selection=Selection(inputs)).linearisation.plant.B
+
+    plain, here = effect(("push", "turn"), 1.0), effect(("push", "turn"), [0.5, 0.9])
+    np.testing.assert_array_equal(here, plain * [0.5, 0.9])
+    np.testing.assert_array_equal(effect(None, [0.5, 0.9]), here)
+    np.testing.assert_array_equal(effect(("turn", "push"), [0.5, 0.9]), plain[:, ::-1] * [0.5, 0.9])
+    np.testing.assert_array_equal(effect(("turn",), [0.5]), plain[:, 1:] * 0.5)
+    with pytest.raises(ModelError, match="gain has 2 entries for 1 inputs, turn"):
+        effect(("turn",), [0.5, 0.9])
+    named = Deviation(changes=(Change("input_gain", "turn", 0.5),))
+    turned = load_plant(path, named, selection=Selection(("turn", "push"))).linearisation.plant.B
+    np.testing.assert_array_equal(turned, plain[:, ::-1] * [0.5, 1.0])
+
+
+def test_a_change_of_a_sensor_is_of_all_its_entries(tmp_path):
+    """A list gives one number for each of them; without a name every entry of every sensor is meant."""
+    sensor = '<framepos name="top.of" objtype="site" objname="top"/>'
+    path = written(tmp_path, pendulum(MOTOR, sensor=sensor))
+
+    def errors(change):
+        ports = load_plant(path, Deviation(changes=(change,))).linearisation.ports
+        return ports.g.tolist(), ports.beta.tolist()
+
+    assert errors(Change("sensor_bias", "top.of", value=[0.1, 0.2, 0.3]))[1] == [0, 0.1, 0.2, 0.3]
+    assert errors(Change("sensor_bias", "top.of", value=0.1))[1] == [0, 0.1, 0.1, 0.1]
+    assert errors(Change("sensor_bias", "top.of.1", value=0.1))[1] == [0, 0, 0.1, 0]
+    assert errors(Change("sensor_gain", factor=1.1))[0] == [1.1] * 4
+
+
 def test_units_are_the_models(tmp_path):
     plant = load_plant(two(tmp_path)).linearisation.plant
     assert plant.state_units == ("m", "rad", "m/s", "rad/s")
