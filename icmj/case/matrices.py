@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from icmj.base.array import real
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, RunFileError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, refuse_unusual
 from icmj.plant.matching import deviated, matched
 from icmj.plant.matrix_plant import MatrixPlant
 from icmj.runfile.matrix_tables import LETTERS
@@ -21,6 +22,7 @@ from icmj.runfile.plant_tables import PlantTable
 from icmj.runfile.schema import RunFile
 
 KINDS = ("states", "inputs", "outputs")
+BESIDE = ("D", "E", "dt")
 MOST_BYTES = 10_000_000  # a plant of 200 states takes less than one, even as text
 
 
@@ -69,7 +71,7 @@ def read_matrices(path: Path) -> dict[str, Any]:
         if path.suffix == ".json":
             found = json.loads(path.read_text(encoding="utf-8"))
         elif path.suffix == ".npz":
-            arrays = read_npz(path, MOST_BYTES, (*LETTERS, "D", *KINDS))
+            arrays = read_npz(path, MOST_BYTES, (*LETTERS, *BESIDE, *KINDS))
             found = {name: array.tolist() for name, array in arrays.items()}
         else:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")
@@ -91,8 +93,7 @@ def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None
         where = f"{where}: {table.matrices}"
     try:
         A, B, C = (_matrix(data[letter], letter) for letter in LETTERS)
-        if data.get("D") is not None and _matrix(data["D"], "D").any():
-            raise AnalysisError("the plant has a direct feed-through D; move it into the states first")
+        refuse_unusual(**{name: data.get(name) for name in BESIDE})
         plant = LinearPlant(A, B, C, *(_names(table, data, kind) for kind in KINDS))
         if like is not None:
             plant = _called(plant, like, [kind for kind in KINDS if not _names(table, data, kind)])
@@ -113,10 +114,7 @@ def _aligned(plant: LinearPlant, assumed: LinearPlant) -> LinearPlant:
 
 
 def _matrix(rows: object, letter: str) -> np.ndarray:
-    try:
-        M = np.array(rows, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise AnalysisError(f"{letter} is not a matrix: rows differ in length, or hold what is no number") from error
+    M = real(rows, letter, AnalysisError)  # type: ignore[arg-type]
     if M.ndim == 1:  # of a single input, or output
         M = M[:, None] if letter == "B" else M[None, :]
     if M.ndim != 2 or 0 in M.shape:

@@ -27,7 +27,8 @@ class Controller:
     """Everything that the closed loop needs besides the plant.
 
     Raises:
-        AnalysisError: on construction, if a part is not of its class, or control is continuous and yet delayed.
+        AnalysisError: on construction, if a part is not of its class, the hold is of another size than the design, or
+            control is continuous and yet delayed.
     """
 
     design: Design
@@ -45,6 +46,7 @@ class Controller:
             if not isinstance(getattr(self, part), kind):
                 given = type(getattr(self, part)).__name__
                 raise AnalysisError(f"the controller's {part} is a {given}; expected {words}")
+        self.hold.expect_fit(self.design)
         if self.delay and not self.trigger.holds:
             raise AnalysisError(
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.base.text import one_line
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
@@ -29,7 +29,7 @@ class Design:
     L: Array
 
     def __post_init__(self) -> None:
-        k, L = (np.atleast_2d(np.array(M, dtype=float)) for M in (self.k, self.L))
+        k, L = np.atleast_2d(real(self.k, "k", DesignError)), np.atleast_2d(real(self.L, "L", DesignError))
         if k.shape != (self.plant.n_u, self.plant.n) or L.shape != (self.plant.n, self.plant.n_y):
             raise DesignError(
                 f"gains do not fit the plant: k {k.shape}, expected {(self.plant.n_u, self.plant.n)}; "
@@ -118,10 +118,7 @@ _NO_DESIGN = (
 
 def _square(weight: ArrayLike, size: int, name: str) -> Array:
     expected = f"expected a scalar, {size} diagonal entries or a {size} × {size} matrix"
-    try:
-        W = np.asarray(weight, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise DesignError(f"weight {name} is not a matrix: its rows differ in length; {expected}") from error
+    W = real(weight, f"weight {name}", DesignError)
     if not np.isfinite(W).all():
         raise DesignError(f"weight {name} holds a NaN or an infinity")
     if W.ndim == 0:

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.controller.design import Design
+from icmj.errors import AnalysisError
 
 _ALIKE = 1e4  # condition of eigenvectors beyond which they cost digits
 
@@ -20,10 +21,29 @@ class Hold:
     Attributes:
         name: for people.
         A_h: hold matrix, shape (n̂, n̂).
+
+    Raises:
+        AnalysisError: on construction, if A_h is not square, or complex.
     """
 
     name: str
     A_h: Array
+
+    def __post_init__(self) -> None:
+        A_h = np.atleast_2d(real(self.A_h, "A_h", AnalysisError))
+        if A_h.ndim != 2 or A_h.shape[0] != A_h.shape[1]:
+            raise AnalysisError(f"A_h must be a square matrix, got shape {A_h.shape}")
+        object.__setattr__(self, "A_h", A_h)
+
+    def expect_fit(self, design: Design) -> None:
+        """See that the hold is one for ``design``.
+
+        Raises:
+            AnalysisError: if it has another number of states.
+        """
+        n = design.plant.n
+        if self.A_h.shape != (n, n):
+            raise AnalysisError(f"the hold's A_h has shape {self.A_h.shape}; the controller's model has {n} states")
 
     def free(self, x_h: Array, t: Array) -> Array:
         """Where it has come to after times ``t`` [s] from ``x_h``, exp(A_h t) x_h; shapes (n̂,), (K,) → (K, n̂)."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError
 
@@ -30,8 +30,11 @@ class LinearPlant:
         states, inputs, outputs: names, lengths n, n_u and n_y.
         state_units, input_units, output_units: their units, such as rad or N m; "" where it is not known.
 
+    B may be given as a vector where there is a single input, and C where there is a single output.
+
     Raises:
-        AnalysisError: on construction, if shapes disagree or an entry is not finite.
+        AnalysisError: on construction, if shapes disagree, an entry is complex or not finite, or a name stands there
+            twice.
     """
 
     A: Array
@@ -45,8 +48,10 @@ class LinearPlant:
     output_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        A, B, C = (np.atleast_2d(np.array(M, dtype=float)) for M in (self.A, self.B, self.C))
+        A, B, C = (real(M, letter, AnalysisError) for letter, M in zip("ABC", (self.A, self.B, self.C), strict=True))
+        A, C = np.atleast_2d(A), np.atleast_2d(C)
         n = A.shape[0]
+        B = B[:, None] if B.ndim == 1 and len(B) == n else np.atleast_2d(B)
         if A.shape != (n, n) or B.shape[0] != n or C.shape[1] != n:
             raise AnalysisError(
                 f"plant matrices do not fit: A {A.shape}, B {B.shape}, C {C.shape}; expected (n, n), (n, n_u), (n_y, n)"
@@ -65,6 +70,9 @@ class LinearPlant:
             names = tuple(getattr(self, kind)) or tuple(f"{letter}{i}" for i in range(size))
             if len(names) != size:
                 raise AnalysisError(f"plant has {size} {kind} but {len(names)} names: {', '.join(names)}")
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise AnalysisError(f"{kind}: {twice[0]!r} stands there twice; name each once")
             object.__setattr__(self, kind, names)
             of = f"{kind.removesuffix('s')}_units"
             units = tuple(getattr(self, of)) or ("",) * size
@@ -137,14 +145,15 @@ class LinearPlant:
         Args:
             system: a linear plant, which is returned as it is; a ``StateSpace``; a ``TransferFunction`` (of several
                 inputs and outputs only where slycot is installed); a ``NonlinearIOSystem``, linearised by centred
-                differences; anything else with matrices A, B, C and D, as systems of scipy.signal; or a sequence of
-                A, B, C and, if it is zero, D.
+                differences; a system of scipy.signal in any of its forms; anything else with matrices A, B, C and D;
+                or a sequence of A, B, C and, if it is zero, D.
             x0, u0: where a nonlinear system rests, shapes (n,) and (n_u,); zero if ``None``. The plant's states, inputs
                 and outputs are departures from there.
             params: of a nonlinear system.
 
         Raises:
-            AnalysisError: if it is none of these, is discrete, has a direct feed-through, or does not rest there.
+            AnalysisError: if it is none of these, is discrete, complex or a descriptor system, has a direct
+                feed-through, or does not rest there.
         """
         import control
 
@@ -153,8 +162,7 @@ class LinearPlant:
         if isinstance(system, tuple | list):
             if not 3 <= len(system) <= 4:
                 raise AnalysisError(f"a plant of {len(system)} matrices; expected A, B, C, or A, B, C, D")
-            if len(system) == 4 and np.any(np.asarray(system[3], dtype=float)):
-                raise AnalysisError("the plant has a direct feed-through D; move it into the states first")
+            refuse_unusual(D=system[3] if len(system) == 4 else None)
             return cls(*system[:3])
         if isinstance(system, control.TransferFunction):
             try:
@@ -169,8 +177,16 @@ class LinearPlant:
         elif isinstance(system, control.NonlinearIOSystem) and not isinstance(system, control.StateSpace):
             system = _linearised(system, x0, u0, params)
         elif not isinstance(system, control.StateSpace):
+            if hasattr(system, "to_zpk"):  # of scipy.signal
+                try:
+                    system = system.to_ss()
+                except (ValueError, TypeError) as error:
+                    raise AnalysisError(f"the {type(system).__name__} has no states: {one_line(error, 200)}") from error
             if not all(hasattr(system, letter) for letter in "ABCD"):
                 raise AnalysisError(f"no plant can be made of a {type(system).__name__}; see LinearPlant.from_system")
+            for letter in "ABCD":
+                real(getattr(system, letter), letter, AnalysisError)
+            refuse_unusual(E=getattr(system, "E", None))
             system = control.ss(system.A, system.B, system.C, system.D, getattr(system, "dt", None) or 0)
         return cls.from_statespace(system)
 
@@ -204,6 +220,25 @@ def _linearised(
         )
     D[np.abs(D) <= 1e-9 * np.abs(C).max(initial=0.0)] = 0.0  # of differences
     return control.ss(A, B, C, D, states=system.state_labels, inputs=system.input_labels, outputs=system.output_labels)
+
+
+def refuse_unusual(D: object = None, E: object = None, dt: object = None) -> None:
+    """See that what stands beside A, B and C makes no other plant of them; ``None`` is not there.
+
+    Raises:
+        AnalysisError: for a feed-through D that is not zero, a descriptor matrix E that is not the identity, or a
+            sampling interval dt that is not zero.
+    """
+    if D is not None and real(D, "D", AnalysisError).any():  # type: ignore[arg-type]
+        raise AnalysisError("the plant has a direct feed-through D; move it into the states first")
+    if E is not None:
+        matrix = np.atleast_2d(real(E, "E", AnalysisError))  # type: ignore[arg-type]
+        if matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, np.eye(len(matrix))):
+            raise AnalysisError("E ẋ = A x + B u is a descriptor system; solve it for ẋ first, A := E⁻¹A and B := E⁻¹B")
+    if dt is not None and np.any(np.asarray(dt) != 0):
+        raise AnalysisError(
+            f"the plant is a discrete-time system, dt = {dt}; intermittent control needs a continuous one"
+        )
 
 
 def expect_linear(plant: object, what: str) -> None:

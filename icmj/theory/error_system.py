@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import expm
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.controller.closed_loop import ERRORS, compose
 from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY, Delay, predictor
@@ -170,11 +170,11 @@ def error_system(
             position (:func:`icmj.plant.matching.matched`). The system's are in the order of the assumed plant.
 
     Raises:
-        AnalysisError: if inputs and outputs of the two plants differ in number or name, or T̂ does not fit.
+        AnalysisError: if inputs and outputs of the two plants differ in number or name, or hold or T̂ does not fit.
     """
     assumed = design.plant
     actual = matched(actual, assumed, match)
-    T_hat = transformation(assumed, actual) if T_hat is None else np.atleast_2d(np.asarray(T_hat, float))
+    T_hat = transformation(assumed, actual) if T_hat is None else np.atleast_2d(real(T_hat, "T̂", AnalysisError))
     if T_hat.shape != (assumed.n, actual.n):
         raise AnalysisError(f"T̂ has shape {T_hat.shape}; expected {(assumed.n, actual.n)}")
     hold = hold or system_matched(design)

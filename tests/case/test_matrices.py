@@ -137,6 +137,45 @@ def test_what_makes_no_plant_is_one_line(assumed, actual, words, tmp_path):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("beside", "words"),
+    [
+        ({"E": np.diag([1.0, 2.0])}, "descriptor system"),
+        ({"dt": 0.1}, "discrete-time system, dt = 0.1"),
+        ({"D": [[1.0]]}, "direct feed-through"),
+        ({"A": np.array([[0, 1], [1, 1j]])}, "A is complex"),
+        ({"E": np.eye(2), "dt": 0, "D": [[0.0]]}, None),
+    ],
+)
+@pytest.mark.parametrize("kind", ["npz", "json"])
+def test_what_stands_beside_the_matrices_is_not_passed_over(tmp_path, kind, beside, words):
+    data = {"A": [[0, 1], [1, 0]], "B": [0, 1], "C": [1, 0]} | beside
+    if kind == "npz":
+        np.savez(tmp_path / "plant.npz", **data)
+    elif words != "A is complex":
+        plain = {name: np.asarray(value).tolist() for name, value in data.items()}
+        (tmp_path / "plant.json").write_text(json.dumps(plain))
+    else:
+        pytest.skip("JSON knows no complex numbers")
+    run = made(f'matrices = "plant.{kind}"', folder=str(tmp_path)).with_(**{"simulation.initial": {"x0": 0.02}})
+    if words is None:
+        assert prepare(run).actual.linearisation.plant.n == 2
+        return
+    with pytest.raises(RunFileError, match=words):
+        prepare(run)
+
+
+def test_ports_of_any_names_are_matched_by_name():
+    """y1 and y2 named in another order by the actual plant: the same loop as in the same order."""
+    body = 'A = [[0, 1], [1, 0]]\nB = [0, 1]\nC = {C}\nstates = ["hinge", "rate"]\noutputs = {y}'
+    here, there = ("[[1, 0], [0, 1]]", '["y1", "y2"]'), ("[[0, 1], [1, 0]]", '["y2", "y1"]')
+    found = [
+        prepare(made(body.format(C=here[0], y=here[1]), body.format(C=C, y=y) + "\ngain = 0.8")).prediction.delta_crit
+        for C, y in (here, there)
+    ]
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
 def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):
     np.savez_compressed(tmp_path / "bomb.npz", A=np.zeros((2000, 2000)), B=np.eye(1), C=np.eye(1))
     assert (tmp_path / "bomb.npz").stat().st_size < 1e5

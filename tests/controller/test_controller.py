@@ -8,11 +8,12 @@ from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import Hold, system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, DesignError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.theory.error_system import error_system
 
 DESIGN = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), R_c=0.1, R_o=0.01)
 
@@ -86,3 +87,30 @@ def test_each_part_is_of_its_kind(part, words):
     Controller(**parts)
     with pytest.raises(AnalysisError, match=words):
         Controller(**{**parts, part: 0.3})
+
+
+@pytest.mark.parametrize("A_h", [np.zeros((3, 3)), [[0.0]]])
+def test_a_hold_of_another_size_is_refused_where_it_is_given(A_h):
+    hold = Hold("own", A_h)
+    for use in (
+        lambda: Controller(DESIGN, hold, ClockTrigger(0.1)),
+        lambda: error_system(DESIGN.plant, DESIGN, hold),
+    ):
+        with pytest.raises(AnalysisError, match=r"A_h has shape \(\d, \d\); the controller's model has 2 states"):
+            use()
+    for wrong, words in (([[0, 1]], "square"), ([[1j]], "A_h is complex"), ([[1, 2], [3]], "A_h is not a matrix")):
+        with pytest.raises(AnalysisError, match=words):
+            Hold("own", wrong)
+
+
+def test_complex_gains_and_weights_are_refused():
+    for make in (
+        lambda: Design(DESIGN.plant, DESIGN.k + 1j, DESIGN.L),
+        lambda: Design(DESIGN.plant, DESIGN.k, DESIGN.L + 1j),
+        lambda: design_lq(DESIGN.plant, R_c=1 + 1j),
+        lambda: EventTrigger(np.eye(2) + 1j, 0.1),
+        lambda: as_weight(np.ones(2) * 1j, DESIGN),
+        lambda: error_system(DESIGN.plant, DESIGN, T_hat=np.eye(2) * 1j),
+    ):
+        with pytest.raises((AnalysisError, DesignError), match="is complex"):
+            make()

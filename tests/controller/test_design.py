@@ -78,7 +78,7 @@ def test_gains_of_wrong_shape_are_refused():
 @pytest.mark.parametrize(
     ("weights", "words"),
     [
-        ({"Q_c": [[1, 2], [3]]}, "Q_c is not a matrix: its rows differ in length"),
+        ({"Q_c": [[1, 2], [3]]}, "Q_c is not a matrix: rows differ in length"),
         ({"Q_o": [[1, 2], [3, 4]]}, "Q_o is not symmetric"),
         ({"Q_c": [1, -1]}, "Q_c has a negative eigenvalue"),
         ({"Q_c": [1, float("nan")]}, "Q_c holds a NaN"),

@@ -1,8 +1,11 @@
 """The linear plant: its checks, names, python-control round trip, T̂ and the family in ρ."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
+from scipy import signal
 
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, transformation
@@ -55,6 +58,63 @@ def test_matrices_that_do_not_fit_are_refused(matrices, word):
 def test_wrong_number_of_names_is_refused():
     with pytest.raises(AnalysisError, match="1 states but 2 names"):
         LinearPlant([[0]], [[1]], [[1]], ("a", "b"))
+
+
+@pytest.mark.parametrize("kind", ["states", "inputs", "outputs"])
+def test_a_name_stands_for_one_thing(kind):
+    names = {"states": (), "inputs": (), "outputs": ()} | {kind: ("a", "a")}
+    with pytest.raises(AnalysisError, match=f"{kind}: 'a' stands there twice"):
+        LinearPlant(-np.eye(2), np.eye(2), np.eye(2), **names)
+
+
+@pytest.mark.parametrize("letter", "ABC")
+def test_an_imaginary_part_is_not_dropped(letter):
+    matrices = {"A": [[0, 1], [1, 0]], "B": [[0], [1]], "C": [[1, 0]]}
+    one = {**matrices, letter: np.array(matrices[letter]) + 1j}
+    for make in (lambda M: LinearPlant(**M), lambda M: LinearPlant.from_system(tuple(M.values()))):
+        with pytest.raises(AnalysisError, match=f"{letter} is complex"):
+            make(one)
+    with pytest.raises(AnalysisError, match=f"{letter} is complex"):
+        LinearPlant.from_system(SimpleNamespace(**one, D=0))
+    real = LinearPlant(**{**matrices, letter: np.array(matrices[letter], dtype=complex)})
+    np.testing.assert_array_equal(getattr(real, letter), matrices[letter])
+
+
+def test_a_vector_will_do_for_a_single_input():
+    plant = LinearPlant([[0, 1], [1, 0]], [0, 1], [1, 0])
+    np.testing.assert_array_equal(plant.B, [[0], [1]])
+    assert LinearPlant.from_system(([[0, 1], [1, 0]], [0, 1], [1, 0])).n_u == 1
+    assert LinearPlant([[1]], [1, 2], [1]).n_u == 2  # of a single state they are two inputs
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        signal.TransferFunction([2], [1, 0.5, -3]),
+        signal.TransferFunction([2], [1, 0.5, -3]).to_zpk(),
+        signal.TransferFunction([2], [1, 0.5, -3]).to_ss(),
+        signal.lti([2], [1, 0.5, -3]),
+    ],
+)
+def test_systems_of_scipy_are_plants_in_all_their_forms(system):
+    plant, s = LinearPlant.from_system(system), 0.3 + 2j
+    assert plant.statespace()(s) == pytest.approx(2 / (s**2 + 0.5 * s - 3), rel=1e-12)
+
+
+def test_systems_of_scipy_that_are_no_plant_are_refused():
+    for system, word in (
+        (signal.TransferFunction([1], [1, -0.5], dt=0.1), "discrete"),
+        (signal.TransferFunction([1, 0], [1, 2]), "feed-through"),
+    ):
+        with pytest.raises(AnalysisError, match=word):
+            LinearPlant.from_system(system)
+
+
+def test_a_descriptor_system_is_refused():
+    matrices = {"A": [[0, 1], [1, 0]], "B": [[0], [1]], "C": [[1, 0]], "D": 0}
+    with pytest.raises(AnalysisError, match="descriptor system"):
+        LinearPlant.from_system(SimpleNamespace(**matrices, E=np.diag([1.0, 2.0])))
+    assert LinearPlant.from_system(SimpleNamespace(**matrices, E=np.eye(2))).n == 2
 
 
 def test_a_plant_does_not_change():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.trigger import EventRule, checked_delta_min
 from icmj.errors import AnalysisError
@@ -36,7 +36,7 @@ class EventTrigger(EventRule):
     delta_min: float = 1e-3
 
     def __post_init__(self) -> None:
-        Q = np.array(self.Q_t, dtype=float)
+        Q = real(self.Q_t, "Q_t", AnalysisError)
         if Q.ndim != 2 or Q.shape[0] != Q.shape[1] or not np.isfinite(Q).all():
             raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
         Q = (Q + Q.T) / 2
@@ -86,10 +86,7 @@ def as_weight(weight: str | ArrayLike, design: Design) -> Array:
         if weight == "identity":
             return np.eye(n_hat)
         raise AnalysisError(f"Q_t is {weight!r}; expected 'output', 'identity', diagonal entries or a matrix")
-    try:
-        Q = np.asarray(weight, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise AnalysisError("Q_t is not a matrix: its rows differ in length") from error
+    Q = real(weight, "Q_t", AnalysisError)
     if Q.shape not in ((n_hat,), (n_hat, n_hat)):
         raise AnalysisError(f"Q_t has shape {Q.shape}; the assumed plant has {n_hat} states")
     if Q.ndim == 2 and np.abs(Q - Q.T).max() > 1e-9 * np.abs(Q).max():
