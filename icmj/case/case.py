@@ -292,6 +292,8 @@ def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> Non
     settings = run.simulation
     wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
     wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
+    if isinstance(settings.limit, dict):
+        wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
     for which, there in (("input", actual.inputs), ("output", actual.outputs)):
         named = (getattr(source, which, None) for source in settings.disturbance)
         wanted += [("simulation.disturbance", name, there) for name in named if name is not None]

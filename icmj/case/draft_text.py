@@ -124,7 +124,7 @@ def _rest(draft: Draft) -> Iterable[str]:
         yield _line(f"initial = {{ {key_text(state)} = {START} }}", "departure from the operating point [rad or m]")
     yield from (
         _line(f"# timestep = {draft.there.timestep:g}", "the model's own [s]"),
-        _line("limit = 1.0", "it has fallen when a position departs further than this [rad or m]"),
+        _line("limit = 1.0", "it has fallen when a position departs further than this [rad or m]; or by name"),
     )
 
 

@@ -124,7 +124,7 @@ def find_cycle(
         start: the first guess: the linear ``prediction``, the end of a ``simulation`` as the run file has it, a guess
             of one's own, or ``auto``: the prediction if it has an orbit, else the simulation.
         size: threshold instead of the case's [unit of the weighted state].
-        limit: on positions, instead of the run file's [rad or m].
+        limit: on all positions, instead of the run file's [rad or m].
         refinement: factor on the timestep.
         threads: that take differences at once.
         progress: called now and then with the fraction done, 0–1.

@@ -23,8 +23,9 @@ from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.rates import fastest_rate, is_stiff
-from icmj.engine.recording import Recording, Status, recording
+from icmj.engine.recording import Recording, States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.units import state_units
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
 from icmj.simulation.ending import Outcome
@@ -54,16 +55,6 @@ class Implementation(NamedTuple):
     callbacks: tuple[Any, Any]
     find: Find
     points: int
-
-
-@dataclass(frozen=True, eq=False)
-class States:
-    """Rows as departures from the operating point, shapes (N, ...)."""
-
-    x: Array
-    x_o: Array
-    x_h: Array
-    y: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +140,11 @@ class ComposedLoop:
         data.act[block.act] = a
 
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
-        """The times of a run with these settings, by a timestep or, where it is not 0, a tolerance."""
+        """The times of a run with these settings, by a timestep or, where it is not 0, a tolerance.
+
+        Raises:
+            SimulationError: if a limit names what is no position.
+        """
         trigger = self.controller.trigger
         edges = np.union1d(self.disturbance.edges, self.errors.edges)
         # noise may be faster than the loop, and shakes E
@@ -166,7 +161,7 @@ class ComposedLoop:
             edges=edges,
             phases=phases_of(edges),
             record_interval=settings.record_interval,
-            limit=settings.limit,
+            limits=self.plant.limits(settings.limit),
             rate=max(own, float(noise)),
             stiff=is_stiff(plant, own),
         )
@@ -239,8 +234,8 @@ class ComposedLoop:
         if status == Status.FELL:
             departure = np.zeros(self.model.nv)
             mujoco.mj_differentiatePos(self.model, departure, 1.0, self.plant.linearisation.point.qpos, data.qpos)
-            name = state_names(self.model)[int(np.argmax(np.abs(departure)))]
-            return ending.fell(t, name, schedule.limit)
+            at = int(np.argmax(np.abs(departure) / schedule.limits))
+            return ending.fell(t, state_names(self.model)[at], schedule.limits[at], state_units(self.model)[at])
         if status == Status.DIVERGED:
             return ending.diverged(t, "the state stopped being finite")
         if status == Status.COLLAPSED:

@@ -97,7 +97,7 @@ class Deviation:
                     known = ", ".join(filter(None, places))
                     raise ModelError(f"{name}: no {kind} {change.of!r} to change; it has {known}")
                 at = list(range(len(values)) if change.of is None else places[change.of])
-                if np.ndim(change.value):  # a list is for the entries of one sensor
+                if isinstance(change.value, Sequence):  # a list is for the entries of one sensor
                     try:
                         values[at] = change(values[at], self.rho)
                     except ModelError as error:

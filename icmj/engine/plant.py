@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.engine.assessment import assess
 from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibria
@@ -21,6 +22,7 @@ from icmj.engine.ports import ports_of
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.engine.stance import moved
+from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, picked, ports
@@ -30,6 +32,7 @@ from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
 from icmj.plant.quality import Quality, dropped
 from icmj.plant.selection import Selection
+from icmj.simulation.ending import Limit, limits_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,15 @@ class MujocoPlant:
         turned = replace(at, actuators=at.actuators[u], b=at.b[u], entries=at.entries[y], g=at.g[y], beta=at.beta[y])
         plant, D = picked(here.plant, u, y), here.D[np.ix_(y, u)]
         return replace(self, linearisation=replace(here, plant=plant, ports=turned, y=here.y[y], D=D))
+
+    def limits(self, limit: Limit) -> Array:
+        """How far each position of the model may depart before the body has fallen [rad or m], shape (nv,).
+
+        Raises:
+            SimulationError: if a limit names what is no position.
+        """
+        nv = self.model.nv
+        return limits_of(limit, state_names(self.model)[:nv], state_units(self.model)[:nv])
 
     @property
     def xml(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -53,3 +54,13 @@ def recording(steps: int, n_y: int, width: int) -> Recording:
         np.zeros(steps, dtype=np.int64),
         np.zeros(4, dtype=np.int64),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Rows as departures from the operating point, shapes (N, ...)."""
+
+    x: Array
+    x_o: Array
+    x_h: Array
+    y: Array

@@ -250,7 +250,7 @@ class ReferenceLoop:
             return Status.WARNED
         departure = np.empty(model.nv)
         mujoco.mj_differentiatePos(model, departure, 1.0, self.qpos_0, data.qpos)
-        return Status.FELL if np.abs(departure).max() > self.schedule.limit else Status.RUNNING
+        return Status.FELL if (np.abs(departure) > self.schedule.limits).any() else Status.RUNNING
 
     def _record(self, record: Recording, fired: bool, due: bool) -> None:
         data = self.data

@@ -28,7 +28,7 @@ class Schedule:
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
         record_interval: least time between two recorded rows [s]; events are always recorded.
-        limit: the run has fallen when a position departs further than this [rad or m].
+        limits: the run has fallen when a position departs further than its own [rad or m], shape (nv,).
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
         events: number of events after which to stop.
         tolerance: relative error of an open-loop interval that adaptive steps keep to; 0 where the timestep is given.
@@ -43,7 +43,7 @@ class Schedule:
     edges: Array
     phases: Array
     record_interval: float
-    limit: float
+    limits: Array
     rate: float
     events: int = NO_END
     tolerance: float = 0.0

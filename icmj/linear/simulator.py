@@ -58,7 +58,8 @@ class Simulator:
         """Prepare runs of ``plant`` under ``controller``, recorded every ``interval`` seconds, or not at all.
 
         Raises:
-            SimulationError: if plant and controller do not fit, or a disturbance names an unknown input or output.
+            SimulationError: if plant and controller do not fit, or a disturbance or a limit names what the plant does
+                not have.
         """
         from icmj.base.compilation import called
         from icmj.linear.native.simulator import simulator
@@ -67,8 +68,9 @@ class Simulator:
         self.loop = loop = linear_loop(plant, controller)
         self.disturbance = disturbance_of(settings.disturbance, plant.inputs)
         acting = forcing(loop, self.disturbance, reading_error_of(settings.disturbance, plant.outputs))
-        self.duration, self.limit = float(settings.duration), settings.limit
-        self.tables = T = tables(loop, acting, self.duration, self.limit, interval)
+        names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
+        self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
+        self.tables = T = tables(loop, acting, self.duration, self.limits, interval)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.steps * T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
         capacity = max(_ROWS, 2 * rows) if several else 8
@@ -144,9 +146,10 @@ class Simulator:
     def outcome(self, status: Status) -> Outcome:
         """What it means that it ended so, where it is now; for a fall and for divergence."""
         if status is Status.FELL:
-            positions = self.loop.positions
-            state = positions[np.argmax(np.abs(self.z[positions]))]
-            return ending.fell(self.t, self.loop.plant.states[state], self.limit)
+            plant, positions = self.loop.plant, self.loop.positions
+            at = int(np.argmax(np.abs(self.z[positions]) / self.limits))
+            state = positions[at]
+            return ending.fell(self.t, plant.states[state], self.limits[at], plant.state_units[state])
         return ending.diverged(self.t, "a state exceeded 1e+12")
 
     def advance(self, events: int = 1 << 40) -> tuple[Status, int, int]:

@@ -32,14 +32,14 @@ _TICK = 1e-9  # relative: a delay this close to a multiple of the clock's interv
 _NOTHING = 1e-18  # of the sum: a term that is left out
 
 
-def tables(loop: LinearLoop, acting: Forcing, duration: float, limit: float, interval: float) -> Tables:
+def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, interval: float) -> Tables:
     """Everything that a run needs besides its state.
 
     Args:
         loop: the closed loop.
         acting: what acts on it from outside.
         duration: of the run [s].
-        limit: the run has fallen when a position departs further than this.
+        limits: the run has fallen when a position departs further than its own; infinite where it has none.
         interval: between two recorded rows [s]; infinite if none are asked for.
     """
     from scipy.linalg import matrix_balance
@@ -55,9 +55,9 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limit: float, int
     p = _degree(fastest * h * q / 2) if signals else -1
     G, D = M * h, acting.D * h
 
-    faces, n_pos = loop.composed.R[:, :m], len(loop.positions)
-    positions, outputs = np.zeros((n_pos, m)), np.zeros((loop.plant.n_y, m))
-    positions[np.arange(n_pos), loop.positions] = 1 / limit
+    faces, limited = loop.composed.R[:, :m], np.flatnonzero(np.isfinite(limits))
+    positions, outputs = np.zeros((len(limited), m)), np.zeros((loop.plant.n_y, m))
+    positions[np.arange(len(limited)), loop.positions[limited]] = 1 / limits[limited]
     outputs[:, loop.composed.layout["x"]] = loop.plant.C
     rows = np.vstack([faces, positions, outputs])
 

@@ -122,8 +122,10 @@ class SimulationTable(TomlTable):
     """Of the engine; the model's own by default."""
     record_interval: Positive = 0.01
     """Between recorded rows [s]; events are always recorded."""
-    limit: Positive = 1.0
-    """The run has fallen when a position departs further than this [rad or m]."""
+    limit: Positive | dict[str, Positive] | None = None
+    """The run has fallen when a position departs further than this: a number for all [rad or m, and as much in another
+    unit of angle or length], or positions by name, each in its own unit. By default 1 rad or 1 m; of plants given by
+    matrices, what is neither an angle nor a length by its unit has no limit."""
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """What acts beside the controller."""
     native: bool = True

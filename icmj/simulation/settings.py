@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from icmj.errors import SimulationError
+from icmj.simulation.ending import Limit
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
@@ -115,7 +116,9 @@ class Settings:
             and an integrator. With none of the three, 1e-8 where nothing can touch, rub or reach a limit; else the
             model's own timestep.
         record_interval: between two recorded rows [s]; events are always recorded.
-        limit: the run has *fallen* when any position of the plant departs further than this [rad or m].
+        limit: the run has *fallen* when any position of the plant departs further than this: one number for all
+            [rad or m], or by name [the position's own unit]; 1 rad or 1 m if ``None``. See
+            :func:`icmj.simulation.ending.limits_of` for other units.
         disturbance: what acts on the plant's inputs beside the controller, or on outputs as the observer reads them.
         native: whether compiled code runs, or the plain-Python loop that it is tested against.
 
@@ -129,7 +132,7 @@ class Settings:
     timestep: float | None = None
     integrator: Integrator | None = None
     record_interval: float = 0.01
-    limit: float = 1.0
+    limit: Limit = None
     disturbance: tuple[Source, ...] = ()
     native: bool = True
     tolerance: float | None = None
@@ -140,9 +143,12 @@ class Settings:
         return any(isinstance(source, Noise) for source in self.disturbance)
 
     def __post_init__(self) -> None:
-        for name in ("duration", "record_interval", "limit", "timestep"):
-            value = getattr(self, name)
-            good = (value is None and name == "timestep") or (value is not None and np.isfinite(value) and value > 0)
+        named = self.limit if isinstance(self.limit, Mapping) else {"limit": self.limit}
+        limits = {name if name == "limit" else f"limit.{name}": value for name, value in named.items()}
+        plain = {name: getattr(self, name) for name in ("duration", "record_interval", "timestep")}
+        for name, value in (plain | limits).items():
+            good = value is None and name in ("timestep", "limit")
+            good = good or (value is not None and bool(np.isfinite(value)) and value > 0)
             _require(good, f"{name} must be positive and finite, got {value}")
         for which in ("initial", "observer"):
             for name, value in getattr(self, which).items():

@@ -398,6 +398,25 @@ def test_an_interruption_before_anything_was_simulated_ends_it(monkeypatch: pyte
         simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=1.0), x0=[0.1, 0.0])
 
 
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("how", [{"timestep": 2e-3}, {"tolerance": 1e-8}], ids=str)
+def test_each_position_has_its_own_limit(how: dict[str, float], native: bool) -> None:
+    actual, control = plant("three_link", -1.0), controller("three_link", 1e-2)
+    x0 = 0.02 * np.eye(6)[0]
+    for limit, name, size in (
+        ({"ankle": 0.05}, "ankle", 0.05),
+        ({"hip": 0.04}, "hip", 0.04),
+        ({"knee": 9.0}, None, 1.0),
+    ):
+        settings = Settings(duration=3.0, limit=limit, native=native, **how)
+        run = simulate(actual, control, settings, x0=x0, error_estimate=False)
+        at = 2 if name == "hip" else 0
+        assert run.outcome.kind == "fell"
+        if name is not None:
+            assert f"{name} departed further than its limit of {size:g} rad" in run.outcome.message
+            assert abs(run.x[-1, at]) > size >= np.abs(run.x[:-1, at]).max()
+
+
 def test_fall_divergence_and_interruption_keep_what_was_simulated() -> None:
     actual, control = plant("pendulum", 0.8), controller("pendulum", 0.05)
     fell = simulate(actual, control, Settings(duration=10.0, limit=0.11), x0=[0.1, 0.2])
@@ -405,6 +424,9 @@ def test_fall_divergence_and_interruption_keep_what_was_simulated() -> None:
     assert 0 < fell.outcome.t < 10
     assert fell.t[-1] == fell.outcome.t
     assert abs(fell.x[-1, 0]) > 0.11 >= np.abs(fell.x[:-1, 0]).max()
+
+    with pytest.raises(SimulationError, match="limit: no position 'knee' in the plant; expected one of hinge"):
+        simulate(actual, control, Settings(limit={"knee": 0.1}))
 
     wrong = plant("three_link", -40.0)  # torques with the wrong sign, far too strong
     settings = Settings(duration=60.0, limit=1e300, timestep=0.01)

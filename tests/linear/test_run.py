@@ -21,14 +21,15 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design
+from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger
+from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, as_weight
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -283,6 +284,48 @@ def test_fall_is_exact_and_keeps_the_run():
     assert np.abs(run.x[:-1, 0]).max() < 0.5
     assert run.t[-1] == run.outcome.t
     assert list(linear_loop(plant, controller).positions) == [0]
+
+
+def in_units(unit, factor):
+    """The pendulum with its angle, and its output, in another unit."""
+    T, units = factor * np.eye(2), (unit, f"{unit}/s")
+    A, B, C = T @ PENDULUM.A @ np.linalg.inv(T), T @ PENDULUM.B, PENDULUM.C
+    return LinearPlant(A, B, C, ("hinge", "hinge_rate"), ("torque",), ("angle",), units, ("N m",), (unit,))
+
+
+@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), ("rad", 1.0), ("mm", 1e3)])
+@pytest.mark.parametrize("limit", [None, 1.0, {}, {"hinge": 0.3}], ids=str)
+def test_a_limit_does_not_depend_on_the_unit(unit, factor, limit, native):
+    """One motion in three units falls at one time, at 1 rad or 1 m unless another limit is given in the unit."""
+    plant = in_units(unit, factor)
+    design = design_lq(plant, R_c=0.1 * factor**2, R_o=0.01 * factor**2)
+    controller = Controller(design, system_matched(design), EventTrigger(as_weight("output", design), 0.01 * factor))
+    there = {name: size * factor for name, size in limit.items()} if isinstance(limit, dict) else limit
+    chosen = Settings(duration=20.0, initial={"hinge": 0.02 * factor}, limit=there, native=native)
+    run = simulate(plant.scaled(-1.0), controller, chosen)
+    at = 0.3 if limit == {"hinge": 0.3} else 1.0
+    assert run.outcome.kind == "fell"
+    assert abs(run.x[-1, 0]) == pytest.approx(at * factor, rel=1e-9)
+    assert f"its limit of {at * factor:g} {unit}" in run.outcome.message
+    before = Settings(duration=20.0, initial={"hinge": 0.02}, limit=at)
+    assert run.t[-1] == pytest.approx(
+        simulate(PENDULUM.scaled(-1.0), event_controller(pendulum_design(), delta_min=1e-3), before).t[-1], rel=1e-6
+    )
+
+
+def test_what_is_no_angle_and_no_length_has_no_limit_unless_one_is_given():
+    plant, controller = PENDULUM.scaled(-1.0), event_controller(pendulum_design())
+    for limit, end in ((None, "diverged"), (2.0, "fell"), ({"hinge": 2.0}, "fell")):
+        run = simulate(plant, controller, Settings(duration=60.0, initial={"hinge": 0.02}, limit=limit))
+        assert run.outcome.kind == end
+        assert end == "diverged" or abs(run.x[-1, 0]) == pytest.approx(2.0, rel=1e-9)
+
+
+def test_a_limit_of_what_is_no_position_is_refused():
+    for name in ("knee", "hinge_rate"):
+        with pytest.raises(SimulationError, match=f"limit: no position '{name}' in the plant; expected one of hinge"):
+            simulate(PENDULUM, event_controller(pendulum_design()), settings(limit={name: 1.0}))
 
 
 def test_divergence():

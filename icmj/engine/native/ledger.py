@@ -39,14 +39,14 @@ def standing(engine, plan):  # type: ignore[no-untyped-def]
             return _WARNED
     if plan.hinges:
         for i in range(len(engine.qpos)):
-            if abs(engine.qpos[i] - plan.qpos_0[i]) > plan.limit:
+            if abs(engine.qpos[i] - plan.qpos_0[i]) > plan.limits[i]:
                 return _FELL
     else:
         _differentiate_pos(
             engine.model, plan.departure.ctypes.data, 1.0, plan.qpos_0.ctypes.data, engine.qpos.ctypes.data
         )
         for i in range(len(plan.departure)):
-            if abs(plan.departure[i]) > plan.limit:
+            if abs(plan.departure[i]) > plan.limits[i]:
                 return _FELL
     return _RUNNING
 
@@ -125,7 +125,7 @@ def bare_plan(p):  # type: ignore[no-untyped-def]
     """Likewise."""
     return Plan(
         p.timestep, p.t_end, p.delta_min, p.clock, p.delay, p.ticks, bare(p.edges), bare(p.phases), p.record_interval,
-        p.limit, p.rate, p.events, bare(p.qpos_0), bare(p.departure), p.hinges, p.tolerance,
+        bare(p.limits), p.rate, p.events, bare(p.qpos_0), bare(p.departure), p.hinges, p.tolerance,
     )  # fmt: skip
 
 

@@ -103,7 +103,7 @@ class Plan(NamedTuple):
     edges: Array
     phases: Array
     record_interval: float
-    limit: float
+    limits: Array
     rate: float
     events: int
     qpos_0: Array
@@ -190,7 +190,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         edges=np.array(schedule.edges, dtype=float),
         phases=np.array(schedule.phases, dtype=float),
         record_interval=float(schedule.record_interval),
-        limit=float(schedule.limit),
+        limits=np.array(schedule.limits, dtype=float),
         rate=float(schedule.rate),
         events=int(schedule.events),
         qpos_0=np.array(qpos_0, dtype=float),
