@@ -14,7 +14,7 @@ from icmj.base.card import Card, Shown, count
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
 from icmj.case.doubts import doubts, reach, slow_noise
-from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
+from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
@@ -111,7 +111,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
     known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
     assumed = known.assumed if known else assumed_plant(run)
     actual = actual_plant(run, assumed)
-    _check_names(run, assumed.linearisation.plant, actual.linearisation.plant)
+    _check_names(run, assumed.linearisation.plant, actual)
     notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
         design = known.controller.design if known and known.run.design == run.design else None
@@ -152,7 +152,7 @@ def revised(case: Case, run: RunFile) -> Case:
     control = run.controller.model_copy(update={"q_t": known.controller.q_t})
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
-    _check_names(run, case.assumed.linearisation.plant, case.actual.linearisation.plant)
+    _check_names(run, case.assumed.linearisation.plant, case.actual)
     rule = run.controller.trigger(case.controller.design)
     prediction = case.prediction
     if rule.size != case.rule.size:
@@ -277,7 +277,7 @@ def _parts(
         from icmj.engine.stepping import refined
 
         settings = refined(case.model, controller, settings, refinement)
-    return (case.actual.linearisation.plant if plant == "linear" else case.model), controller, settings
+    return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings
 
 
 def _delay(run: RunFile) -> Delay:
@@ -287,17 +287,18 @@ def _delay(run: RunFile) -> Delay:
     return Delay(actual, assumed)
 
 
-def _check_names(run: RunFile, assumed: LinearPlant, actual: LinearPlant) -> None:
+def _check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
     """Names in the run file are checked before anything is computed from them."""
-    settings = run.simulation
+    settings, actual = run.simulation, plant.linearisation.plant
+    bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()
     wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
     wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
     if isinstance(settings.limit, dict):
         wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
-    for which, there in (("input", actual.inputs), ("output", actual.outputs)):
+    for which, there in (("input", actual.inputs), ("output", actual.outputs), ("body", bodies)):
         named = (getattr(source, which, None) for source in settings.disturbance)
         wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
     for key, name, known in wanted:
         if name not in known:
-            hint = did_you_mean(name, known) or f"; expected one of {', '.join(known)}"
+            hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
             raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")

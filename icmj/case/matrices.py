@@ -23,6 +23,7 @@ from icmj.runfile.schema import RunFile
 
 KINDS = ("states", "inputs", "outputs")
 BESIDE = ("D", "E", "dt")
+PUSHED = "B_d"
 MOST_BYTES = 10_000_000  # a plant of 200 states takes less than one, even as text
 
 
@@ -71,7 +72,7 @@ def read_matrices(path: Path) -> dict[str, Any]:
         if path.suffix == ".json":
             found = json.loads(path.read_text(encoding="utf-8"))
         elif path.suffix == ".npz":
-            arrays = read_npz(path, MOST_BYTES, (*LETTERS, *BESIDE, *KINDS))
+            arrays = read_npz(path, MOST_BYTES, (*LETTERS, PUSHED, *BESIDE, *KINDS))
             found = {name: array.tolist() for name, array in arrays.items()}
         else:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")
@@ -86,7 +87,7 @@ def read_matrices(path: Path) -> dict[str, Any]:
 
 def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None) -> LinearPlant:
     """The plant of one table, with the names of the plant that it is ``like`` where it has none, and as many."""
-    data: Mapping[str, Any] = {letter: getattr(table, letter) for letter in LETTERS}
+    data: Mapping[str, Any] = {letter: getattr(table, letter) for letter in (*LETTERS, PUSHED)}
     where = f"{run.path}: {which}"
     if table.matrices is not None:
         data = read_matrices(run.path.parent / table.matrices)
@@ -94,7 +95,8 @@ def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None
     try:
         A, B, C = (_matrix(data[letter], letter) for letter in LETTERS)
         refuse_unusual(**{name: data.get(name) for name in BESIDE})
-        plant = LinearPlant(A, B, C, *(_names(table, data, kind) for kind in KINDS))
+        B_d = np.zeros((0, 0)) if data.get(PUSHED) is None else _matrix(data[PUSHED], PUSHED)
+        plant = LinearPlant(A, B, C, *(_names(table, data, kind) for kind in KINDS), B_d=B_d)
         if like is not None:
             plant = _called(plant, like, [kind for kind in KINDS if not _names(table, data, kind)])
         return _measured(plant, table, data)
@@ -116,7 +118,7 @@ def _aligned(plant: LinearPlant, assumed: LinearPlant) -> LinearPlant:
 def _matrix(rows: object, letter: str) -> np.ndarray:
     M = real(rows, letter, AnalysisError)  # type: ignore[arg-type]
     if M.ndim == 1:  # of a single input, or output
-        M = M[:, None] if letter == "B" else M[None, :]
+        M = M[:, None] if letter in ("B", PUSHED) else M[None, :]
     if M.ndim != 2 or 0 in M.shape:
         raise AnalysisError(f"{letter} is not a matrix; it has shape {M.shape}")
     return M

@@ -15,6 +15,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matrix_plant import MatrixPlant
 from icmj.plant.selection import Selection
 from icmj.runfile.schema import RunFile
+from icmj.simulation.settings import Settings
 
 AnyPlant = MujocoPlant | MatrixPlant
 """A plant of a case: a model on the engine, or matrices; either has its ``linearisation.plant`` and ``quality``."""
@@ -83,6 +84,15 @@ def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
         if dropped:
             actual = load(replace(selection, drop=tuple(dropped)))
     return actual
+
+
+def linear_plant(actual: AnyPlant, settings: Settings) -> LinearPlant:
+    """The linear plant of a case for runs with these settings: it knows what their pushes on bodies do.
+
+    Raises:
+        SimulationError: if the model has no such body.
+    """
+    return actual.pushed(settings.pushes) if isinstance(actual, MujocoPlant) else actual.linearisation.plant
 
 
 def deviation_of(run: RunFile) -> Deviation:

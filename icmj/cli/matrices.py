@@ -36,7 +36,7 @@ def show_plant(plant: LinearPlant, out: Console, *, full: bool = False) -> None:
 
 
 def save_plant(plant: LinearPlant, path: Path) -> None:
-    """A, B, C, poles, names and units as arrays for ``numpy.load``.
+    """A, B, C, B_d, poles, names and units as arrays for ``numpy.load``.
 
     Raises:
         ModelError: if the file cannot be written, or is not called ``.npz``.
@@ -46,7 +46,7 @@ def save_plant(plant: LinearPlant, path: Path) -> None:
     names = {kind: np.array(getattr(plant, kind), dtype=str) for kind in ("states", "inputs", "outputs")}
     units = {f"{kind[:-1]}_units": np.array(getattr(plant, f"{kind[:-1]}_units"), dtype=str) for kind in names}
     stream = BytesIO()
-    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "poles": plant.poles}
+    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "B_d": plant.B_d, "poles": plant.poles}
     np.savez_compressed(stream, allow_pickle=False, **matrices, **names, **units)
     try:
         write_bytes(path, stream.getvalue())

@@ -63,6 +63,7 @@ def plain_linearisation(linearisation: Linearisation, quality: Quality, told: It
             "A": plant.A,
             "B": plant.B,
             "C": plant.C,
+            "B_d": plant.B_d,
             "poles": plant.poles,
             "states": plant.states,
             "inputs": plant.inputs,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.case.case import Case
+from icmj.case.plants import linear_plant
 from icmj.cycle.guess import Guess, from_prediction, from_simulation
 from icmj.cycle.jacobian import jacobian, multipliers
 from icmj.cycle.newton import CLOSED, Closed, newton, shortest
@@ -135,7 +136,7 @@ def find_cycle(
     """
     rule = case.rule if size is None else case.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
-    actual = case.actual.linearisation.plant if plant == "linear" else case.model
+    actual = linear_plant(case.actual, settings) if plant == "linear" else case.model
     loop = ReturnMap(actual, case.controller.triggered_by(rule), settings).refined(refinement)
     orbit = case.prediction.orbit
     if start == "auto":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from icmj.case.case import Case, controlled
-from icmj.case.plants import AnyPlant, actual_plant, assumed_plant
+from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.cycle.parameter import Parameter
 from icmj.cycle.return_map import PlantKind, ReturnMap
 from icmj.engine.open_loop import OpenLoops
@@ -66,7 +66,7 @@ class Family:
         if longest is not None:
             settings = replace(settings, duration=longest)
         if self.plant == "linear":
-            return ReturnMap(actual.linearisation.plant, controller, settings, held=self.held)
+            return ReturnMap(linear_plant(actual, settings), controller, settings, held=self.held)
         if not isinstance(actual, MujocoPlant):
             raise CycleError(f"{run.path}: the actual plant is given by matrices; take the linear plant")
         every = np.inf if longest is None else longest / ROWS

@@ -20,10 +20,11 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Realisation
+from icmj.engine.pushing import WIDTH
 from icmj.simulation.disturbance import Disturbance
 
 MAGIC = 20170508228.0
-VERSION = 3.0
+VERSION = 4.0
 FOREVER = 1e30
 
 
@@ -56,9 +57,13 @@ class Slot(IntEnum):
     AT_TERMS = 23
     ERRORS = 24  # terms of the outputs' errors
     AT_ERRORS = 25
+    PUSHES = 26  # places where something acts on the plant itself
+    AT_PUSHES = 27
+    SIZES = 28  # terms of how large it is there
+    AT_SIZES = 29
 
 
-HEADER = 26
+HEADER = 30
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -74,6 +79,8 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_CTRL_0, "ctrl_0", (Slot.N_U,)),
     (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),
     (Slot.AT_ERRORS, "errors", (Slot.ERRORS, 6)),
+    (Slot.AT_PUSHES, "pushes", (Slot.PUSHES, WIDTH)),
+    (Slot.AT_SIZES, "sizes", (Slot.SIZES, 6)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -83,7 +90,7 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (26,).
+        header: by :class:`Slot`, shape (30,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_y).
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
@@ -94,6 +101,8 @@ class Block:
         y_0, ctrl_0: outputs and controls at the operating point, shapes (n_y,), (n_u,).
         terms: disturbance d(t): input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
         errors: errors n(t) of the outputs as the observer reads them: output, and as in ``terms``; shape (M_n, 6).
+        pushes: where something acts on the plant itself (:mod:`icmj.engine.pushing`), shape (K, 11).
+        sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
     """
 
     header: Array
@@ -110,6 +119,8 @@ class Block:
     ctrl_0: Array
     terms: Array
     errors: Array
+    pushes: Array
+    sizes: Array
 
     @property
     def act(self) -> slice:
@@ -129,6 +140,8 @@ def pack(
     ctrl_0: Array,
     disturbance: Disturbance,
     errors: Disturbance,
+    pushes: Array,
+    sizes: Disturbance,
     act: int,
     stage: int,
 ) -> Array:
@@ -137,8 +150,10 @@ def pack(
     Args:
         realisation: the controller.
         y_0, ctrl_0: outputs and controls at the operating point.
-        disturbance: on the plant's inputs.
+        disturbance: beside the plant's commands.
         errors: of its outputs as the observer reads them.
+        pushes: where something acts on the plant itself.
+        sizes: how large it is there.
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
     """
@@ -151,12 +166,15 @@ def pack(
         "ctrl_0": ctrl_0,
         "terms": _table(disturbance),
         "errors": _table(errors),
+        "pushes": pushes,
+        "sizes": _table(sizes),
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
     header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
     header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
+    header[[Slot.PUSHES, Slot.SIZES]] = len(pushes), len(sizes)
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at

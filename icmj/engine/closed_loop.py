@@ -27,7 +27,7 @@ from icmj.engine.recording import Recording, States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
 from icmj.engine.units import state_units
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
+from icmj.simulation.disturbance import Disturbance, Pushes, disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
@@ -82,8 +82,9 @@ class ComposedLoop:
 
     Attributes:
         plant, controller: what it was composed of.
-        disturbance: on the plant's inputs.
+        disturbance: beside the plant's commands.
         errors: of its outputs as the observer reads them.
+        pushes: on the plant itself.
         model: the composed model.
         native: whether runs use the compiled callbacks and loop, or the plain-Python ones.
         numbers: the controller's own, where the model is another loop's and holds that one's between runs.
@@ -93,6 +94,7 @@ class ComposedLoop:
     controller: Controller
     disturbance: Disturbance
     errors: Disturbance
+    pushes: Pushes
     model: mujoco.MjModel
     native: bool
     numbers: Array | None = None
@@ -146,11 +148,12 @@ class ComposedLoop:
             SimulationError: if a limit names what is no position.
         """
         trigger = self.controller.trigger
-        edges = np.union1d(self.disturbance.edges, self.errors.edges)
+        acting = self.disturbance, self.errors, self.pushes.size
+        edges = np.unique(np.concatenate([terms.edges for terms in acting]))
         # noise may be faster than the loop, and shakes E
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
-        noise = max(terms.omega.max(initial=0.0) for terms in (self.disturbance, self.errors))
+        noise = max(terms.omega.max(initial=0.0) for terms in acting)
         return Schedule(
             timestep=timestep,
             tolerance=tolerance,
@@ -285,7 +288,7 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
 
     Raises:
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
-        SimulationError: if a disturbance names an unknown input or output.
+        SimulationError: if a disturbance names an unknown input, output or body.
     """
     acting = _acting(plant, settings)
     model = compose(plant, controller, *acting)
@@ -299,7 +302,7 @@ def _integrator(plant: MujocoPlant, settings: Settings) -> int:
     return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
 
 
-def _acting(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance]:
-    """What the settings let act on the inputs, and on what is read of the outputs."""
-    names = plant.linearisation.plant
-    return disturbance_of(settings.disturbance, names.inputs), reading_error_of(settings.disturbance, names.outputs)
+def _acting(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance, Pushes]:
+    """What the settings let act beside commands, on what is read of the outputs, and on the plant itself."""
+    names, sources = plant.linearisation.plant, settings.disturbance
+    return disturbance_of(sources, names.inputs), reading_error_of(sources, names.outputs), pushes_of(settings)

@@ -11,8 +11,8 @@ The composed model is the plant's, with two elements more, both named ``icmj_con
 Geoms that are only for the eye are left out, which a step is a seventh faster for: poses are drawn with the plant's own
 model. They stay where they could matter, in a medium or under a rangefinder.
 
-Disturbances act on the plant's inputs; the observer is driven by the command u, which is all that a controller knows,
-and by the outputs with their errors, which the plant does not feel.
+Disturbances act beside commands, pushes on the plant itself; the observer is driven by the command u, which is all that
+a controller knows, and by the outputs with their errors, which the plant does not feel.
 """
 
 from __future__ import annotations
@@ -27,30 +27,37 @@ from icmj.controller.controller import Controller, Realisation, realise
 from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import compiled, model_name
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.pushing import places
 from icmj.errors import ModelError
-from icmj.simulation.disturbance import Disturbance, no_disturbance
+from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, no_disturbance
 
 NAME = "icmj_controller"
 
 
 def compose(
-    plant: MujocoPlant, controller: Controller, disturbance: Disturbance, errors: Disturbance | None = None
+    plant: MujocoPlant,
+    controller: Controller,
+    disturbance: Disturbance,
+    errors: Disturbance | None = None,
+    pushes: Pushes = NO_PUSHES,
 ) -> mujoco.MjModel:
     """The closed-loop model of ``plant`` under ``controller``; the plant's file and spec are not touched.
 
     Outputs and inputs are those of the plant's ports; the operating point of the actual plant is where controls and
-    outputs are counted from. ``errors`` are those of the outputs as the observer reads them.
+    outputs are counted from. ``errors`` are those of the outputs as the observer reads them, ``pushes`` act on the
+    plant itself.
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
             would close an algebraic loop through the controller).
+        SimulationError: if the model has not what is pushed.
     """
     bare, point = plant.spec.copy().compile(), plant.linearisation.point
     name = model_name(bare)
     _check(bare, name, plant, controller)
     controls = realise(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors)
+    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -80,7 +87,12 @@ def compose(
 
 
 def repack(
-    model: mujoco.MjModel, plant: MujocoPlant, controller: Controller, disturbance: Disturbance, errors: Disturbance
+    model: mujoco.MjModel,
+    plant: MujocoPlant,
+    controller: Controller,
+    disturbance: Disturbance,
+    errors: Disturbance,
+    pushes: Pushes,
 ) -> Array | None:
     """What a composed ``model`` of the same spec would hold of another controller or gain: its numeric's data.
 
@@ -93,7 +105,7 @@ def repack(
     controls, held = realise(controller), numbers_of(model)
     _check(model, model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
-    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors)
+    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes)
     return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
 
 
@@ -105,6 +117,7 @@ def _packed(
     controls: Realisation,
     disturbance: Disturbance,
     errors: Disturbance,
+    pushes: Pushes,
 ) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
@@ -127,7 +140,8 @@ def _packed(
         amplitude=errors.amplitude / ports.g[errors.input],
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
-    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, na, stage)
+    where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
+    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, where, pushes.size, na, stage)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -19,9 +17,11 @@ from icmj.engine.model import (
     model_name,
     operating_point,
     output_names,
+    solved_to_the_end,
     state_names,
 )
 from icmj.engine.ports import Ports, ports_of
+from icmj.engine.pushing import effects, moved
 from icmj.engine.units import input_units, output_units, state_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
@@ -114,6 +114,7 @@ def linearise(
             )
         ),
     )
+    plant = replace(plant, B_d=effects(model, point, moved(model, columns))[kept])
     D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
     y = ports.read(found.sensordata)
     return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)
@@ -172,14 +173,3 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
 
 def _picked(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
     return tuple(names[i] for i in at)
-
-
-@contextmanager
-def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
-    """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
-    before = model.opt.tolerance, model.opt.iterations
-    model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
-    try:
-        yield
-    finally:
-        model.opt.tolerance, model.opt.iterations = before

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -142,6 +144,17 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
         name = inputs[i]
         act += [f"{name}_act"] if n == 1 else [f"{name}_act{j}" for j in range(n)]
     return (*q, *(f"{name}_rate" for name in q), *act)
+
+
+@contextmanager
+def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
+    """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
+    before = model.opt.tolerance, model.opt.iterations
+    model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
+    try:
+        yield
+    finally:
+        model.opt.tolerance, model.opt.iterations = before
 
 
 def _sensors(model: mujoco.MjModel) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -19,6 +19,7 @@ from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import OperatingPoint, compiled, forget, load_spec, operating_point, state_names
 from icmj.engine.ports import ports_of
+from icmj.engine.pushing import effects, places
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.engine.stance import moved
@@ -30,6 +31,7 @@ from icmj.plant.modes import adrift
 from icmj.plant.notice import Notice
 from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
+from icmj.plant.push import Push
 from icmj.plant.quality import Quality, dropped
 from icmj.plant.selection import Selection
 from icmj.simulation.ending import Limit, limits_of
@@ -82,6 +84,23 @@ class MujocoPlant:
         turned = replace(at, actuators=at.actuators[u], b=at.b[u], entries=at.entries[y], g=at.g[y], beta=at.beta[y])
         plant, D = picked(here.plant, u, y), here.D[np.ix_(y, u)]
         return replace(self, linearisation=replace(here, plant=plant, ports=turned, y=here.y[y], D=D))
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The names of its bodies, which can be pushed."""
+        return tuple(filter(None, (self.model.body(i).name for i in range(1, self.model.nbody))))
+
+    def pushed(self, pushes: Iterable[Push]) -> LinearPlant:
+        """The linear plant, which knows what these pushes on bodies do.
+
+        Raises:
+            SimulationError: if there is no such body.
+        """
+        here, wanted = self.linearisation, [push for push in pushes if push.body is not None]
+        if not wanted:
+            return here.plant
+        found = effects(self.model, here.point, places(self.model, wanted, (), ()))[here.ports.states]
+        return replace(here.plant, pushes=dict(zip(wanted, found.T, strict=True)))
 
     def limits(self, limit: Limit) -> Array:
         """How far each position of the model may depart before the body has fallen [rad or m], shape (nv,).

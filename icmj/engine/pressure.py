@@ -17,8 +17,9 @@ from icmj.controller.controller import Controller
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.hush import hushed
-from icmj.engine.linearisation import solved_to_the_end
+from icmj.engine.model import solved_to_the_end
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.pushing import forces, places
 from icmj.errors import ModelError
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
@@ -49,7 +50,8 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
     if not ground.stands:
         raise ModelError(f"{plant.path}: nothing stands on the ground at the operating point")
     events, moved = simulation.events, simulation.applied if simulation.applied.size else simulation.u
-    centre, load = ground.reactions(simulation.x, moved, simulation.qpos)
+    table = places(ground.model, simulation.pushes, simulation.labels.inputs, plant.linearisation.ports.actuators)
+    centre, load = ground.reactions(simulation.x, moved, simulation.qpos, (table, simulation.pushed))
     after = slice(0, 0)
     u = np.zeros((0, moved.shape[1]))
     at = np.searchsorted(simulation.t, events.t)
@@ -58,7 +60,8 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
         if not simulation.precision.get("saturated_share"):  # else the engine's own limits say what acts
             u = u + (moved - simulation.u)[at]
     qpos = simulation.qpos[at][after] if simulation.qpos.size else simulation.qpos
-    centre_after, load_after = ground.reactions(events.x[after], u, qpos)
+    pushed = simulation.pushed[at][after] if simulation.pushes else simulation.pushed
+    centre_after, load_after = ground.reactions(events.x[after], u, qpos, (table, pushed))
     used = np.flatnonzero(ground.load + load.sum(axis=0) + load_after.sum(axis=0))
     return Pressure(
         t=simulation.t,
@@ -94,10 +97,13 @@ class _Ground:
         """Whether anything bears load at rest."""
         return bool((self.load > 0).any())
 
-    def reactions(self, x: Array, u: Array, qpos: Array | None = None) -> tuple[Array, Array]:
+    def reactions(
+        self, x: Array, u: Array, qpos: Array | None = None, pushes: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array]:
         """Centre (N, 2) and normal force on each geom (N, n_geom), of states (N, n) and of what acts (N, n_u).
 
-        Positions are those of ``qpos``, shape (N, nq), where it is not empty.
+        Positions are those of ``qpos``, shape (N, nq), where it is not empty; ``pushes`` are a table of where they act
+        (:mod:`icmj.engine.pushing`) and their sizes, shape (N, K).
         """
         model, data = self.model, self.data
         point, ports = self.plant.linearisation.point, self.plant.linearisation.ports
@@ -114,6 +120,9 @@ class _Ground:
                 data.ctrl[:] = point.ctrl
                 data.ctrl[ports.actuators] += ports.b * u[i]
                 try:
+                    if pushes is not None and len(pushes[0]):
+                        mujoco.mj_fwdPosition(model, data)
+                        data.qfrc_applied[:] = forces(model, data, pushes[0], pushes[1][i])
                     mujoco.mj_forward(model, data)
                 except mujoco.FatalError:  # a heap of contacts, of what fell
                     continue

@@ -12,6 +12,7 @@ from icmj.controller.trigger import Faces
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.bracket import SPLITS, any_may_reach_zero, hermite_root
+from icmj.engine.pushing import forces
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 
@@ -26,7 +27,7 @@ INTEGRATORS: dict[int, Callable[[mujoco.MjModel, mujoco.MjData], None]] = {
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """MuJoCo control callback: fresh outputs, then ctrl = ctrl_0 − K a + d(t)."""
+    """MuJoCo control callback: fresh outputs, then ctrl = ctrl_0 − K a + d(t), and the forces of pushes."""
     block = block_of(model)
     if block is None or model.nu != len(block.ctrl_0) + 1:
         return
@@ -34,6 +35,9 @@ def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     if block.header[Slot.STAGE] >= int(mujoco.mjtStage.mjSTAGE_VEL):
         mujoco.mj_sensorVel(model, data)
     data.ctrl[: len(block.ctrl_0)] = command(block, data)
+    if len(block.pushes):
+        sizes = _sum(block.sizes, len(block.pushes), data.time, block.header[Slot.PHASE])
+        data.qfrc_applied[:] = forces(model, data, block.pushes, sizes)
 
 
 def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:

@@ -16,6 +16,7 @@ from icmj.engine.saturation import applied, clipped, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.stepping import stepping_of
 from icmj.engine.tableau import METHODS
+from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -47,8 +48,8 @@ def simulate(
             tolerance.
 
     Returns:
-        The run. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance. ``precision`` has
-        ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
+        The run. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
+        has ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
         ``output_errors`` (of each output), ``steps``, ``seconds``, ``implementation``; where
         there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often); where sensors reach
@@ -114,6 +115,7 @@ def simulate(
         qpos=record.rows[:, 1 : 1 + model.nq],
         delay=controller.delay.t_d,
         applied=acting,
+        **recorded(loop.pushes, record.rows[:, 0]),
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant.linearisation.plant, controller.design.plant),

@@ -35,7 +35,10 @@ class LinearCourse:
         F[:size, :size] = loop.F
         for source in settings.disturbance:
             if isinstance(source, Step):
-                F[:size, size] += loop.D[:, plant.inputs.index(source.input)] * source.size
+                if source.push:
+                    F[: plant.n, size] += plant.effect(source.push) * source.size
+                else:
+                    F[:size, size] += loop.D[:, plant.inputs.index(str(source.input))] * source.size
             elif isinstance(source, Bias):
                 F[:size, size] += loop.E[:, plant.outputs.index(source.output)] * source.size
         self._F = F

@@ -17,7 +17,7 @@ from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
 from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.disturbance import Disturbance
+from icmj.simulation.disturbance import Disturbance, Pushes
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +118,21 @@ class Forcing:
         return times[np.isfinite(times) & (times > 0)]
 
 
-def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance) -> Forcing:
-    """Disturbance on the plant's inputs, and errors of its outputs as the observer reads them, as one."""
-    effects = np.hstack([loop.composed.D, loop.composed.E])[: loop.moving]
-    ports = np.concatenate([disturbance.input, disturbance.n_u + errors.input]).astype(np.int64)
+def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
+    """What acts beside the plant's commands, on the plant itself, and on its outputs as the observer reads them, as one.
+
+    Raises:
+        SimulationError: if the plant does not know what is pushed.
+    """
+    E_p = np.zeros((len(loop.composed.F), len(pushes.places)))
+    for column, push in enumerate(pushes.places):
+        E_p[: loop.plant.n, column] = loop.plant.effect(push)
+    pushed = loop.composed.coordinates.of_states(E_p)
+    acting = (disturbance, errors, pushes.size)
+    effects = np.hstack([loop.composed.D, loop.composed.E, pushed])[: loop.moving]
+    first = np.cumsum([0, disturbance.n_u, errors.n_u])
+    ports = np.concatenate([at + of.input for at, of in zip(first, acting, strict=True)]).astype(np.int64)
     used, signal = np.unique(ports, return_inverse=True)
     terms, order = ("amplitude", "omega", "phase", "start", "end"), np.argsort(signal, kind="stable")
-    joined = (np.concatenate([getattr(disturbance, name), getattr(errors, name)])[order] for name in terms)
+    joined = (np.concatenate([getattr(of, name) for of in acting])[order] for name in terms)
     return Forcing(np.ascontiguousarray(effects[:, used]), signal[order], *joined)

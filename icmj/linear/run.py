@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from icmj.controller.controller import Controller
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -87,4 +88,5 @@ def simulate(
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant, controller.design.plant),
+        **recorded(simulator.pushes, found.t),
     )

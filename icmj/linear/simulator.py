@@ -14,7 +14,7 @@ from icmj.linear.native.state import FRESH, Count, Now, Run, Status, Tables
 from icmj.linear.tables import tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, disturbance_of, reading_error_of
+from icmj.simulation.disturbance import Disturbance, Pushes, disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.settings import Settings
 
@@ -44,12 +44,14 @@ class Simulator:
 
     Attributes:
         loop: the closed loop.
-        disturbance: on the plant's inputs.
+        disturbance: beside the plant's commands.
+        pushes: on the plant itself.
         tables: the numbers that stay.
     """
 
     loop: LinearLoop
     disturbance: Disturbance
+    pushes: Pushes
     tables: Tables
 
     def __init__(
@@ -67,7 +69,9 @@ class Simulator:
         self._simulate, self._call = simulator(), called
         self.loop = loop = linear_loop(plant, controller)
         self.disturbance = disturbance_of(settings.disturbance, plant.inputs)
-        acting = forcing(loop, self.disturbance, reading_error_of(settings.disturbance, plant.outputs))
+        self.pushes = pushes_of(settings)
+        errors = reading_error_of(settings.disturbance, plant.outputs)
+        acting = forcing(loop, self.disturbance, errors, self.pushes)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
         self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
         self.tables = T = tables(loop, acting, self.duration, self.limits, interval)

@@ -28,6 +28,7 @@ from icmj.measurement.measurement import Measurement
 from icmj.measurement.spectrum import Spectrum
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.push import Push
 from icmj.result.attractor import Attractor
 from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.runfile.reading import parse_run
@@ -43,7 +44,7 @@ from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
 _DATA: tuple[type, ...] = (
-    *(LinearPlant, Design, Hold, Delay, Controller, *TRIGGERS),
+    *(LinearPlant, Push, Design, Hold, Delay, Controller, *TRIGGERS),
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),

@@ -18,6 +18,7 @@ from icmj.result.result import Result
 from icmj.view.acting import acting
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import modes, reduced
+from icmj.view.quantity import in_brackets
 from icmj.view.timeline import running_interval, with_resets
 
 
@@ -91,6 +92,13 @@ def _acting(result: Result) -> Iterator[Group]:
         colours = tuple(palette.pale(palette.series(result.actual.n_u)[i]) for i in inputs)
         values = np.ascontiguousarray(result.simulation.applied[:, inputs])
         yield Group("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
+    run = result.simulation
+    if run.pushes:
+        names = tuple(
+            f"push on {name}{in_brackets(unit)}" for name, unit in zip(run.push_names, run.push_units, strict=True)
+        )
+        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
+        yield Group("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
 def _pressure(result: Result) -> Iterator[Group]:

@@ -61,6 +61,8 @@ def _simulation(result: Result, name: str, simulation: Simulation) -> None:
     _shape(f"{name}.E", simulation.E, N)
     if simulation.applied.size:
         _shape(f"{name}.applied", simulation.applied, N, n_u)
+    if simulation.pushes or simulation.pushed.size:
+        _shape(f"{name}.pushed", simulation.pushed, N, len(simulation.pushes))
     if simulation.qpos.size:
         _shape(f"{name}.qpos", simulation.qpos, N, None)
     _require(simulation.qpos.ndim == 2, f"{name}.qpos", f"has shape {simulation.qpos.shape}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import Array, real
 from icmj.base.text import one_line
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, SimulationError
+from icmj.plant.push import Push
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem, StateSpace
@@ -29,6 +30,9 @@ class LinearPlant:
         C: output matrix, shape (n_y, n).
         states, inputs, outputs: names, lengths n, n_u and n_y.
         state_units, input_units, output_units: their units, such as rad or N m; "" where it is not known.
+        B_d: effect of a push of size 1 along each input on the plant itself, shape (n, n_u), which no input gain
+            changes; B if it is empty.
+        pushes: effect of other pushes of size 1, shape (n,) each.
 
     B may be given as a vector where there is a single input, and C where there is a single output.
 
@@ -46,6 +50,8 @@ class LinearPlant:
     state_units: tuple[str, ...] = ()
     input_units: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    B_d: Array = field(default_factory=lambda: np.zeros((0, 0)), kw_only=True)
+    pushes: Mapping[Push, Array] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         A, B, C = (real(M, letter, AnalysisError) for letter, M in zip("ABC", (self.A, self.B, self.C), strict=True))
@@ -56,11 +62,15 @@ class LinearPlant:
             raise AnalysisError(
                 f"plant matrices do not fit: A {A.shape}, B {B.shape}, C {C.shape}; expected (n, n), (n, n_u), (n_y, n)"
             )
-        if not all(np.isfinite(M).all() for M in (A, B, C)):
+        B_d = real(self.B_d, "B_d", AnalysisError)
+        B_d = B_d if B_d.size else B.copy()
+        B_d = B_d[:, None] if B_d.ndim == 1 and len(B_d) == n else np.atleast_2d(B_d)
+        if B_d.shape != B.shape:
+            raise AnalysisError(f"plant matrices do not fit: B_d {B_d.shape}; expected the shape of B, {B.shape}")
+        if not all(np.isfinite(M).all() for M in (A, B, C, B_d)):
             raise AnalysisError("plant matrices hold a NaN or an infinity; check the model's operating point")
-        for M in (A, B, C):
+        for name, M in (("A", A), ("B", B), ("C", C), ("B_d", B_d)):
             M.flags.writeable = False
-        for name, M in zip("ABC", (A, B, C), strict=True):
             object.__setattr__(self, name, M)
         for kind, size, letter in (
             ("states", n, "x"),
@@ -101,8 +111,25 @@ class LinearPlant:
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
         return eigenvalues[np.lexsort((eigenvalues.imag, -eigenvalues.real))]
 
+    def effect(self, push: Push) -> Array:
+        """What a push of size 1 adds to ẋ, shape (n,).
+
+        Raises:
+            SimulationError: if the plant has no such input, or does not know the body.
+        """
+        if push.input is not None:
+            if push.input not in self.inputs:
+                raise SimulationError(f"push on input {push.input!r}: the plant's inputs are {', '.join(self.inputs)}")
+            return np.asarray(self.B_d[:, self.inputs.index(push.input)])
+        if push not in self.pushes:
+            raise SimulationError(
+                f"push on body {push.body!r}: a linear plant knows no bodies; push an input, or take the linear plant "
+                "of a model for these pushes, plant.pushed(settings.pushes)"
+            )
+        return self.pushes[push]
+
     def scaled(self, gain: ArrayLike) -> LinearPlant:
-        """The same plant with its inputs multiplied by ``gain`` (scalar or one for each input)."""
+        """The same plant with its inputs multiplied by ``gain`` (scalar or one for each input), pushes as they are."""
         return replace(self, B=self.B * np.asarray(gain, float))
 
     def statespace(self) -> StateSpace:

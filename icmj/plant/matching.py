@@ -56,13 +56,13 @@ def picked(plant: LinearPlant, u: np.ndarray, y: np.ndarray) -> LinearPlant:
 
     return replace(
         plant,
-        B=plant.B[:, u], inputs=of(plant.inputs, u), input_units=of(plant.input_units, u),
+        B=plant.B[:, u], B_d=plant.B_d[:, u], inputs=of(plant.inputs, u), input_units=of(plant.input_units, u),
         C=plant.C[y], outputs=of(plant.outputs, y), output_units=of(plant.output_units, y),
     )  # fmt: skip
 
 
 def deviated(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPlant:
-    """The paper's family A = Â − ρÃ₁, same for B and C: ``assumed`` at ρ = 0, ``actual`` at ρ = 1.
+    """The paper's family A = Â − ρÃ₁, same for B, C and B_d: ``assumed`` at ρ = 0, ``actual`` at ρ = 1.
 
     Raises:
         AnalysisError: if the two plants differ in size, or in names.
@@ -72,9 +72,8 @@ def deviated(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPla
     actual = matched(actual, assumed)
     if assumed.states != actual.states:
         raise AnalysisError("the family in ρ needs assumed and actual plant with the same states, in the same order")
-    pairs = ((assumed.A, actual.A), (assumed.B, actual.B), (assumed.C, actual.C))
-    A, B, C = ((1 - rho) * M + rho * N for M, N in pairs)
-    return replace(assumed, A=A, B=B, C=C)
+    mixed = {name: (1 - rho) * getattr(assumed, name) + rho * getattr(actual, name) for name in ("A", "B", "C", "B_d")}
+    return replace(assumed, **mixed)
 
 
 def _order(what: str, here: tuple[str, ...], there: tuple[str, ...]) -> np.ndarray:

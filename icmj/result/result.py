@@ -17,7 +17,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
 from icmj.theory.prediction import Prediction
@@ -109,9 +109,10 @@ class Result(Shown):
         Raises:
             DataError: if the rate is not usable.
         """
-        sources = self.run.simulation.settings().disturbance
-        pushes, errors = disturbance_of(sources, self.actual.inputs), reading_error_of(sources, self.actual.outputs)
-        breaks = np.union1d(pushes.edges, errors.edges)
+        settings = self.run.simulation.settings()
+        sources = settings.disturbance
+        beside, errors = disturbance_of(sources, self.actual.inputs), reading_error_of(sources, self.actual.outputs)
+        breaks = np.unique(np.concatenate([beside.edges, errors.edges, pushes_of(settings).size.edges]))
         series = self.simulation.to_series(rate, self.controller, breaks)
         return replace(series, facts=self._facts | series.facts)
 

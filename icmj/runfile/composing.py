@@ -13,7 +13,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.writing import to_toml
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, Source
 
 FIRST = "# written from a plant and a controller that were put together in code\n"
 
@@ -61,6 +61,7 @@ def _plant(plant: LinearPlant) -> dict[str, Any]:
         "A": plant.A,
         "B": plant.B,
         "C": plant.C,
+        **({} if np.array_equal(plant.B_d, plant.B) else {"B_d": plant.B_d}),
         "states": plant.states,
         "inputs": plant.inputs,
         "outputs": plant.outputs,
@@ -69,9 +70,14 @@ def _plant(plant: LinearPlant) -> dict[str, Any]:
 
 
 def _settings(settings: Settings) -> dict[str, Any]:
-    sources = [{"kind": type(source).__name__.lower(), **asdict(source)} for source in settings.disturbance]
+    sources = [{"kind": type(source).__name__.lower(), **_source(source)} for source in settings.disturbance]
     given = {name: value for name, value in vars(settings).items() if name != "disturbance"}
     return given | ({"disturbance": sources} if sources else {})
+
+
+def _source(source: Source) -> dict[str, Any]:
+    on_body = getattr(source, "body", None) is not None
+    return {key: value for key, value in asdict(source).items() if on_body or key not in ("force", "torque", "point")}
 
 
 def _plain(value: Any) -> Any:

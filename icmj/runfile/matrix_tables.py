@@ -20,8 +20,11 @@ class MatrixTable(TomlTable):
     """Input matrix, row by row; of a single input also its entries."""
     C: Matrix | Numbers | None = None
     """Output matrix, row by row; of a single output also its entries."""
+    B_d: Matrix | Numbers | None = None
+    """What a push of size 1 along each input does, which no gain changes, as B; B if it is not there."""
     matrices: str | None = None
-    """File with A, B, C and names, beside the run file: ``.npz``, or ``.json`` as ``icmj linearise --json`` prints."""
+    """File with A, B, C, if it is there B_d, and names, beside the run file: ``.npz``, or ``.json`` as
+    ``icmj linearise --json`` prints."""
     units: dict[str, str] = {}
     """Units of states, inputs and outputs of a plant given by matrices, by name."""
 
@@ -45,6 +48,8 @@ class MatrixTable(TomlTable):
         there = [letter for letter in LETTERS if getattr(self, letter) is not None]
         if there and self.matrices is not None:
             raise ValueError(f"give either matrices or {' and '.join(there)}")
+        if self.B_d is not None and not there:
+            raise ValueError("B_d stands beside A, B and C")
         if there and len(there) < len(LETTERS):
             missing = [letter for letter in LETTERS if letter not in there]
             raise ValueError(f"a plant needs A, B and C; {' and '.join(missing)} is not there")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from icmj.errors import SimulationError
+from icmj.plant.push import ZERO
 from icmj.runfile.table import (
     MOST,
     Finite,
@@ -14,21 +15,53 @@ from icmj.runfile.table import (
     Positive,
     TomlTable,
 )
-from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, Settings, Source, Step
+from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, On, Settings, Source, Step
 
+Vector = tuple[Finite, Finite, Finite]
 SHORTEST = 1e-6  # s
 LONGEST = 1e9  # s, thirty years: the viewer counts nanoseconds in 64 bits
 
 
-class ImpulseTable(TomlTable):
-    """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
+class PlaceTable(TomlTable):
+    """Where something acts: on an input, or on any body of a model, at any point. Its shape is in the table's kind."""
+
+    input: str | None = None
+    """That it acts on, by name, or"""
+    on: On | None = None
+    """Of an input: ``"body"`` is on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the actuator
+    has, where its length grows; so impulses and steps are by default. ``"command"`` is beside the command and goes
+    through all these; so noise is by default."""
+    body: str | None = None
+    """the body that is pushed, by name, which a model must have,"""
+    force: Vector = ZERO
+    """by this force [N], times ``size``, along the axes of the world,"""
+    torque: Vector = ZERO
+    """by this torque [N m], times ``size``, about the axes of the world,"""
+    point: Vector | None = None
+    """at this point in the body's frame [m]; its centre of mass by default."""
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The keys of the place that are given, as :class:`icmj.simulation.settings.Placed` takes them."""
+        keys = ("on", "body", "force", "torque", "point")
+        return {
+            key: getattr(self, key) for key in keys if key in self.model_fields_set and getattr(self, key) is not None
+        }
+
+    def sized(self, size: float | None) -> float:
+        """The size, which may be left out where force and torque say all."""
+        if size is None and self.body is None:
+            raise SimulationError("size is required")
+        return 1.0 if size is None else size
+
+
+class ImpulseTable(PlaceTable):
+    """An impulse on an input or a body: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
 
     kind: Literal["impulse"]
     """Of the disturbance."""
-    input: str
-    """That it acts on, by name."""
-    size: Finite
-    """Of the impulse [N m s, or the input's unit times s]."""
+    size: Finite | None = None
+    """Of the impulse [N m s, or the input's unit times s]; of a body times its force and torque, 1 by default."""
     start: NonNegative = 0.0
     """From when on [s]."""
     duration: Positive = 0.05
@@ -36,28 +69,26 @@ class ImpulseTable(TomlTable):
 
     def source(self) -> Source:
         """The source that it stands for."""
-        return Impulse(self.input, self.size, self.start, self.duration)
+        return Impulse(self.input, self.sized(self.size), self.start, self.duration, **self.placed)
 
 
-class StepTable(TomlTable):
-    """A torque step on one input: ``size`` [N m] from ``start`` [s] on."""
+class StepTable(PlaceTable):
+    """A step on an input or a body: ``size`` [N m] from ``start`` [s] on."""
 
     kind: Literal["step"]
     """Of the disturbance."""
-    input: str
-    """That it acts on, by name."""
-    size: Finite
-    """Of the step [unit of the input]."""
+    size: Finite | None = None
+    """Of the step [N m, or the input's unit]; of a body times its force and torque, 1 by default."""
     start: NonNegative = 0.0
     """From when on [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
-        return Step(self.input, self.size, self.start)
+        return Step(self.input, self.sized(self.size), self.start, **self.placed)
 
 
-class NoiseTable(TomlTable):
-    """Coloured noise on one input, or on one output as the observer reads it.
+class NoiseTable(PlaceTable):
+    """Coloured noise on one input or body, or on one output as the observer reads it.
 
     Standard deviation ``size``, flat up to ``bandwidth`` [Hz] or a first-order low-pass with its ``corner`` [Hz], from
     ``seed``; see :class:`icmj.simulation.settings.Noise`.
@@ -65,10 +96,8 @@ class NoiseTable(TomlTable):
 
     kind: Literal["noise"]
     """Of the disturbance."""
-    input: str | None = None
-    """That it acts on, by name, or"""
-    size: Positive
-    """Standard deviation [unit of the input or output]."""
+    size: Positive | None = None
+    """Standard deviation [unit of the input or output]; of a body times its force and torque, 1 by default."""
     bandwidth: Positive | None = None
     """Up to which the spectrum is flat [Hz], or"""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
@@ -84,7 +113,11 @@ class NoiseTable(TomlTable):
 
     def source(self) -> Source:
         """The source that it stands for."""
-        return Noise(self.input, self.size, self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms)
+        size, edge = (
+            self.sized(self.size),
+            (self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms),
+        )
+        return Noise(self.input, size, *edge, **self.placed)
 
 
 class BiasTable(TomlTable):

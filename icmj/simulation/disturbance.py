@@ -1,6 +1,7 @@
-"""Disturbances d(t) on the plant's inputs, ẋ = A x + B (u + d), and errors n(t) of its outputs for the observer.
+"""Disturbances d(t) of commands, pushes p(t) on the plant itself, errors n(t) of outputs for the observer.
 
-The observer knows u only, and reads y + n; the plant does not feel n. Both are sums of terms a·cos(ω t + φ) that live
+ẋ = A x + B (u + d) + E p with a column of E for each push (:class:`icmj.plant.push.Push`). The observer knows u only,
+and reads y + n; the plant does not feel n. All are sums of terms a·cos(ω t + φ) that live
 in a window [start, end). A constant has ω = 0. Terms are functions of time alone, so what acts depends neither on the
 timestep nor on the integrator, and a linear simulation can integrate it exactly with one oscillator for each term.
 """
@@ -10,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.errors import SimulationError
-from icmj.simulation.settings import Bias, Impulse, Noise, Source
+from icmj.plant.push import Push
+from icmj.simulation.settings import Bias, Impulse, Noise, Placed, Settings, Source
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
 _FINE, _COARSE = 4000, 400  # instants: of one signal, and of each of many
@@ -28,7 +31,8 @@ _ENOUGH = 200  # terms: more change the range of standard deviations no further
 class Disturbance:
     """Terms a·cos(ω t + φ) on [start, end), each on one input; M of them.
 
-    The inputs are the plant's, or for errors of the outputs those of the observer, which are the plant's outputs.
+    The inputs are the plant's, or for errors of the outputs those of the observer, which are the plant's outputs; or
+    places that are pushed.
 
     Attributes:
         n_u: number of inputs.
@@ -68,8 +72,38 @@ def no_disturbance(n_u: int) -> Disturbance:
     return _from_terms(n_u, [])
 
 
+@dataclass(frozen=True, eq=False)
+class Pushes:
+    """Forces on the plant itself.
+
+    Attributes:
+        places: where they act, K of them.
+        size: of each over time, K inputs.
+    """
+
+    places: tuple[Push, ...]
+    size: Disturbance
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def pushes_of(settings: Settings) -> Pushes:
+    """p(t): what acts on the plant itself, at each place the sum of what acts there."""
+    places, terms = settings.pushes, []
+    for source in settings.disturbance:
+        if isinstance(source, Placed) and source.push is not None:
+            terms += [(places.index(source.push), *term) for term in _terms(source)]
+    return Pushes(places, _from_terms(len(places), terms))
+
+
+def recorded(pushes: Pushes, t: Array) -> dict[str, Any]:
+    """What a run keeps of ``pushes`` at its rows: none where there are none."""
+    return {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
+
+
 def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
-    """d(t): those of these sources that act on inputs, for a plant whose inputs have these names.
+    """d(t): those of these sources that act beside commands, for a plant whose inputs have these names.
 
     Noise is a multisine: sinusoids of equal power, one in each of as many bands, which split the spectrum into parts of
     equal power, frequencies within the bands and phases drawn from the seed. It does not repeat within any practical
@@ -78,7 +112,8 @@ def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturba
     Raises:
         SimulationError: if a source names an input that the plant does not have.
     """
-    return _sum([(source, source.input) for source in sources if not isinstance(source, Bias)], inputs, "input")
+    beside = [source for source in sources if isinstance(source, Placed) and source.push is None]
+    return _sum([(source, source.input) for source in beside], inputs, "input")
 
 
 def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Disturbance:
@@ -151,3 +186,6 @@ def _terms(source: Source) -> list[tuple[float, ...]]:
 def _from_terms(n_u: int, terms: Sequence[tuple[float, ...]]) -> Disturbance:
     columns = np.array(terms, dtype=float).reshape(-1, 6).T
     return Disturbance(n_u, columns[0].astype(int), *columns[1:])
+
+
+NO_PUSHES = Pushes((), no_disturbance(0))

@@ -9,53 +9,102 @@ from typing import Literal, get_args
 import numpy as np
 
 from icmj.errors import SimulationError
+from icmj.plant.push import ZERO, Push, Vector
 from icmj.simulation.ending import Limit
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
 MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
+On = Literal["command", "body"]
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
 
 
-@dataclass(frozen=True)
-class Impulse:
-    """A torque impulse on one input: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """Where something acts, apart from how it goes over time, which is its shape.
 
-    input: str
-    size: float
+    Attributes:
+        on: of an input, ``"command"``: beside the command, through input gain, gear and dynamics of the actuator; or
+            ``"body"``: on the body itself, along what the input moves (:class:`icmj.plant.push.Push`).
+        body: instead of an input, the body of a model that is pushed.
+        force, torque: on it of size 1 [N, N m], along the axes of the world.
+        point: where the force acts, in the body's frame [m]; its centre of mass if ``None``.
+    """
+
+    on: On = "body"
+    body: str | None = None
+    force: Vector = ZERO
+    torque: Vector = ZERO
+    point: Vector | None = None
+
+    @property
+    def push(self) -> Push | None:
+        """Where it acts on the plant itself; ``None`` beside a command, or on a reading."""
+        of: str | None = getattr(self, "input", None)
+        if self.body is None and (self.on == "command" or of is None):
+            return None
+        return Push(of, self.body, self.force, self.torque, self.point)
+
+    def _check_place(self, what: str) -> str:
+        """The name of where it acts; SimulationError if that is not one place."""
+        named = {key: getattr(self, key, None) for key in ("input", "output", "body")}
+        there = [key for key, name in named.items() if name is not None]
+        known = "input, output and body" if hasattr(self, "output") else "input and body"
+        _require(len(there) == 1, f"{what}: give one of {known}")
+        _require(self.on in get_args(On), f"{what}: on {self.on!r}; expected one of {', '.join(get_args(On))}")
+        _require(self.body is None or self.on == "body", f"{what} on body {self.body!r}: a body has no command")
+        loose = self.body is None and (any(self.force) or any(self.torque) or self.point is not None)
+        _require(not loose, f"{what}: force, torque and point are those of a body; name it")
+        return str(self.push.where if self.push else named[there[0]])
+
+
+@dataclass(frozen=True)
+class Impulse(Placed):
+    """An impulse: ``size`` [N m s, or the input's unit times s] spread evenly over ``duration`` [s] from ``start`` [s].
+
+    It acts on the body along an ``input``, beside its command, or on a ``body``; see :class:`Placed`.
+    """
+
+    input: str | None = None
+    size: float = 1.0
     start: float = 0.0
     duration: float = 0.05
 
     def __post_init__(self) -> None:
+        where = self._check_place("impulse")
         _check(self, "impulse", "size", "start", "duration")
-        _require(self.start >= 0, f"impulse on {self.input!r}: start {self.start} s is negative")
-        _require(self.duration > 0, f"impulse on {self.input!r}: duration {self.duration} s must be positive")
+        _require(self.start >= 0, f"impulse on {where!r}: start {self.start} s is negative")
+        _require(self.duration > 0, f"impulse on {where!r}: duration {self.duration} s must be positive")
 
 
 @dataclass(frozen=True)
-class Step:
-    """A torque step on one input: ``size`` [N m] from ``start`` [s] on."""
+class Step(Placed):
+    """A step: ``size`` [N m, or the input's unit] from ``start`` [s] on, where an :class:`Impulse` may act."""
 
-    input: str
-    size: float
+    input: str | None = None
+    size: float = 1.0
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        where = self._check_place("step")
         _check(self, "step", "size", "start")
-        _require(self.start >= 0, f"step on {self.input!r}: start {self.start} s is negative")
+        _require(self.start >= 0, f"step on {where!r}: start {self.start} s is negative")
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Placed):
     """Coloured noise on one input (process noise), or on one output as the observer reads it (sensor noise).
+
+    On an input it acts beside the command, as a muscle's does, unless ``on`` says that it is of the body; on a ``body``
+    it is one signal times its force and torque.
 
     Its spectrum is flat up to ``bandwidth``, or a first-order low-pass with its ``corner``, one of the two. Two noises
     of one seed and one spectrum are the same signal, but for their size.
 
     Attributes:
-        input, output: what it acts on, one of the two.
-        size: standard deviation [unit of the input or output].
+        input, output: what it acts on, one of the two, or of a ``body``.
+        size: standard deviation [unit of the input or output, or of force and torque].
         bandwidth: where a flat spectrum ends [Hz].
         corner: where a low-pass spectrum has fallen to half [Hz]; it ends at twenty times that.
         seed: of frequencies and phases.
@@ -64,17 +113,19 @@ class Noise:
     """
 
     input: str | None = None
-    size: float = 0.0
+    size: float = 1.0
     bandwidth: float | None = None
     seed: int = 0
     start: float = 0.0
     output: str | None = None
     corner: float | None = None
     terms: int = NOISE_TERMS
+    on: On = field(default="command", kw_only=True)
 
     def __post_init__(self) -> None:
-        _require((self.input is None) != (self.output is None), "noise: give one of input and output")
-        where = f"noise on {(self.output if self.input is None else self.input)!r}"
+        if self.body is not None and self.on == "command":  # not said
+            object.__setattr__(self, "on", "body")
+        where = f"noise on {self._check_place('noise')!r}"
         _require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
         edge = "bandwidth" if self.corner is None else "corner"
         _check(self, "noise", "size", edge, "start")
@@ -119,7 +170,7 @@ class Settings:
         limit: the run has *fallen* when any position of the plant departs further than this: one number for all
             [rad or m], or by name [the position's own unit]; 1 rad or 1 m if ``None``. See
             :func:`icmj.simulation.ending.limits_of` for other units.
-        disturbance: what acts on the plant's inputs beside the controller, or on outputs as the observer reads them.
+        disturbance: what acts on inputs or bodies beside the controller, or on outputs as the observer reads them.
         native: whether compiled code runs, or the plain-Python loop that it is tested against.
 
     Raises:
@@ -136,6 +187,12 @@ class Settings:
     disturbance: tuple[Source, ...] = ()
     native: bool = True
     tolerance: float | None = None
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        """Where the disturbances act on the plant itself, each once."""
+        found = (source.push for source in self.disturbance if isinstance(source, Placed))
+        return tuple(dict.fromkeys(push for push in found if push is not None))
 
     @property
     def noisy(self) -> bool:

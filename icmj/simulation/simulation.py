@@ -16,6 +16,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.trigger.trigger import Kind
+from icmj.plant.push import Push
 from icmj.series.even import step_of
 from icmj.series.pieces import piecewise
 from icmj.series.series import Series
@@ -73,9 +74,11 @@ class Simulation(Shown):
         least: the least open-loop interval, the larger of Δ_min and t_d [s].
         noisy: whether noise acted, so that the motion is to be told by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
-        applied: what acts of command and disturbance within the limits of the actuators, in the units of u, shape
-            (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant where there is no disturbance,
-            for it has no limits.
+        applied: what acts of command and disturbance beside it within the limits of the actuators, in the units of u,
+            shape (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant where there is no
+            disturbance, for it has no limits.
+        pushes: where something acts on the plant itself, K places.
+        pushed: how large it is there, shape (N, K); empty (0, 0) where nothing does.
         pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
         labels: names and units of states, inputs and outputs; empty where they are not known.
     """
@@ -99,6 +102,8 @@ class Simulation(Shown):
     noisy: bool = False
     pressure: Pressure | None = None
     labels: Labels = UNKNOWN
+    pushes: tuple[Push, ...] = ()
+    pushed: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
@@ -125,7 +130,8 @@ class Simulation(Shown):
         """Every recorded signal under its name: ``x.ankle``, ``y.shank``, ``u.ankle_torque``, ``x_o.…``, ``x_h.…``.
 
         ``interval`` counts the events so far: 0 until the first event, whose own row belongs to the interval it ends.
-        ``E`` is the event function, ``applied.…`` what acts of command and disturbance, ``cop.x`` and ``cop.y`` the
+        ``E`` is the event function, ``applied.…`` what acts of command and disturbance, ``push.…`` the forces on the
+        plant itself by what is pushed, ``cop.x`` and ``cop.y`` the
         centre of pressure, ``load.…`` the normal force on each contact; each where there is one.
 
         Args:
@@ -177,6 +183,25 @@ class Simulation(Shown):
             {"plant": self.plant, "control": self.control},
         )
 
+    @property
+    def push_names(self) -> tuple[str, ...]:
+        """Of what is pushed; with a number where one body is pushed in several ways."""
+        names = [push.where for push in self.pushes]
+        return tuple(
+            name if names.count(name) == 1 else f"{name}.{names[:i].count(name)}" for i, name in enumerate(names)
+        )
+
+    @property
+    def push_units(self) -> tuple[str, ...]:
+        """Of :attr:`push_values`."""
+        units = dict(zip(self.labels.inputs, self.labels.input_units, strict=True))
+        return tuple(push.unit(units.get(push.where, "")) for push in self.pushes)
+
+    @property
+    def push_values(self) -> Array:
+        """The force on each place [N], or the torque [N m]; of force and torque together the size; shape (N, K)."""
+        return self.pushed * [push.magnitude for push in self.pushes] if self.pushes else self.pushed
+
     def to_pandas(
         self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
     ) -> DataFrame:
@@ -227,6 +252,8 @@ class Simulation(Shown):
             limited = bool(self.precision.get("saturated_share"))
             acting = None if command is None or limited else self.applied[at] + command - self.u[at]
             blocks.append(_block("applied", labels.inputs, labels.input_units, self.applied, acting))
+        if self.pushes:
+            blocks.append(_block("push", self.push_names, self.push_units, self.push_values, self.push_values[at]))
         if self.pressure is not None:
             ground, known = self.pressure, len(self.pressure.t_after) > 0
             newtons = ("N",) * len(ground.geoms)

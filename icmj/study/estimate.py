@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.case.case import Case, PlantKind
+from icmj.case.plants import linear_plant
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.stepping import stepping_of
@@ -128,7 +129,7 @@ def _timed(case: Case, plant: PlantKind, length: float) -> float:
     settings = replace(case.settings, duration=min(length, case.settings.duration))
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     if plant == "linear":
-        simulate_linear(case.actual.linearisation.plant, case.controller, settings)
+        simulate_linear(linear_plant(case.actual, settings), case.controller, settings)
     else:
         simulate_mujoco(case.model, case.controller, settings, error_estimate=False)
     return time.process_time() - begin

@@ -147,12 +147,13 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
 
 
 def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
+    from icmj.case.plants import linear_plant
     from icmj.experiment.attractors import attractors
 
     study = case.run.study
     if study.attractor_starts == 0:
         return ()
-    plant, settings = case.actual.linearisation.plant, case.settings
+    plant, settings = linear_plant(case.actual, case.settings), case.settings
     try:
         return attractors(
             plant,

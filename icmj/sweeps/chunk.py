@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
+from icmj.case.plants import linear_plant
 from icmj.comparison.comparison import finite, on_predicted_cycle
 from icmj.errors import CycleError, IcmjError
 from icmj.experiment.attractors import attractors
@@ -204,7 +205,7 @@ def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
 
 def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
     found = attractors(
-        case.actual.linearisation.plant,
+        linear_plant(case.actual, case.settings),
         case.controller,
         case.settings,
         starts=plan.file.ask.attractors,

@@ -40,7 +40,7 @@ def test_continuous_control_is_a_state_space():
     assert loop.input_labels == ["d_torque", "n_angle"]
     assert loop.output_labels == ["angle", "u_torque"]
     assert loop.state_labels == ["hinge", "hinge_rate", "x_o_hinge", "x_o_hinge_rate"]
-    simulation = run(controller(Continuous()), disturbance=(Step("torque", PUSH),))
+    simulation = run(controller(Continuous()), disturbance=(Step("torque", PUSH, on="command"),))
     found = control.forced_response(loop, simulation.t, [PUSH + 0 * simulation.t, 0 * simulation.t], [*X0, 0, 0])
     assert found.outputs[0] == pytest.approx(simulation.y[:, 0], abs=1e-9)
     assert found.outputs[1] == pytest.approx(simulation.u[:, 0], abs=1e-8)
@@ -53,7 +53,7 @@ def test_a_clock_is_a_state_space_in_discrete_time_with_the_eigenvalues_of_phi()
     assert loop.dt == interval
     phi = error_system(actual_plant("b0.8"), control_.design).phi(interval)
     assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(np.linalg.eigvals(phi)), abs=1e-9)
-    simulation = run(control_, disturbance=(Step("torque", PUSH),))
+    simulation = run(control_, disturbance=(Step("torque", PUSH, on="command"),))
     t = interval * np.arange(len(simulation.events) + 1)
     found = control.forced_response(loop, t, [PUSH + 0 * t, 0 * t], [*X0, 0, 0])
     assert pytest.approx(simulation.events.x, abs=1e-9) == found.states[:2, 1:].T

@@ -70,12 +70,12 @@ def test_a_lean_with_its_static_control_stays_in_balance_and_settles_as_predicte
 
 
 def test_the_disturbance_passes_the_gain_and_the_observer_does_not(tmp_path):
-    """d acts as b d beside b u; with no feedback the push alone moves the body."""
+    """Beside the command, d acts as b d beside b u; with no feedback it alone moves the body."""
     path = written(tmp_path, pendulum(MOTOR))
     assumed = load_plant(path)
     control = controlled(assumed)
     idle = replace(control, design=replace(control.design, k=0 * control.design.k, L=0 * control.design.L))
-    settings = Settings(duration=0.2, disturbance=(Impulse("ankle", 1.0, 0.0, 0.1),))
+    settings = Settings(duration=0.2, disturbance=(Impulse("ankle", 1.0, 0.0, 0.1, on="command"),))
     ends = [simulate(load_plant(path, Deviation(b)), idle, settings).x[-1] for b in (1.0, 0.5)]
     np.testing.assert_allclose(ends[1], 0.5 * ends[0], rtol=1e-6)
 

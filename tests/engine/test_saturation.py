@@ -35,7 +35,8 @@ def run_of(tmp_path, text, b=0.8, x0=0.05):
     design = design_lq(plant, R_c=1e-4 * size**2, R_o=0.01 * size**2)
     control = Controller(design, system_matched(design), EventTrigger(output_weight(design), 5e-3, 1e-3))
     x_0 = np.append([x0], np.zeros(plant.n - 1))
-    settings = Settings(duration=1.0, record_interval=0.002, disturbance=(Step("ankle", 3 / size / J, 0.3),))
+    push = Step("ankle", 3 / size / J, 0.3, on="command")
+    settings = Settings(duration=1.0, record_interval=0.002, disturbance=(push,))
     return simulate(load_plant(path, Deviation(b)), control, settings, x0=x_0, x_o0=x_0)
 
 

@@ -29,7 +29,8 @@ from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
+from icmj.simulation.disturbance import pushes_of
+from icmj.simulation.settings import Impulse, Noise, Settings, Step
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -259,8 +260,8 @@ def test_disturbances_agree_with_dop853():
     plant, design = PENDULUM.scaled(0.9), pendulum_design()
     controller = event_controller(design)
     disturbance = [
-        {"kind": "impulse", "input": "torque", "size": 0.01, "start": 0.5, "duration": 0.2},
-        {"kind": "step", "input": "torque", "size": 0.02, "start": 1.0},
+        {"kind": "impulse", "input": "torque", "size": 0.01, "start": 0.5, "duration": 0.2, "on": "command"},
+        {"kind": "step", "input": "torque", "size": 0.02, "start": 1.0, "on": "command"},
         {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 3, "start": 1.5},
     ]
     chosen = settings_from({"duration": 3.0, "limit": 1e6, "initial": {"hinge": 0.02}, "disturbance": disturbance})
@@ -272,6 +273,31 @@ def test_disturbances_agree_with_dop853():
     assert len(run.events) == len(times) == 4
     assert np.abs(run.events.t - times).max() < 1e-7  # DOP853 steps across the edges of the windows
     assert np.abs(run.events.x - states[:, :2]).max() < 1e-8
+
+
+def test_pushes_on_the_plant_itself_pass_no_gain_and_agree_with_dop853():
+    """What pushes by p at b = 0.9 does what p/b does beside the command; the controller's model stays as it was."""
+    plant, controller = PENDULUM.scaled(0.9), event_controller(pendulum_design())
+    sources = (
+        Impulse("torque", 0.009, 0.5, 0.2),
+        Step("torque", 0.018, 1.0),
+        Noise("torque", 0.018, 2.0, seed=3, start=1.5, on="body"),
+    )
+    chosen = settings(3.0, initial={"hinge": 0.02}, disturbance=sources)
+    run, size = simulate(plant, controller, chosen), pushes_of(chosen).size
+    times, states = ivp_events(plant, controller, 3.0, [0.02, 0], [0, 0], torque=lambda t: size(t) / 0.9, max_step=1e-3)
+    assert len(run.events) == len(times) == 4
+    assert np.abs(run.events.t - times).max() < 1e-7
+    assert np.abs(run.events.x - states[:, :2]).max() < 1e-8
+    assert (run.push_names, run.applied.size) == (("torque",), 0)
+    np.testing.assert_array_equal(run.push_values, size(run.t))
+
+
+def test_a_plant_without_a_body_has_none_to_push():
+    with pytest.raises(SimulationError, match="push on body 'trunk': a linear plant knows no bodies"):
+        simulate(
+            PENDULUM, event_controller(pendulum_design()), settings(disturbance=(Step(body="trunk", force=(1, 0, 0)),))
+        )
 
 
 def test_fall_is_exact_and_keeps_the_run():

@@ -8,23 +8,25 @@ import numpy as np
 import pytest
 
 from icmj.errors import SimulationError
+from icmj.plant.push import Push
 from icmj.simulation.disturbance import (
     LOW_PASS_END,
     disturbance_of,
     expected,
     no_disturbance,
+    pushes_of,
     reading_error_of,
     realised,
 )
-from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Step
+from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Settings, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:
     d = disturbance_of(
         [
-            Impulse(input="hip", size=0.3, start=1.0, duration=0.05),
-            Step(input="ankle", size=-2.0, start=0.5),
-            Step(input="ankle", size=1.0),
+            Impulse(input="hip", size=0.3, start=1.0, duration=0.05, on="command"),
+            Step(input="ankle", size=-2.0, start=0.5, on="command"),
+            Step(input="ankle", size=1.0, on="command"),
         ],
         ("ankle", "hip"),
     )
@@ -72,7 +74,7 @@ def test_nothing_and_unknown_inputs() -> None:
     assert len(no_disturbance(3).edges) == 0
     np.testing.assert_array_equal(no_disturbance(3)(1.0), np.zeros(3))
     with pytest.raises(SimulationError, match="'knee': the plant's inputs are ankle, hip"):
-        disturbance_of([Step(input="knee", size=1.0)], ("ankle", "hip"))
+        disturbance_of([Step(input="knee", size=1.0, on="command")], ("ankle", "hip"))
 
 
 def test_low_pass_noise_has_its_size_and_spectrum() -> None:
@@ -91,7 +93,7 @@ def test_low_pass_noise_has_its_size_and_spectrum() -> None:
 
 def test_errors_of_outputs_are_apart_from_disturbances_of_inputs() -> None:
     sources = [
-        Step(input="torque", size=2.0),
+        Step(input="torque", size=2.0, on="command"),
         Bias(output="trunk", size=-0.5, start=1.0),
         Noise(output="shank", size=0.1, corner=1.0, seed=3),
         Noise(input="torque", size=0.1, bandwidth=1.0, seed=3),
@@ -136,3 +138,48 @@ def test_of_other_seeds_the_range_told_holds_ninety_five_in_a_hundred(spectrum: 
     low, high = expected(noise, 60.0)
     inside = [low <= realised(replace(noise, seed=seed), 60.0)[1] <= high for seed in range(10_000, 11_000)]
     assert 0.93 < np.mean(inside) < 0.97
+
+
+def test_where_something_acts_is_apart_from_how_it_goes() -> None:
+    """What pushes one place is one sum; commands and readings have nothing of it."""
+    on_trunk = {"body": "trunk", "force": (3.0, 0.0, 4.0)}
+    settings = Settings(
+        disturbance=(
+            Impulse(**on_trunk, size=2.0, start=1.0, duration=0.5),
+            Step("ankle", 0.7, 0.5),
+            Step(**on_trunk, size=0.5),
+            Noise("ankle", 0.1, corner=1.0, seed=1),
+            Noise("hip", 0.1, corner=1.0, seed=1, on="body"),
+            Bias("y", 1.0),
+        )
+    )
+    pushes = pushes_of(settings)
+    assert pushes.places == settings.pushes == (Push(**on_trunk), Push("ankle"), Push("hip"))
+    assert [place.magnitude for place in pushes.places] == [5.0, 1.0, 1.0]
+    assert [place.unit("20 N m") for place in pushes.places] == ["N", "N m", "N m"]
+    np.testing.assert_allclose(pushes.size([0.2, 0.7, 1.2])[:, :2], [[0.5, 0], [0.5, 0.7], [4.5, 0.7]])
+    np.testing.assert_allclose(pushes.size.edges, [0.5, 1.0, 1.5])
+    d = disturbance_of(settings.disturbance, ("ankle", "hip"))
+    assert len(d) == NOISE_TERMS
+    assert set(d.input) == {0}
+    assert len(reading_error_of(settings.disturbance, ("y",))) == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Step(), "step: give one of input and body"),
+        (lambda: Step("u", body="b", force=(1, 0, 0)), "step: give one of input and body"),
+        (lambda: Noise("u", output="y", corner=1.0), "noise: give one of input, output and body"),
+        (lambda: Step(body="b"), "push on body 'b': give it a force"),
+        (lambda: Step(body="b", force=(1, 0)), r"push on 'b': force \[1.0, 0.0\]: expected three finite numbers"),
+        (lambda: Step(body="b", force=(1, 0, np.nan)), "expected three finite numbers"),
+        (lambda: Step(body="b", torque=(1, 0, 0), on="command"), "a body has no command"),
+        (lambda: Step("u", force=(1, 0, 0)), "force, torque and point are those of a body"),
+        (lambda: Step("u", on="floor"), "on 'floor'; expected one of command, body"),
+        (lambda: Noise(output="y", corner=1.0, point=(0, 0, 0)), "force, torque and point are those of a body"),
+    ],
+)
+def test_what_is_no_place_is_refused(make, words) -> None:
+    with pytest.raises(SimulationError, match=words):
+        make()

@@ -51,8 +51,8 @@ def test_bad_sources_are_refused(make) -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ({"size": 1.0, "bandwidth": 1.0}, "one of input and output"),
-        ({"input": "u", "output": "y", "size": 1.0, "bandwidth": 1.0}, "one of input and output"),
+        ({"size": 1.0, "bandwidth": 1.0}, "one of input, output and body"),
+        ({"input": "u", "output": "y", "size": 1.0, "bandwidth": 1.0}, "one of input, output and body"),
         ({"output": "y", "size": 1.0}, "noise on 'y': give one of bandwidth and corner"),
         (
             {"output": "y", "size": 1.0, "bandwidth": 1.0, "corner": 1.0},

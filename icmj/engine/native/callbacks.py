@@ -21,6 +21,7 @@ from icmj.engine.block import Slot
 from icmj.engine.native import structs
 from icmj.engine.native.compilation import compiled, entry_cfunc, exact, inlined, load_engine, sources
 from icmj.engine.native.memory import pointer, word
+from icmj.engine.native.pushing import push
 
 load_engine()
 
@@ -78,12 +79,18 @@ def _term(b, at, time):  # type: ignore[no-untyped-def]
 
 @compiled
 def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
-    """The terms of disturbance and errors at a time, kept with it: a step asks twice for every time."""
-    terms, count = int(b[Slot.TERMS]), int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
+    """The terms of disturbance, errors and pushes at a time, kept with it: a step asks twice for every time."""
+    terms, errors = int(b[Slot.TERMS]), int(b[Slot.ERRORS])
+    count = terms + errors + int(b[Slot.SIZES])
     if waves[count] == time and waves[count + 1] == b[Slot.PHASE]:
         return
     for k in range(count):
-        at = int(b[Slot.AT_TERMS]) + 6 * k if k < terms else int(b[Slot.AT_ERRORS]) + 6 * (k - terms)
+        if k < terms:
+            at = int(b[Slot.AT_TERMS]) + 6 * k
+        elif k < terms + errors:
+            at = int(b[Slot.AT_ERRORS]) + 6 * (k - terms)
+        else:
+            at = int(b[Slot.AT_SIZES]) + 6 * (k - terms - errors)
         waves[k] = _term(b, at, time)
     waves[count], waves[count + 1] = time, b[Slot.PHASE]
 
@@ -128,7 +135,7 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
 
 @exact
 def _waves(b, time):  # type: ignore[no-untyped-def]
-    count = int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
+    count = int(b[Slot.TERMS]) + int(b[Slot.ERRORS]) + int(b[Slot.SIZES])
     waves = np.empty(count + 2)
     waves[count] = np.nan
     waves_at(b, waves, time)
@@ -153,6 +160,11 @@ def callbacks() -> tuple[Any, Any]:
     time, ctrl, act, act_dot, sensordata = (
         structs.offset("mjData", part) for part in ("time", "ctrl", "act", "act_dot", "sensordata")
     )
+    nv, applied = structs.offset("mjModel", "nv"), structs.offset("mjData", "qfrc_applied")
+    rownnz, rowadr, column, value = (
+        structs.offset("mjData", part)
+        for part in ("moment_rownnz", "moment_rowadr", "moment_colind", "actuator_moment")
+    )
     n_dyn, user = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
     velocity = int(mujoco.mjtStage.mjSTAGE_VEL)
 
@@ -171,7 +183,16 @@ def callbacks() -> tuple[Any, Any]:
             _sensor_vel(m, d)
         a = carray(pointer(word(d, act) + 8 * int(b[Slot.ACT])), int(b[Slot.SIZE]), np.float64)
         u = carray(pointer(word(d, ctrl)), int(b[Slot.N_U]), np.float64)
-        command(b, a, u, _waves(b, carray(pointer(d + time), 1, np.float64)[0]))
+        waves = _waves(b, carray(pointer(d + time), 1, np.float64)[0])
+        command(b, a, u, waves)
+        if b[Slot.PUSHES] > 0:
+            moments = (
+                carray(pointer(word(d, rownnz)), 1 << 40, np.int32),
+                carray(pointer(word(d, rowadr)), 1 << 40, np.int32),
+                carray(pointer(word(d, column)), 1 << 40, np.int32),
+                carray(pointer(word(d, value)), 1 << 40, np.float64),
+            )
+            push(b, m, d, moments, carray(pointer(word(d, applied)), word(m, nv), np.float64), waves)
 
     @entry_cfunc(types.float64(types.intp, types.intp, types.int32))
     def act_dyn(m, d, actuator):  # type: ignore[no-untyped-def]

@@ -11,6 +11,7 @@ from numba import types
 from icmj.engine.block import Slot
 from icmj.engine.native.callbacks import command, rates, waves_at
 from icmj.engine.native.compilation import exact, load_engine
+from icmj.engine.native.pushing import push
 from icmj.engine.stages import Stages
 
 load_engine()
@@ -104,6 +105,9 @@ def drive(engine):  # type: ignore[no-untyped-def]
     first = int(b[Slot.ACT])
     waves_at(b, engine.waves, time)
     command(b, engine.act[first:], engine.ctrl, engine.waves)
+    if b[Slot.PUSHES] > 0:
+        moments = engine.rownnz, engine.rowadr, engine.column, engine.value
+        push(b, engine.model, engine.data, moments, engine.applied, engine.waves)
     if engine.stages != _PLAIN:
         _fwd_actuation(engine.model, engine.data)
         _fwd_acceleration(engine.model, engine.data)
@@ -117,5 +121,5 @@ def drive(engine):  # type: ignore[no-untyped-def]
     for k in range(len(engine.moment)):
         force[engine.moment_at[k, 1]] += engine.moment[k] * (engine.gain[k] * engine.ctrl[engine.moment_at[k, 0]])
     for i in range(len(force)):
-        force[i] = engine.passive[i] - engine.bias[i] + force[i]
+        force[i] = engine.passive[i] - engine.bias[i] + engine.applied[i] + force[i]
     _solve_m(engine.model, engine.data, engine.qacc.ctypes.data, force.ctypes.data, 1)

@@ -116,7 +116,8 @@ def bare_engine(e):  # type: ignore[no-untyped-def]
         bare(e.sensordata), bare(e.warmstart), bare(e.warnings), bare(e.phase), bare(e.saved),
         e.stages, e.cameras, e.tendons, e.rows_need_forward, bare(e.block), bare(e.ctrl), bare(e.qacc),
         bare(e.qacc_smooth), bare(e.act_dot), bare(e.passive), bare(e.bias), bare(e.force), bare(e.moment),
-        bare(e.moment_at), bare(e.gain), bare(e.waves), bare(e.k), bare(e.sum), e.first,
+        bare(e.moment_at), bare(e.gain), bare(e.applied), bare(e.rownnz), bare(e.rowadr), bare(e.column),
+        bare(e.value), bare(e.waves), bare(e.k), bare(e.sum), e.first,
     )  # fmt: skip
 
 

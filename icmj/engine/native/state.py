@@ -50,8 +50,9 @@ class Engine(NamedTuple):
 
     ``stages`` says what gives the rates (:mod:`icmj.engine.stages`). Of the motors of a plain model ``moment`` holds
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
-    gains. ``waves`` holds the terms of disturbance and errors, and of what time and phase time they are. ``k`` holds
-    (qvel, qacc, act_dot) at the stages of an integrator's step.
+    gains. ``applied`` are the generalised forces of pushes, ``rownnz``, ``rowadr``, ``column`` and ``value`` the
+    moments of all actuators. ``waves`` holds the terms of disturbance, errors and pushes, and of what time and phase
+    time they are. ``k`` holds (qvel, qacc, act_dot) at the stages of an integrator's step.
     """
 
     model: int
@@ -82,6 +83,11 @@ class Engine(NamedTuple):
     moment: Array
     moment_at: np.ndarray
     gain: Array
+    applied: Array
+    rownnz: np.ndarray
+    rowadr: np.ndarray
+    column: np.ndarray
+    value: Array
     waves: Array
     k: Array
     sum: Array
@@ -171,7 +177,12 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
         moment=model.actuator_gear[motors, 0].copy(),
         moment_at=np.column_stack([motors, model.jnt_dofadr[model.actuator_trnid[motors, 0]]]).astype(np.int64),
         gain=model.actuator_gainprm[motors, 0].copy(),
-        waves=np.full(int(controller[Slot.TERMS] + controller[Slot.ERRORS]) + 2, np.nan),
+        applied=data.qfrc_applied,
+        rownnz=data.moment_rownnz,
+        rowadr=data.moment_rowadr,
+        column=data.moment_colind,
+        value=data.actuator_moment,
+        waves=np.full(int(controller[[Slot.TERMS, Slot.ERRORS, Slot.SIZES]].sum()) + 2, np.nan),
         k=np.empty((4, 2 * model.nv + model.na)),
         sum=np.empty(2 * model.nv + model.na),
         first=int(controller[Slot.ACT]),

@@ -1,0 +1,103 @@
+"""Forces on a model itself: where each acts as numbers for the loops, the generalised forces, and what they do.
+
+A row of the table of places is (kind, index, nine numbers): of a hinge or slide joint its degree of freedom; of any
+other input its actuator and 1/|gear|, for the actuator's moment follows the motion; of a body its number, the point in
+its frame, force and torque along the axes of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.actuator import second_order_lag
+from icmj.engine.callbacks import installed
+from icmj.engine.model import OperatingPoint, solved_to_the_end
+from icmj.errors import SimulationError
+from icmj.plant.push import Push
+
+FREEDOM, ACTUATOR, BODY = 0, 1, 2
+WIDTH = 11
+_STEP = {True: 1e-3, False: 1.0}  # half the distance of a difference [N, N m], where something touches and elsewhere
+
+
+def places(
+    model: mujoco.MjModel, pushes: Sequence[Push], inputs: Sequence[str], actuators: Sequence[int] | np.ndarray
+) -> Array:
+    """The table of where ``pushes`` act, shape (K, 11); ``actuators`` are those of the plant's ``inputs``.
+
+    Raises:
+        SimulationError: if there is no such input or body, or it is the world, or what the input moves has no gear.
+    """
+    table = np.zeros((len(pushes), WIDTH))
+    for row, push in zip(table, pushes, strict=True):
+        if push.input is not None:
+            if push.input not in inputs:
+                raise SimulationError(f"push on input {push.input!r}: the plant's inputs are {', '.join(inputs)}")
+            row[:3] = _along(model, int(actuators[list(inputs).index(push.input)]))
+            if row[2] == 0:
+                raise SimulationError(f"push on input {push.input!r}: its gear is zero; push a body")
+            continue
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, str(push.body))
+        if body <= 0:
+            known = ", ".join(filter(None, (model.body(i).name for i in range(1, model.nbody))))
+            raise SimulationError(f"push on body {push.body!r}: the model's bodies are {known}")
+        point = model.body_ipos[body] if push.point is None else push.point
+        row[:] = BODY, body, *point, *push.force, *push.torque
+    return table
+
+
+def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Array) -> Array:
+    """Generalised forces of pushes of these sizes where the model is, shape (nv,), after its positions are known."""
+    total = np.zeros(model.nv)
+    for (kind, index, *numbers), size in zip(table, sizes, strict=True):
+        at = int(index)
+        if kind == FREEDOM:
+            total[at] += size * numbers[0]
+        elif kind == ACTUATOR:
+            first, count = int(data.moment_rowadr[at]), int(data.moment_rownnz[at])
+            row = slice(first, first + count)
+            total[data.moment_colind[row]] += size * numbers[0] * data.actuator_moment[row]
+        else:
+            point, force, torque = np.split(np.array(numbers), 3)
+            there = data.xpos[at] + data.xmat[at].reshape(3, 3) @ point
+            mujoco.mj_applyFT(model, data, size * force, size * torque, there, at, total)
+    return total
+
+
+def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
+    """What each push of size 1 adds to the rates of (qpos, qvel, act) at ``point``, by differences; shape (n, K)."""
+    data, found = data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
+    with installed(act_dyn=second_order_lag), solved_to_the_end(model):
+        mujoco.mj_forward(model, data)
+        step = _STEP[bool(data.nefc)]
+        for column, row in zip(found.T, table, strict=True):
+            force = forces(model, data, row[None], np.ones(1))
+            for sign in (1.0, -1.0):
+                data.qfrc_applied[:] = sign * step * force
+                mujoco.mj_forward(model, data)
+                column[model.nv :] += sign / (2 * step) * np.concatenate([data.qacc, data.act_dot])
+    return found
+
+
+def moved(model: mujoco.MjModel, actuators: Sequence[int] | np.ndarray) -> Array:
+    """Rows of the table for pushes along what these actuators move; zero where gear says of none."""
+    table = np.zeros((len(actuators), WIDTH))
+    for row, actuator in zip(table, actuators, strict=True):
+        row[:3] = _along(model, int(actuator))
+    return table
+
+
+def _along(model: mujoco.MjModel, actuator: int) -> tuple[float, float, float]:
+    """Kind, index and factor of an input: 1 N or 1 N m on what it moves, where its length grows; 0 without a gear."""
+    kind, gear = mujoco.mjtTrn(model.actuator_trntype[actuator]), model.actuator_gear[actuator]
+    scalar = kind in (mujoco.mjtTrn.mjTRN_TENDON, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
+    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        joint = int(model.actuator_trnid[actuator, 0])
+        if mujoco.mjtJoint(model.jnt_type[joint]) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            return FREEDOM, float(model.jnt_dofadr[joint]), float(np.sign(gear[0]) or 1.0)
+    size = abs(gear[0]) if scalar else 1.0 if kind == mujoco.mjtTrn.mjTRN_BODY else float(np.linalg.norm(gear))
+    return ACTUATOR, float(actuator), 1.0 / size if size > 0 else 0.0
