@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from icmj.plant.notice import Notice
     from icmj.plant.operating import OperatingRule
     from icmj.plant.person import Person
+    from icmj.plant.push import Push
     from icmj.plant.quality import Quality
     from icmj.plant.selection import Selection
     from icmj.report import build_report, plots
@@ -147,6 +148,7 @@ _HOMES = {
     "icmj.plant.notice": ("Notice",),
     "icmj.plant.operating": ("OperatingRule",),
     "icmj.plant.person": ("Person",),
+    "icmj.plant.push": ("Push",),
     "icmj.plant.quality": ("Quality",),
     "icmj.plant.selection": ("Selection",),
     "icmj.report": ("build_report",),
@@ -244,6 +246,7 @@ __all__ = [
     "Person",
     "Prediction",
     "Pressure",
+    "Push",
     "Quality",
     "Result",
     "RunFile",

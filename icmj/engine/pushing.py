@@ -15,7 +15,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
-from icmj.engine.model import OperatingPoint, solved_to_the_end
+from icmj.engine.model import OperatingPoint, data_at, solved_to_the_end
 from icmj.errors import SimulationError
 from icmj.plant.push import Push
 

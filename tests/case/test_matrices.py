@@ -1,14 +1,17 @@
 """Plants by matrices in run files: the same numbers as their models give, and one line for what makes no plant."""
 
 import json
+from contextlib import redirect_stdout
 
 import control
 import numpy as np
 import pytest
+from model_cases import two
 
 from icmj.case.case import prepare, simulate
 from icmj.case.matrices import read_matrices
 from icmj.cli.main import main
+from icmj.engine.plant import load_plant
 from icmj.errors import IcmjError, RunFileError, SimulationError
 from icmj.measurement.measurement import measure
 from icmj.runfile.reading import load_run, parse_run
@@ -174,6 +177,22 @@ def test_ports_of_any_names_are_matched_by_name():
         for C, y in (here, there)
     ]
     assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["npz", "json"])
+def test_what_a_push_does_goes_with_the_matrices_of_a_model(tmp_path, capsys, root, kind):
+    """A model of gear 20 taken to where MuJoCo is not: 1 N m is 1 N m there, too."""
+    model = two(tmp_path)
+    (tmp_path / "plant.json").write_text("")
+    with (tmp_path / "plant.json").open("w", encoding="utf-8") as out, redirect_stdout(out):
+        assert main(["linearise", str(model), "--json", "--out", str(tmp_path / "plant.npz")]) == 0
+    linear = load_plant(model).linearisation.plant
+    run = made(f'matrices = "plant.{kind}"', folder=str(tmp_path)).with_(**{"simulation.initial": {"tilt": 0.02}})
+    plant = prepare(run).actual.linearisation.plant
+    np.testing.assert_allclose(plant.B_d, linear.B_d, rtol=1e-12)
+    np.testing.assert_allclose(linear.B_d * [1, 20], linear.B, rtol=1e-6, atol=1e-12)
+    with pytest.raises(RunFileError, match="B_d"):
+        prepare(made(PENDULUM + "\nB_d = [[0, 1], [1, 0], [2, 2]]"))
 
 
 def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):

@@ -50,6 +50,23 @@ def test_the_case_of_it_is_what_was_meant(rule, delay):
     np.testing.assert_array_equal(here.events.t, there.events.t)
 
 
+def test_pushes_of_a_plant_of_less_gain_stay_what_they_are():
+    """B_d goes with it: what a push does is not B where an input is weaker."""
+    weak, meant = ACTUAL.scaled(0.8), controller()
+    settings = icmj.Settings(
+        duration=3.0,
+        disturbance=(icmj.Step("u", 0.01), icmj.Step("u", 0.01, 1.0, on="command"), icmj.Impulse("u", 0.01)),
+    )
+    run = icmj.compose_run(weak, meant, settings, name="mine")
+    case = icmj.prepare(icmj.parse_run(run.text, run.path))
+    assert case.settings == settings
+    np.testing.assert_array_equal(case.actual.linearisation.plant.B_d, ACTUAL.B)
+    here, there = icmj.simulate(case, "linear"), icmj.simulate_plant(weak, meant, settings)
+    np.testing.assert_array_equal(here.x, there.x)
+    with pytest.raises(RunFileError, match=r"simulation.disturbance: no 'trunk' in the model; expected none"):
+        icmj.prepare(run.with_(**{"simulation.disturbance": [{"kind": "step", "body": "trunk", "force": [1, 0, 0]}]}))
+
+
 def test_it_is_logged_and_read_back(tmp_path):
     run = icmj.compose_run(ACTUAL, controller(), icmj.Settings(duration=2.0, initial={"angle": 0.02}), name="mine")
     result = icmj.run_case(run.with_(**{"study.growth_points": 0}), "linear")
