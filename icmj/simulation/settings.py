@@ -63,7 +63,7 @@ class Placed:
 class Impulse(Placed):
     """An impulse: ``size`` [N m s, or the input's unit times s] spread evenly over ``duration`` [s] from ``start`` [s].
 
-    It acts on the body along an ``input``, beside its command, or on a ``body``; see :class:`Placed`.
+    It acts on the body along an ``input``, beside its command, or on a ``body``; see ``Placed``.
     """
 
     input: str | None = None
@@ -80,7 +80,7 @@ class Impulse(Placed):
 
 @dataclass(frozen=True)
 class Step(Placed):
-    """A step: ``size`` [N m, or the input's unit] from ``start`` [s] on, where an :class:`Impulse` may act."""
+    """A step: ``size`` [N m, or the input's unit] from ``start`` [s] on, where an impulse may act."""
 
     input: str | None = None
     size: float = 1.0

@@ -153,17 +153,19 @@ def test_neglected_actuator_runs_through_the_same_path() -> None:
     np.testing.assert_allclose(np.concatenate([run.x[-1], run.x_o[-1], run.x_h[-1]]), state, atol=2e-9)
 
 
-def test_impulse_and_step_agree_with_scipy_though_their_edges_lie_off_the_grid() -> None:
+@pytest.mark.parametrize(("on", "gain"), [("command", 1.0), ("body", 1 / 0.8)])
+def test_impulse_and_step_agree_with_scipy_though_their_edges_lie_off_the_grid(on: str, gain: float) -> None:
+    """Beside the command they pass b = 0.8, on the body they do not."""
     control = controller("pendulum", 0.05)
     disturbance = [
-        {"kind": "impulse", "input": "torque", "size": 0.01, "start": 0.5003, "duration": 0.0371},
-        {"kind": "step", "input": "torque", "size": 0.02, "start": 2.00007},
+        {"kind": "impulse", "input": "torque", "size": 0.01, "start": 0.5003, "duration": 0.0371, "on": on},
+        {"kind": "step", "input": "torque", "size": 0.02, "start": 2.00007, "on": on},
     ]
     settings = settings_from({"duration": 5.0, "timestep": 0.002, "disturbance": disturbance})
     run = simulate(plant("pendulum", 0.8), control, settings, x0=[0.02, 0.0])
 
     def torque(t: float) -> float:
-        return (0.01 / 0.0371) * (0.5003 <= t < 0.5003 + 0.0371) + 0.02 * (t >= 2.00007)
+        return gain * ((0.01 / 0.0371) * (0.5003 <= t < 0.5003 + 0.0371) + 0.02 * (t >= 2.00007))
 
     # SciPy restarts at the edges; the torque is constant within each stretch, so look just inside
     times, state, _ = analytic(
