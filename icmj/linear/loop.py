@@ -119,7 +119,7 @@ class Forcing:
 
 
 def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
-    """What acts beside the plant's commands, on the plant itself, and on its outputs as the observer reads them, as one.
+    """What acts beside the commands, on the plant itself, and on its outputs as the observer reads them, as one.
 
     Raises:
         SimulationError: if the plant does not know what is pushed.

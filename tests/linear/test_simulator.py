@@ -18,8 +18,8 @@ from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.settings import Bias, Impulse, Noise, Step
 
 PUSHED = (
-    Step("torque", 0.02, 0.31),
-    Impulse("torque", 0.01, 0.5, 0.2),
+    Step("torque", 0.02, 0.31, on="command"),
+    Impulse("torque", 0.01, 0.5, 0.2, on="command"),
     Noise(input="torque", size=0.03, bandwidth=6.0, seed=3, start=0.7),
     Noise(output="angle", size=1e-3, corner=0.8, seed=4, terms=60),
     Bias("angle", 1e-3, 1.1),
