@@ -102,11 +102,15 @@ def _failed(message: bytes) -> None:
         threading.Event().wait()
 
 
+def library() -> Path:
+    """MuJoCo's own library, that its bindings call."""
+    folder = Path(mujoco.__file__).parent
+    return next(iter([*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]))
+
+
 @cache
 def _handler() -> ctypes.c_void_p:
-    folder = Path(mujoco.__file__).parent
-    library = next(iter([*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]))
-    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_error")
+    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library())), "mju_user_error")
 
 
 def _install() -> None:

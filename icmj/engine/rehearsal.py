@@ -1,0 +1,104 @@
+"""A model's rehearsal: parsed, copied, compiled, computed and saved once in a process of its own, with limits.
+
+A model can end the process that compiles it: one that attaches itself overflows the stack. Here that is the end of a
+process that nobody needs. It calls the library itself and imports no package, which takes a few hundredths of a second.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+
+from icmj.base.text import one_line
+from icmj.engine.fault import library
+from icmj.errors import ModelError
+
+SECONDS, PATIENCE, BYTES = 10, 30, 4 << 30  # of processor time, of the clock, of memory
+REFUSED = 3  # the status where MuJoCo refuses the model in an orderly way
+STACK = 4 << 20  # bytes: half of what is usual, so that what just passes here passes where the stack is in use, too
+
+_ENDED = [-getattr(signal, name) for name in ("SIGKILL", "SIGXCPU") if hasattr(signal, name)]
+_PROGRAM = """
+import ctypes, os, signal, sys
+try:
+    import resource
+    for what, most in zip(("AS", "CPU", "STACK", "CORE"), map(int, sys.argv[4:8])):
+        what = getattr(resource, "RLIMIT_" + what)
+        hard = resource.getrlimit(what)[1]
+        resource.setrlimit(what, (most if hard < 0 else min(most, hard), hard))
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+except (ImportError, OSError, AttributeError, TypeError):
+    pass
+engine = ctypes.CDLL(sys.argv[1])
+plugins = [ctypes.CDLL(path) for path in sys.argv[8:]]
+class Config(ctypes.Structure):
+    _fields_ = [("c", ctypes.c_bool), ("f", ctypes.c_bool), ("name", ctypes.c_char * 1024), ("topics", ctypes.c_int)]
+engine.mju_setLogConfig.argtypes = [Config]
+engine.mju_setLogConfig(Config())
+def end(words):
+    os.write(2, words or b"no message")
+    os._exit(int(sys.argv[3]))
+def call(name, *arguments):
+    function = getattr(engine, name)
+    function.restype = ctypes.c_void_p
+    return function(*(ctypes.c_void_p(a) if isinstance(a, int) and a > 9 else a for a in arguments))
+given_up = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(end)
+ctypes.c_void_p.in_dll(engine, "mju_user_error").value = ctypes.cast(given_up, ctypes.c_void_p).value
+said = ctypes.create_string_buffer(1000)
+spec = call("mj_parse", os.fsencode(sys.argv[2]), None, None, said, 1000) or end(said.value)
+model = call("mj_compile", spec, None)
+if not model:
+    engine.mjs_getError.restype = ctypes.c_char_p
+    end(engine.mjs_getError(ctypes.c_void_p(spec)))
+data = call("mj_makeData", model) or end(b"out of memory")
+for key in range(-1, 3):
+    call("mj_resetDataKeyframe", model, data, key)
+    call("mj_forward", model, data)
+text = ctypes.create_string_buffer(1 << 20)
+call("mj_saveXMLString", spec, text, 1 << 20, said, 1000)
+call("mj_copySpec", spec)
+os._exit(0)
+"""
+
+
+def rehearse(path: Path) -> None:
+    """See that a model does not take down, stall or fill the process that loads it.
+
+    What MuJoCo refuses in an orderly way is not told here, but where it is loaded: there it may know more plugins.
+
+    Raises:
+        ModelError: if it does.
+    """
+    limits = map(str, (REFUSED, BYTES, SECONDS, STACK, 0))
+    command = [sys.executable, "-I", "-S", "-c", _PROGRAM, str(library()), os.path.abspath(path), *limits, *_plugins()]
+    too_much = f"{path}: compiling the model takes more than {SECONDS} s or {BYTES >> 30} GB; make it smaller"
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ModelError(too_much) from error
+    said = one_line(done.stderr.decode(errors="replace"), 300)
+    if done.returncode in _ENDED or any(word in said.lower() for word in ("memory", "alloc", "unknown exception")):
+        raise ModelError(too_much + (f" ({said})" if said else ""))
+    if done.returncode not in (0, REFUSED):
+        raise ModelError(
+            f"{path}: MuJoCo's compiler breaks down on this model (status {done.returncode}); see that it neither "
+            "attaches nor includes itself, and is not nested too deeply"
+        )
+
+
+def _plugins() -> list[str]:
+    """The plugins that MuJoCo's bindings load by themselves."""
+    folder = Path(mujoco.PLUGINS_DIR)
+    return [str(file) for file in sorted(folder.rglob("*")) if file.suffix in (".so", ".dylib", ".dll")]
