@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
 import shutil
+import stat
 import time
 import uuid
 from collections.abc import Iterator
@@ -27,11 +29,13 @@ def whole(target: Path) -> Iterator[Path]:
     The path is of this block alone, so that two processes may write the same target; the later one wins.
 
     Raises:
-        OSError: if it cannot be renamed.
+        OSError: if it cannot be renamed, or what is there is not :func:`replaceable`.
     """
+    replaceable(target)
     part = _beside(target)
     try:
         yield part
+        replaceable(target)
         os.replace(part, target)
     finally:
         with suppress(OSError):
@@ -51,6 +55,62 @@ def scratch(target: Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def replaceable(*targets: Path) -> None:
+    """See that under these names stand files, or nothing: what else is there is not ours to replace.
+
+    A link is refused, too, whatever it leads to: it would be replaced and not followed.
+
+    Raises:
+        OSError: with what is there in its ``strerror``.
+    """
+    for target in targets:
+        try:
+            mode = target.lstat().st_mode
+        except FileNotFoundError:
+            continue
+        if not stat.S_ISREG(mode):
+            words = f"a {_kind(mode)} is there and is not replaced; remove it, or choose another name"
+            raise OSError(errno.EEXIST, words, str(target))
+
+
+def opened(path: Path, flags: int) -> int:
+    """The file descriptor of a regular file; neither a pipe is waited for, nor a device touched.
+
+    Where it is opened for writing, no link is followed, and none of another name of the same file is accepted.
+
+    Args:
+        path: the file.
+        flags: of :func:`os.open`.
+
+    Raises:
+        OSError: if it cannot be opened, or is no regular file.
+    """
+    writes = bool(flags & (os.O_WRONLY | os.O_RDWR))
+    if writes:
+        replaceable(path)
+    flags |= sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+    handle = os.open(path, flags | (getattr(os, "O_NOFOLLOW", 0) if writes else 0), 0o666)
+    found = os.fstat(handle)
+    wrong = "" if stat.S_ISREG(found.st_mode) else f"is a {_kind(found.st_mode)}, not a file"
+    if writes and found.st_nlink > 1:
+        wrong = "has another name elsewhere, a hard link"
+    if wrong:
+        os.close(handle)
+        raise OSError(errno.EINVAL, f"{path.name} {wrong}", str(path))
+    return handle
+
+
+def _kind(mode: int) -> str:
+    names = {
+        stat.S_IFDIR: "folder",
+        stat.S_IFLNK: "link",
+        stat.S_IFIFO: "pipe",
+        stat.S_IFSOCK: "socket",
+        stat.S_IFREG: "file",
+    }
+    return names.get(stat.S_IFMT(mode), "device")
 
 
 def write_text(target: Path, text: str) -> None:
@@ -73,13 +133,16 @@ def write_bytes(target: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def ready(folder: Path) -> None:
+def ready(folder: Path, *names: str) -> None:
     """Make ``folder`` if it is not there, clear what dead writers left in it, and see that it can be written to.
+
+    So that files of these ``names`` can be put into it, they are :func:`replaceable`.
 
     Raises:
         OSError: if it cannot.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    replaceable(*(folder / name for name in names))
     clear_leftovers(folder)
     with scratch(folder / "icmj") as inside:
         (inside / "probe").write_bytes(b"icmj")

@@ -132,8 +132,8 @@ def run(command: arguments.Run) -> None:
         refuse_long(case, plant, seconds, None if command.yes else LONGEST)
         if seconds > TOLD:
             ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
-        open_folder(command.out)
         log = command.out / f"{run_file.case.name}.{plant}.rrd"
+        open_folder(command.out, log.name)
         with heard_once():
             result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
             working.tell("writing the log", 0.95)
@@ -153,10 +153,12 @@ def run(command: arguments.Run) -> None:
 @execute.register
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
+    from icmj.base.files import replaceable
     from icmj.cycle.storage import branches_among
     from icmj.study.page import report as build
     from icmj.work.workers import Workers
 
+    replaceable(command.out)
     with Working("building the report", ERR), Workers(os.cpu_count() or 1) as workers:
         folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
@@ -182,11 +184,12 @@ def replay(command: arguments.Replay) -> None:
 @execute.register
 def person(command: arguments.Person) -> None:
     """Write a person's model and say what it is."""
-    from icmj.base.files import write_text
+    from icmj.base.files import replaceable, write_text
     from icmj.engine.plant import shaped
     from icmj.plant.person import Person
     from icmj.runfile.shipped import model_file
 
+    replaceable(command.out)
     measures = Person(command.height, command.mass)
     write_text(command.out, shaped(model_file(command.model), measures))
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
@@ -197,6 +200,7 @@ def person(command: arguments.Person) -> None:
 @execute.register
 def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
+    from icmj.base.files import replaceable
     from icmj.cli.matrices import save_plant, show_plant
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
@@ -204,6 +208,8 @@ def linearise(command: arguments.Linearise) -> None:
     from icmj.plant.selection import Selection
     from icmj.runfile.shipped import model_file
 
+    if command.out is not None:
+        replaceable(command.out)
     chosen = "joints" if command.outputs == ("joints",) else command.outputs or None
     kind = command.operating_point or ("as given" if command.keyframe else "found")
     with Working(f"linearising {command.model.name}", ERR):

@@ -45,7 +45,7 @@ def cycle(command: arguments.Cycle) -> None:
 @execute.register
 def continue_(command: arguments.Continue) -> None:
     """Follow a branch, and what branches off; store and list them."""
-    from icmj.base.files import write_bytes
+    from icmj.base.files import replaceable, write_bytes
     from icmj.cycle.follow import BRANCHING, branch_off, follow
     from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
@@ -59,6 +59,7 @@ def continue_(command: arguments.Continue) -> None:
     run = overridden(load_run(command.run), command.set)
     main_plant = command.plant or plants_of(run)[-1]
     name = f"{run.case.name}.{command.parameter.replace(':', '-')}"
+    kinds = ("parquet", "rrd", "pdf", "svg")
     with Working(name, ERR) as working:
 
         def walked(plant: PlantKind, what: str) -> Branch:
@@ -67,6 +68,7 @@ def continue_(command: arguments.Continue) -> None:
                 points=command.points, progress=lambda done: working.tell(what, done),
             )  # fmt: skip
 
+        replaceable(*(command.out / f"{name}.{main_plant}.{kind}" for kind in kinds))
         found, off = [walked(main_plant, f"{name}, {main_plant}")], list[str]()
         for special in found[0].specials if command.branches else ():
             if special.kind in BRANCHING:
@@ -91,7 +93,7 @@ def continue_(command: arguments.Continue) -> None:
         working.tell("drawing", 0.99)
         with style.applied():
             figure = branch_figure(found, beneath)
-            for kind in ("pdf", "svg"):
+            for kind in kinds[2:]:
                 files.append(command.out / f"{name}.{main_plant}.{kind}")
                 write_bytes(files[-1], style.save(figure, kind))
     for branch in found:

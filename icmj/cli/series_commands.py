@@ -23,6 +23,7 @@ RATE = 100.0  # Hz: at which a log is measured
 
 def export(command: arguments.Export) -> None:
     """Write rows and events of a log, say where they are."""
+    from icmj.base.files import replaceable
     from icmj.errors import DataError
     from icmj.log import read_log
     from icmj.series.writing import FORMATS, write_series
@@ -32,6 +33,7 @@ def export(command: arguments.Export) -> None:
         expected = f".{command.to}, as --to says" if command.to else ", ".join(FORMATS)
         raise DataError(f"--out {out}: expected a name that ends in {expected}")
     events_out = out.with_suffix(f".events{out.suffix}")
+    replaceable(out, events_out)
     with Working(f"exporting {command.log.name}", ERR):
         result = read_log(command.log)
         rows, events = result.to_series(command.rate), result.events_to_series()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +68,7 @@ def _found(draft: Drafted) -> list[str]:
 
 def _copy(shipped: Path, out: Path) -> list[Path]:
     """The run file of a shipped case, and the models that it names, side by side."""
-    from icmj.base.files import write_text
+    from icmj.base.files import replaceable, write_bytes, write_text
     from icmj.runfile.reading import load_run
 
     run = load_run(shipped)
@@ -78,18 +78,19 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
     for name in filter(None, (run.assumed.model, run.actual.model)):
         models[name] = out.parent / Path(name).name
         text = text.replace(f'"{name}"', f'"{Path(name).name}"')
+    replaceable(*models.values())
     for name, target in models.items():
         source = shipped.parent / name
         if target.exists() and target.read_bytes() != source.read_bytes():
             raise RunFileError(f"{target}: is there already, and is another model; choose another folder with --out")
     for name, target in models.items():
-        shutil.copyfile(shipped.parent / name, target)
+        write_bytes(target, (shipped.parent / name).read_bytes())
     write_text(out, text)
     return [out, *models.values()]
 
 
 def _free(out: Path) -> None:
-    if out.exists():
+    if os.path.lexists(out):
         raise RunFileError(f"{out}: is there already; choose another name with --out")
     if not out.parent.is_dir():
         raise RunFileError(f"{out}: no such folder; make it first")

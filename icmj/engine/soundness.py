@@ -135,7 +135,7 @@ def check_plant(path: Path, plant: LinearPlant) -> None:
 
 
 def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[bytes]:
-    """What a model and the models that it includes or attaches hold; of other files their size and when they changed."""
+    """What a model and the models that it includes or attaches hold; of other files size and time of change."""
     seen.add(path.resolve())
     try:
         with path.open("rb") as file:

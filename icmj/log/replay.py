@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote
 
-from icmj.base.files import write_bytes
+from icmj.base.files import replaceable, write_bytes
 from icmj.base.signals import heard_once, terminable
 from icmj.base.text import one_line
 from icmj.errors import LogError
@@ -111,6 +111,10 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     """Render ``log`` at ``time`` without a screen."""
     if not target.parent.is_dir():
         raise LogError(f"{target}: no such folder {target.parent}")
+    try:
+        replaceable(target)
+    except OSError as error:
+        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
     outcome = read_summary(log).get("outcome", {})
     end = float(outcome.get("time", 0.0))
     at = 0.9 * end if time is None else time

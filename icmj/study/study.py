@@ -190,14 +190,16 @@ def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None
     return log
 
 
-def open_folder(folder: Path) -> None:
-    """Have a folder to write logs into, cleared of what earlier runs left that were ended in the middle.
+def open_folder(folder: Path, *names: str) -> None:
+    """Have a folder to write files of these names into, cleared of what earlier runs left that were ended in the middle.
 
     Raises:
-        LogError: if nothing can be written there.
+        LogError: if they cannot be written there.
     """
     try:
-        ready(folder)
+        ready(folder, *names)
+    except FileExistsError as error:
+        raise LogError(f"{error.filename}: cannot be written to: {error.strerror}") from error
     except OSError as error:
         raise LogError(f"{folder}: cannot be written to: {error.strerror}; choose another folder with --out") from error
 
@@ -237,7 +239,7 @@ def run_study(
                 checked[news.index] = news.done
                 tell(f"checking {runs[news.index].case.name}", 0.1 * sum(checked) / len(runs))
             tell("inputs checked", 0.1)
-            open_folder(out)
+            open_folder(out, *(log.name for log in logs), "report.html", "summary.json")
             for news in workers.run(work):
                 done[news.index] = news.done
                 tell(work[news.index].name, 0.1 + 0.7 * sum(done) / len(work))
