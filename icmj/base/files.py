@@ -75,7 +75,7 @@ def replaceable(*targets: Path) -> None:
             raise OSError(errno.EEXIST, words, str(target))
 
 
-def opened(path: Path, flags: int) -> int:
+def regular(path: Path, flags: int) -> int:
     """The file descriptor of a regular file; neither a pipe is waited for, nor a device touched.
 
     Where it is opened for writing, no link is followed, and none of another name of the same file is accepted.

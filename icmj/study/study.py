@@ -191,7 +191,7 @@ def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None
 
 
 def open_folder(folder: Path, *names: str) -> None:
-    """Have a folder to write files of these names into, cleared of what earlier runs left that were ended in the middle.
+    """Have a folder to write files of these names into, cleared of what runs left that were ended in the middle.
 
     Raises:
         LogError: if they cannot be written there.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
@@ -11,7 +11,7 @@ import pyarrow as pa
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.points import Value
 
-_TYPES = {"number": pa.float64(), "truth": pa.bool_(), "text": pa.string()}
+TYPES = {"number": pa.float64(), "truth": pa.bool_(), "text": pa.string()}
 PREDICTED = {
     "delta_crit": (pa.float64(), "Δ_crit [s]"),
     "eigenvalue": (pa.float64(), "eigenvalue there, +1 or −1; empty for a complex pair or none"),
@@ -65,25 +65,39 @@ ATTRACTORS = {
 
 
 def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
-    """All columns by name: their type, and what they mean."""
-    outputs, noisy = plan.outputs, plan.file.base.simulation.settings().noisy
+    """All columns of a plan by name: their type, and what they mean."""
+    ask, noisy = plan.file.ask, plan.file.base.simulation.settings().noisy
+    varies = zip(plan.points.names, plan.points.kinds, strict=True)
+    return columns(
+        varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors)
+    )
+
+
+def columns(
+    varies: Iterable[tuple[str, str]],
+    outputs: Sequence[str],
+    *,
+    motion: Sequence[str],
+    cycle: Sequence[str],
+    noisy: bool,
+    attractors: bool,
+) -> dict[str, tuple[pa.DataType, str]]:
+    """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle."""
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
-    found |= {
-        name: (_TYPES[kind], "what varies") for name, kind in zip(plan.points.names, plan.points.kinds, strict=True)
-    }
+    found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
     found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
     found |= {f"predicted_peak_{output}": PEAK for output in outputs}
-    for plant in plan.file.ask.motion:
+    for plant in motion:
         named = MOTION | (STEP if plant == "mujoco" else {}) | (NOISY if noisy else {})
         found |= {f"{plant}_{name}": column for name, column in named.items()}
         found |= {f"{plant}_peak_{output}": PEAK for output in outputs}
         found |= {f"{plant}_rms_{output}": RMS for output in outputs if noisy}
-    for plant in plan.file.ask.cycle:
+    for plant in cycle:
         found |= {f"{plant}_cycle_{name}": column for name, column in CYCLE.items()}
         found |= {f"{plant}_cycle_peak_{output}": PEAK for output in outputs}
-    return found | (ATTRACTORS if plan.file.ask.attractors else {})
+    return found | (ATTRACTORS if attractors else {})
 
 
 def schema(plan: Plan) -> pa.Schema:
@@ -93,9 +107,9 @@ def schema(plan: Plan) -> pa.Schema:
 
 def table(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Rows as a table with all columns; what a row does not have is empty."""
-    columns = schema(plan)
-    arrays = [pa.array([row.get(field.name) for row in rows], field.type) for field in columns]
-    return pa.Table.from_arrays(arrays, schema=columns)
+    fields = schema(plan)
+    arrays = [pa.array([row.get(field.name) for row in rows], field.type) for field in fields]
+    return pa.Table.from_arrays(arrays, schema=fields)
 
 
 def begun(plan: Plan, index: int, values: tuple[Value, ...]) -> dict[str, Any]:

@@ -4,7 +4,8 @@
     OUT/points/*.parquet    the rows, a chunk a file; what stands there is done
     OUT/timing.csv          how long each chunk took
 
-Rows and files hold no time and no place, so that they are the same bit for bit whoever computed them, and when.
+Rows and files hold no time and no place, so that they are the same bit for bit whoever computed them, and when. The
+folder may be somebody else's: what is read is looked at (:mod:`icmj.sweeps.validation`), no link is written through.
 """
 
 from __future__ import annotations
@@ -12,20 +13,19 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from icmj.base.files import clear_leftovers, ready, whole, write_text
+from icmj.base.files import clear_leftovers, ready, regular, replaceable, whole, write_text
 from icmj.errors import SweepError
 from icmj.result.swept import Swept
 from icmj.sweeps.chunk import Computed
-from icmj.sweeps.columns import meanings
+from icmj.sweeps.columns import meanings, schema
 from icmj.sweeps.plan import Plan, versions
+from icmj.sweeps.validation import Facts, chunk_files, read_chunk, read_facts
 from icmj.work.provenance import provenance
 
 FACTS, POINTS, TIMING, LOCK = "sweep.json", "points", "timing.csv", ".lock"
@@ -34,12 +34,19 @@ FACTS, POINTS, TIMING, LOCK = "sweep.json", "points", "timing.csv", ".lock"
 class Dataset:
     """The folder of one sweep, open for writing; see :func:`opened`."""
 
-    def __init__(self, folder: Path, plan: Plan) -> None:
-        self.folder, self._plan = folder, plan
+    def __init__(self, folder: Path, plan: Plan, facts: Facts) -> None:
+        self.folder, self._plan, self._facts = folder, plan, facts
 
     def finished(self) -> set[int]:
-        """Chunks that are done."""
-        return {int(path.stem) for path in (self.folder / POINTS).glob("*.parquet") if path.stem.isdecimal()}
+        """Chunks that are done.
+
+        Raises:
+            SweepError: if one cannot be read, or is not of this sweep.
+        """
+        files, columns = chunk_files(self.folder / POINTS, self._facts), schema(self._plan)
+        for chunk, path in files.items():
+            read_chunk(path, self._plan.range(chunk), self._facts, ["point", "status"], columns)
+        return set(files)
 
     def write(self, chunk: int, content: bytes) -> None:
         """Put one chunk in its place; it is on the disk before it has its name.
@@ -59,8 +66,11 @@ class Dataset:
 
     def time(self, chunk: int, computed: Computed) -> None:
         """Note how long a chunk took; of no weight, and lost where it cannot be written."""
-        with suppress(OSError), (self.folder / TIMING).open("a", encoding="utf-8") as file:
-            file.write(f"{chunk},{computed.rows},{computed.failed},{computed.seconds:.4f},{computed.simulating:.4f}\n")
+        line = f"{chunk},{computed.rows},{computed.failed},{computed.seconds:.4f},{computed.simulating:.4f}\n"
+        with suppress(OSError):
+            handle = regular(self.folder / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+            with os.fdopen(handle, "a", encoding="utf-8") as file:
+                file.write(line)
 
 
 @contextmanager
@@ -75,39 +85,28 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
         folder.mkdir(parents=True, exist_ok=True)
         with _locked(folder):
             ready(folder)
-            _begin(folder, plan)
-            (folder / POINTS).mkdir(exist_ok=True)
-            clear_leftovers(folder / POINTS)
-            yield Dataset(folder, plan)
+            facts = _begin(folder, plan)
+            points = folder / POINTS
+            if points.is_symlink():
+                raise SweepError(f"{points}: a link is there, and no folder; choose another --out")
+            replaceable(folder / TIMING)
+            points.mkdir(exist_ok=True)
+            clear_leftovers(points)
+            yield Dataset(folder, plan, facts)
     except OSError as error:
         raise SweepError(f"{folder}: cannot be written to: {error.strerror}; choose another --out") from error
-
-
-def facts_of(folder: Path) -> Mapping[str, Any]:
-    """What a folder says that it is of.
-
-    Raises:
-        SweepError: if it is not the folder of a sweep.
-    """
-    try:
-        found = json.loads((folder / FACTS).read_text(encoding="utf-8"))
-        if not isinstance(found, dict) or "fingerprint" not in found:
-            raise ValueError
-    except (OSError, ValueError) as error:
-        raise SweepError(f"{folder}: not the folder of a sweep; it has no sound {FACTS}") from error
-    return found
 
 
 def read_sweep(folder: Path | str) -> Swept:
     """A sweep as far as it is finished, with what its pictures need.
 
     Raises:
-        SweepError: if the folder is not that of a sweep, or nothing is finished there.
+        SweepError: if the folder is not that of a sweep, or nothing is finished there, or a file is damaged.
     """
     folder = Path(folder)
-    facts = facts_of(folder)
-    varies = tuple(zip(facts["varies"], facts["fields"], strict=True))
-    return Swept(facts["name"], facts["title"] or facts["name"], varies, facts["points"], read_table(folder))
+    facts = read_facts(folder / FACTS)
+    varies = tuple(zip(facts.varies, facts.fields, strict=True))
+    return Swept(facts.name, facts.title or facts.name, varies, facts.points, read_table(folder))
 
 
 def read_table(folder: Path) -> pa.Table:
@@ -116,19 +115,20 @@ def read_table(folder: Path) -> pa.Table:
     Raises:
         SweepError: if there is none, or a file of it cannot be read.
     """
-    files = sorted((folder / POINTS).glob("*.parquet"))
+    facts = read_facts(folder / FACTS)
+    files = chunk_files(folder / POINTS, facts)
     if not files:
         raise SweepError(f"{folder}: no point is finished there")
-    try:
-        return pa.concat_tables([pq.read_table(file) for file in files])
-    except (OSError, pa.ArrowException) as error:
-        raise SweepError(f"{folder}: cannot be read: {error}") from error
+    tables: list[pa.Table] = []
+    for chunk, path in files.items():
+        tables.append(read_chunk(path, facts.rows(chunk), facts, schema=tables[0].schema if tables else None))
+    return pa.concat_tables(tables)
 
 
-def _begin(folder: Path, plan: Plan) -> None:
+def _begin(folder: Path, plan: Plan) -> Facts:
     """Say what the folder is of, or see that it is of this."""
-    if not (folder / FACTS).exists():
-        if (folder / POINTS).exists():
+    if not os.path.lexists(folder / FACTS):
+        if os.path.lexists(folder / POINTS):
             raise SweepError(f"{folder}: has points but no {FACTS} that says of what; choose another --out")
         facts = {
             "fingerprint": plan.fingerprint,
@@ -148,38 +148,43 @@ def _begin(folder: Path, plan: Plan) -> None:
             "run_path": plan.file.base.path.name,
         }
         write_text(folder / FACTS, json.dumps(facts, indent=1, ensure_ascii=False) + "\n")
-        return
-    known = facts_of(folder)
-    if known["fingerprint"] != plan.fingerprint:
+        return read_facts(folder / FACTS)
+    known = read_facts(folder / FACTS)
+    if known.fingerprint != plan.fingerprint:
         raise SweepError(
-            f"{folder}: holds another sweep ({known.get('name')}, of another sweep file, run file or model); choose "
+            f"{folder}: holds another sweep ({known.name}, of another sweep file, run file or model); choose "
             "another --out"
         )
-    before, now = known.get("versions", {}), versions()
+    before, now = known.versions, versions()
     other = [f"{name} {before.get(name)} (now {now[name]})" for name in now if before.get(name) != now[name]]
     if other:
         raise SweepError(
             f"{folder}: was begun with {', '.join(other)}, and would not be of one piece; choose another --out"
         )
+    if (known.points, known.chunk) != (len(plan), plan.chunk):
+        raise SweepError(f"{folder}: its {FACTS} is not what this sweep wrote; choose another --out")
+    return known
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else at the folder; the lock goes with the process, however that ends."""
-    import fcntl
-
-    with (folder / LOCK).open("a+", encoding="utf-8") as file:
+    """Nobody else at the folder, where the system has such locks; it goes with the process, however that ends."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with os.fdopen(regular(folder / LOCK, os.O_RDWR | os.O_CREAT), "r+b") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            file.seek(0)
-            who = file.read().strip()
+            who = file.read(20).decode(errors="replace").strip()
             whose = f" (process {who})" if who.isdecimal() else ""
             raise SweepError(
                 f"{folder}: another sweep{whose} is writing there; wait for it, or choose another --out"
             ) from None
         file.truncate(0)
-        file.write(str(os.getpid()))
+        file.write(str(os.getpid()).encode())
         file.flush()
         yield
 
@@ -195,8 +200,13 @@ def _settle(folder: Path) -> None:
 
 
 def statuses(folder: Path) -> Counter[str]:
-    """How many rows have which status, a file at a time."""
+    """How many rows have which status, a file at a time.
+
+    Raises:
+        SweepError: as :func:`read_table`.
+    """
     found: Counter[str] = Counter()
-    for file in sorted((folder / POINTS).glob("*.parquet")):
-        found.update(pq.read_table(file, columns=["status"])["status"].to_pylist())
+    facts = read_facts(folder / FACTS)
+    for chunk, path in chunk_files(folder / POINTS, facts).items():
+        found.update(read_chunk(path, facts.rows(chunk), facts, ["point", "status"])["status"].to_pylist())
     return found

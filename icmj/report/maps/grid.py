@@ -11,6 +11,8 @@ from icmj.base.array import Array
 from icmj.errors import ReportError
 from icmj.result.swept import Swept
 
+MOST = 20_000_000  # cells of a map
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -46,7 +48,7 @@ def grid(swept: Swept, x: str, y: str) -> Grid:
     except (TypeError, ValueError) as error:
         raise ReportError(f"sweep {swept.name!r}: {x} and {y} are not both numbers") from error
     (xs, i), (ys, j) = (np.unique(column, return_inverse=True) for column in columns)
-    if len(xs) * len(ys) > max(swept.points, 1) or len(xs) < 2 or len(ys) < 2:
+    if len(xs) * len(ys) > min(max(swept.points, 1), MOST) or len(xs) < 2 or len(ys) < 2:
         raise ReportError(f"sweep {swept.name!r}: {x} and {y} are not on a grid; give both of them low, high and count")
     row = np.full((len(ys), len(xs)), -1)
     row[j, i] = np.arange(len(i))
@@ -69,6 +71,6 @@ def even(values: Array) -> bool:
 def label(name: str) -> str:
     """A column's name as the paper writes it: single letters, with or without an index, are slanted."""
     letter, _, index = name.partition("_")
-    if len(letter) != 1 or len(index) > 4:
-        return name
+    if len(letter) != 1 or len(index) > 4 or not (letter + index).isalnum():
+        return name.replace("$", r"\$")
     return f"${letter}_{{{index}}}$" if index else f"${letter}$"

@@ -1,0 +1,174 @@
+"""What a sweep's folder must hold to be one: others may have made it, or a disk may have lost a part of it."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+
+from icmj.base.files import regular
+from icmj.base.text import one_line
+from icmj.errors import SweepError
+from icmj.runfile.sweep_tables import MOST_POINTS
+from icmj.sweeps.columns import TYPES, columns
+
+MOST_BYTES = 50_000_000  # of what a folder says that it is of
+_CHUNK = re.compile(r"\d{8,10}")
+
+_Word = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*$")]
+_Name = Annotated[str, StringConstraints(max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+
+
+class Facts(BaseModel):
+    """What a folder says that it is of, as far as it is read again."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+    fingerprint: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}$")]
+    name: _Name
+    title: _Word
+    points: Annotated[int, Field(ge=1, le=MOST_POINTS)]
+    chunk: Annotated[int, Field(ge=1, le=100_000)]
+    varies: list[_Word]
+    fields: list[_Word]
+    outputs: list[_Word]
+    versions: dict[str, _Word]
+
+    @model_validator(mode="after")
+    def _fit(self) -> Facts:
+        if len(self.varies) != len(self.fields):
+            raise ValueError("varies and fields differ in length")
+        return self
+
+    @property
+    def chunks(self) -> int:
+        """How many files there are to be."""
+        return -(-self.points // self.chunk)
+
+    def rows(self, chunk: int) -> range:
+        """The points of one of them, by index."""
+        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.points))
+
+
+def read_facts(path: Path) -> Facts:
+    """The facts in a file.
+
+    Raises:
+        SweepError: if it is not there, or no such file.
+    """
+    try:
+        with os.fdopen(regular(path, os.O_RDONLY), "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise ValueError(f"more than {MOST_BYTES / 1e6:g} MB")
+        return Facts.model_validate_json(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        why = f"{where}: {first['msg']}" if where else first["msg"]
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    raise SweepError(f"{path.parent}: not the folder of a sweep; it has no sound {path.name} ({one_line(why, 160)})")
+
+
+def chunk_files(folder: Path, facts: Facts) -> dict[int, Path]:
+    """The files of finished chunks by their number, in order.
+
+    Raises:
+        SweepError: if one has a name that none of them has.
+    """
+    found = {}
+    for path in folder.glob("*.parquet"):
+        number = int(path.stem) if _CHUNK.fullmatch(path.stem) and path.stem.isascii() else -1
+        if f"{number:08d}" != path.stem or number >= facts.chunks:
+            raise SweepError(f"{one_line(path, 300)}: not a chunk of this sweep, by its name; remove it")
+        found[number] = path
+    return dict(sorted(found.items()))
+
+
+def read_chunk(
+    path: Path, rows: range, facts: Facts, only: Sequence[str] = (), schema: pa.Schema | None = None
+) -> pa.Table:
+    """The rows of one chunk.
+
+    Args:
+        path: its file.
+        rows: the points that it is of.
+        facts: of the folder.
+        only: columns to read; all if there are none.
+        schema: what its columns must be; any that a sweep of these facts may have, if ``None``.
+
+    Raises:
+        SweepError: if it is not a file of these points.
+    """
+    try:
+        with os.fdopen(regular(path, os.O_RDONLY), "rb") as stream:
+            file = pq.ParquetFile(stream)
+            _check_columns(file.schema_arrow, facts, schema)
+            if file.metadata.num_rows != len(rows):
+                raise ValueError(f"{file.metadata.num_rows} rows, expected {len(rows)}")
+            table = file.read(list(only) or None)
+            _check_values(table, rows, facts)
+            return table
+    except MemoryError:
+        raise
+    except Exception as error:  # arrow raises a dozen types on damaged files
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise SweepError(
+            f"{path}: not a chunk of this sweep ({one_line(reason, 160)}); remove it, and it is computed again"
+        ) from error
+
+
+def _check_columns(found: pa.Schema, facts: Facts, schema: pa.Schema | None) -> None:
+    if (found.metadata or {}).get(b"icmj.fingerprint") != facts.fingerprint.encode():
+        raise ValueError("of another sweep")
+    if schema is not None:
+        if not found.equals(schema):
+            raise ValueError("with other columns")
+        return
+    names = found.names
+    asked = {
+        what: [plant for plant in ("linear", "mujoco") if f"{plant}_{mark}" in names]
+        for what, mark in (("motion", "kind"), ("cycle", "cycle_found"), ("noisy", "binding"))
+    }
+    expected = columns(
+        [(name, "number") for name in facts.varies], facts.outputs, motion=asked["motion"], cycle=asked["cycle"],
+        noisy=bool(asked["noisy"]), attractors="attractors" in names,
+    )  # fmt: skip
+    if names != list(expected):
+        raise ValueError("columns that a sweep does not have, or lacks")
+    for field in found:
+        types = TYPES.values() if field.name in facts.varies else [expected[field.name][0]]
+        if field.type not in types:
+            raise ValueError(f"column {field.name} of {field.type}")
+
+
+def _check_values(table: pa.Table, rows: range, facts: Facts) -> None:
+    """Points in their order, each with a status; what varies is finite; a cycle has an interval."""
+    names = table.column_names
+    if "point" in names and table["point"].to_pylist() != list(rows):
+        raise ValueError("with other points")
+    for name in ("status", "words"):
+        if name in names and table[name].null_count:
+            raise ValueError(f"without {name}")
+    for name in facts.varies:
+        if name in names and (
+            table[name].null_count
+            or (table[name].type == TYPES["number"] and not pc.all(pc.is_finite(table[name])).as_py())
+        ):
+            raise ValueError(f"column {name} has gaps")
+    for plant in ("linear", "mujoco"):
+        needed = [f"{plant}_{name}" for name in ("kind", "interval", "p")]
+        if not set(needed) <= set(names):
+            continue
+        cycle = table.filter(pc.fill_null(pc.equal(table[needed[0]], "cycle"), False))
+        interval = cycle[needed[1]].to_numpy(zero_copy_only=False)
+        if cycle[needed[2]].null_count or not (np.isfinite(interval) & (interval > 0)).all():
+            raise ValueError(f"a cycle without {plant}_interval")
