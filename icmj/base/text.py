@@ -1,14 +1,38 @@
-"""Text from elsewhere made fit for one line of a message: no control characters, no colour codes, not too long."""
+"""Text from elsewhere made fit for a terminal: no control characters, no colour codes, in one line where it is one."""
 
 from __future__ import annotations
 
 import re
 
 _ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-Z\\-_])")
-_CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]+")
+# C0 and C1; marks, embeddings and isolates of direction; separators of lines; annotations; tags; halves of characters
+_OBEYED = (
+    r"\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ufff9-\ufffb\ud800-\udfff"
+    r"\U000e0000-\U000e007f"
+)
+_CONTROLS = re.compile(rf"[\t\n{_OBEYED}]+")
+_UNPRINTABLE = re.compile(rf"[{_OBEYED}]")
+# what icmj prints itself, for streams that cannot encode it
+_SPELT = str.maketrans(
+    {"Δ": "Delta", "λ": "lambda", "γ": "gamma", "φ": "phi", "μ": "mu", "ζ": "zeta", "ρ": "rho", "±": "+-", "–": "-"}
+    | {"−": "-", "·": ".", "²": "^2", "°": " deg", "→": "->", "…": "...", "’": "'", "≤": "<=", "≥": ">=", "×": "x"}
+)
 
 
 def one_line(text: object, longest: int = 4000) -> str:
     """``text`` in one line without escape sequences and control characters, cut at ``longest`` characters."""
     line = " ".join(_CONTROLS.sub(" ", _ESCAPES.sub("", str(text))).split())
     return line if len(line) <= longest else line[: longest - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """``text`` without what a terminal would obey; lines and tabs stay."""
+    return _UNPRINTABLE.sub("", text)
+
+
+def spelt(error: UnicodeError) -> tuple[str, int]:
+    """What stands for characters that a stream cannot encode: a handler for :func:`codecs.register_error`."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    words = error.object[error.start : error.end].translate(_SPELT)
+    return words.encode("ascii", "backslashreplace").decode(), error.end

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from icmj.base.files import replaceable, write_text
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, series_commands, starting
+from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
     from icmj.comparison.comparison import Comparison
 
-OUT = Console()
-ERR = Console(stderr=True)
 TOLD = 10.0  # s of estimated work that is announced
 
 
@@ -54,8 +51,9 @@ def study(command: arguments.Study) -> None:
     _show(outputs.comparisons)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
-    OUT.print(f"{count} in {escape(str(command.out))}")
-    OUT.print(f"report   {escape(str(outputs.report))}\nsummary  {escape(str(outputs.summary))}", highlight=False)
+    OUT.say(f"{count} in {command.out}")
+    OUT.say(f"report   {outputs.report}")
+    OUT.say(f"summary  {outputs.summary}")
 
 
 @execute.register
@@ -72,9 +70,9 @@ def analyse(command: arguments.Analyse) -> None:
     prediction, plant = case.prediction, case.assumed.linearisation.plant
     outputs, units = plant.outputs, plant.output_units or ("",) * plant.n_y
     if command.json:
-        print(json.dumps(plain_prediction(prediction, outputs, case.notices), indent=2, allow_nan=False))
+        OUT.show(plain_prediction(prediction, outputs, case.notices))
         return
-    table = Table("", "", title=escape(run.case.title), title_justify="left", box=SIMPLE_HEAD, show_header=False)
+    table = Table("", "", title=run.case.title, title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
         ("critical interval Δ_crit", _seconds(prediction.delta_crit)),
         ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
@@ -105,9 +103,9 @@ def analyse(command: arguments.Analyse) -> None:
         crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
     OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
     if prediction.beyond is not None:
-        OUT.print(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
+        OUT.say(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
     for words in prediction.remarks:
-        OUT.print(escape(words[0].upper() + words[1:] + "."))
+        OUT.say(words[0].upper() + words[1:] + ".")
     _tell(case.notices)
 
 
@@ -131,7 +129,7 @@ def run(command: arguments.Run) -> None:
         seconds = estimate(case, plant)
         refuse_long(case, plant, seconds, None if command.yes else LONGEST)
         if seconds > TOLD:
-            ERR.print(f"icmj: about {in_words(seconds)} of work", highlight=False)
+            ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{run_file.case.name}.{plant}.rrd"
         open_folder(command.out, log.name)
         with heard_once():
@@ -139,13 +137,13 @@ def run(command: arguments.Run) -> None:
             working.tell("writing the log", 0.95)
             write_log(result, log)
     _show([compare(result)])
-    OUT.print(escape(f"The run {result.simulation.outcome.message}."), highlight=False)
-    OUT.print(escape(result.measurement.words), highlight=False)
+    OUT.say(f"The run {result.simulation.outcome.message}.")
+    OUT.say(result.measurement.words)
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
-        OUT.print(escape(f"{words[0].upper()}{words[1:]}."), highlight=False)
+        OUT.say(f"{words[0].upper()}{words[1:]}.")
     if (error := relative_error(result.simulation)) > 0:
-        OUT.print(f"Relative error by the step: {error:.1g}.", highlight=False)
-    OUT.print(f"log  {escape(str(log))}", highlight=False)
+        OUT.say(f"Relative error by the step: {error:.1g}.")
+    OUT.say(f"log  {log}")
     if result.simulation.outcome.kind == "interrupted":
         raise KeyboardInterrupt
 
@@ -153,7 +151,6 @@ def run(command: arguments.Run) -> None:
 @execute.register
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
-    from icmj.base.files import replaceable
     from icmj.cycle.storage import branches_among
     from icmj.study.page import report as build
     from icmj.work.workers import Workers
@@ -170,7 +167,7 @@ def report(command: arguments.Report) -> None:
         comparisons = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
     if comparisons:
         _show(comparisons)
-    OUT.print(f"report  {escape(str(command.out))}", highlight=False)
+    OUT.say(f"report  {command.out}")
 
 
 @execute.register
@@ -178,13 +175,12 @@ def replay(command: arguments.Replay) -> None:
     """Open, serve or picture a log."""
     from icmj.log.replay import replay as show
 
-    show(command.log, web=command.web, screenshot=command.screenshot, time=command.time)
+    show(command.log, web=command.web, screenshot=command.screenshot, time=command.time, say=ERR.say)
 
 
 @execute.register
 def person(command: arguments.Person) -> None:
     """Write a person's model and say what it is."""
-    from icmj.base.files import replaceable, write_text
     from icmj.engine.plant import shaped
     from icmj.plant.person import Person
     from icmj.runfile.shipped import model_file
@@ -193,14 +189,13 @@ def person(command: arguments.Person) -> None:
     measures = Person(command.height, command.mass)
     write_text(command.out, shaped(model_file(command.model), measures))
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
-    OUT.print(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
-    OUT.print(f"model    {escape(str(command.out))}", highlight=False)
+    OUT.say(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
+    OUT.say(f"model    {command.out}")
 
 
 @execute.register
 def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
-    from icmj.base.files import replaceable
     from icmj.cli.matrices import save_plant, show_plant
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
@@ -224,12 +219,12 @@ def linearise(command: arguments.Linearise) -> None:
     if command.out is not None:
         save_plant(plant, command.out)
     if command.json:
-        print(json.dumps(plain_linearisation(linearisation, loaded.quality, loaded.told), allow_nan=False))
+        OUT.show(plain_linearisation(linearisation, loaded.quality, loaded.told), indent=None)
         return
     show_plant(plant, OUT, full=command.full)
     _tell((*loaded.told, *loaded.quality.notices))
     if command.out is not None:
-        OUT.print(f"matrices  {escape(str(command.out))}", highlight=False)
+        OUT.say(f"matrices  {command.out}")
 
 
 @execute.register
@@ -268,7 +263,7 @@ def _show(comparisons: Sequence[Comparison]) -> None:
     table.add_column("cycle", justify="center", no_wrap=True)
     for c in comparisons:
         table.add_row(
-            escape(c.case),
+            c.case,
             c.plant,
             _number(c.predicted.delta_crit),
             _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
@@ -280,12 +275,12 @@ def _show(comparisons: Sequence[Comparison]) -> None:
     _tell(noted(comparisons))
     for c in comparisons:
         if not c.measured.converged:
-            OUT.print(escape(f"{c.case} ({c.plant}): {c.words}"), highlight=False)
+            OUT.say(f"{c.case} ({c.plant}): {c.words}")
 
 
 def _tell(notices: Iterable[object]) -> None:
     for notice in notices:
-        OUT.print(escape(f"note: {notice}"), highlight=False, style="yellow")
+        OUT.say(f"note: {notice}", style="yellow")
 
 
 def _number(value: float | None) -> str:

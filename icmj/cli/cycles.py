@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 
 from icmj.base.plain import plain
 from icmj.cli import arguments
-from icmj.cli.commands import ERR, OUT, execute
+from icmj.cli.commands import execute
+from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ def cycle(command: arguments.Cycle) -> None:
         case = prepare(run)
         found = find_cycle(case, plant, start=command.start, progress=lambda done: working.tell("simulating", done))
     if command.json:
-        print(json.dumps(plain_cycle(found, case), indent=2, allow_nan=False))
+        OUT.show(plain_cycle(found, case))
         return
     _show(found, case)
 
@@ -99,15 +98,15 @@ def continue_(command: arguments.Continue) -> None:
     for branch in found:
         _show_branch(branch)
     for words in off:
-        OUT.print(f"note: {escape(words)}", highlight=False, style="yellow")
+        OUT.say(f"note: {words}", style="yellow")
     for file in files:
-        OUT.print(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {escape(str(file))}", highlight=False)
+        OUT.say(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {file}")
 
 
 def _show_branch(branch: Branch) -> None:
     from icmj.cycle.parameter import with_unit
 
-    table = Table(title=f"{escape(branch.run.case.title)}: {branch.name} ({branch.plant})", title_justify="left")
+    table = Table(title=f"{branch.run.case.title}: {branch.name} ({branch.plant})", title_justify="left")
     table.box = SIMPLE_HEAD
     for column in (
         with_unit(branch.parameter),
@@ -131,9 +130,9 @@ def _show_branch(branch: Branch) -> None:
             table.add_section()
     OUT.print(table)
     for special in branch.specials:
-        OUT.print(escape(special.words), highlight=False)
+        OUT.say(special.words)
     if not branch.specials or branch.specials[-1].words != branch.end:
-        OUT.print(escape(f"The branch {branch.end}."), highlight=False)
+        OUT.say(f"The branch {branch.end}.")
 
 
 def plain_cycle(found: Cycle, case: Case) -> dict[str, Any]:
@@ -173,7 +172,7 @@ def _show(found: Cycle, case: Case) -> None:
     plant, prediction = case.actual.linearisation.plant, case.prediction
     orbit = prediction.orbit
     table = Table("", found.plant, "linear prediction", title_justify="left", box=SIMPLE_HEAD)
-    table.title = escape(case.run.case.title)
+    table.title = case.run.case.title
     many = len(found.intervals) > 1
     for i, interval in enumerate(found.intervals):
         predicted = "–" if prediction.delta_crit is None or i else f"{prediction.delta_crit:.9f} s"
@@ -182,19 +181,19 @@ def _show(found: Cycle, case: Case) -> None:
     units = plant.output_units or ("",) * plant.n_y
     for i, (name, unit) in enumerate(zip(plant.outputs, units, strict=True)):
         expected = _amount(None if orbit is None else orbit.y_peak[i], unit)
-        table.add_row(f"peak of {escape(name)}", _amount(found.y_peak[i], unit), expected)
+        table.add_row(f"peak of {name}", _amount(found.y_peak[i], unit), expected)
     theirs = () if prediction.multipliers is None else prediction.multipliers
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
         expected = _complex(theirs[i]) if i < len(theirs) else "–"
         table.add_row(f"multiplier {i + 1}", f"{_complex(value)} ± {error:.0e}", expected)
     OUT.print(table)
-    OUT.print(escape(found.words), highlight=False)
+    OUT.say(found.words)
     error = (
         f"; relative error of the interval by the step {found.interval_error:.0e}" if found.plant != "linear" else ""
     )
     steps = len(found.history) - 1
-    OUT.print(f"It closes to {found.closure:.0e} after {steps} Newton steps{error}.", highlight=False)
+    OUT.say(f"It closes to {found.closure:.0e} after {steps} Newton steps{error}.")
 
 
 def _amount(value: float | None, unit: str, figures: int = 6) -> str:

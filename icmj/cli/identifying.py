@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
-
-from rich.console import Console
-from rich.markup import escape
 
 from icmj.cli.working import Working
 from icmj.errors import IdentificationError
@@ -15,13 +11,14 @@ from icmj.errors import IdentificationError
 if TYPE_CHECKING:
     from icmj.case.case import PlantKind
     from icmj.cli.sweep_arguments import Identify
+    from icmj.cli.terminal import Terminal
     from icmj.identification.identification import Identification
     from icmj.identification.observed import Observed
     from icmj.identification.unknown import Unknown
     from icmj.runfile.schema import RunFile
 
 
-def carry_out(command: Identify, out: Console, err: Console) -> None:
+def carry_out(command: Identify, out: Terminal, err: Terminal) -> None:
     """Say of each motion which value of the unknown made it."""
     from icmj.identification.identification import identify
 
@@ -36,11 +33,11 @@ def carry_out(command: Identify, out: Console, err: Console) -> None:
             result = identify(unknown, observed, plant=plant, seed=command.seed)
             found.append((path, result))
     if command.json:
-        print(json.dumps([_record(path, result) for path, result in found], indent=2, ensure_ascii=False))
+        out.show([_record(path, result) for path, result in found])
         return
     for path, result in found:
         name = f"{path.name}: " if len(found) > 1 else ""
-        out.print(escape(f"{name}{result.words}"), highlight=False, soft_wrap=True)
+        out.say(f"{name}{result.words}", wrap=False)
 
 
 def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:

@@ -6,16 +6,18 @@ Status 0 on success, 2 on bad input with one line on standard error, 70 where ic
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import os
 import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from typing import TextIO
 
 from icmj.base.environment import one_thread, seldom_collected
 from icmj.base.signals import Asked, Terminated, terminable
-from icmj.base.text import one_line
+from icmj.base.text import one_line, spelt
 from icmj.errors import IcmjError, beyond_arithmetic
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
@@ -32,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     seldom_collected()
     asked = Asked()
     try:
-        with _library_words_unsaid(), terminable() as asked:
+        with _sayable(), _library_words_unsaid(), terminable() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
@@ -56,11 +58,13 @@ def entry() -> None:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):  # the interpreter would say so, and change the status
+            _unheard(stream)
     if status > 128:
         # everything is unwound; an interpreter that was interrupted in the middle of an import may not end well
-        with contextlib.suppress(ValueError, OSError):
-            sys.stdout.flush()
-            sys.stderr.flush()
         os._exit(status)
     sys.exit(status)
 
@@ -77,23 +81,21 @@ def _obey(arguments: list[str]) -> int:
         try:
             command = parse(arguments)
         except SystemExit as stop:
+            sys.stdout.flush()
             return stop.code if isinstance(stop.code, int) else BAD_INPUT
         import icmj.cli.cycles  # noqa: F401, for the commands that it registers
         from icmj.cli import commands
 
-        try:
-            commands.execute(command)
-        except SystemExit:  # what rich makes of a reader that went away
-            raise BrokenPipeError from None
+        commands.execute(command)
         sys.stdout.flush()
     except IcmjError as error:
         return _say(str(error), BAD_INPUT)
     except BrokenPipeError:  # the reader of our output went away, as `| head` does
-        _unheard()
+        _unheard(sys.stdout)
         return 0
     except OSError as error:
         if error.filename is None:  # not a file of ours: standard output is full, or gone
-            _unheard()
+            _unheard(sys.stdout)
         name = f"{error.filename}: " if error.filename is not None else ""
         return _say(f"{name}{error.strerror or error}", BAD_INPUT)
     except MemoryError:
@@ -110,6 +112,36 @@ def _library_words_unsaid() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def _sayable() -> Iterator[None]:
+    """Standard streams that are there and take any character.
+
+    One that is closed leads nowhere: else the next file that is opened would stand in its place, and get what others
+    print. What a stream cannot encode is spelt.
+    """
+    codecs.register_error("icmj", spelt)
+    with contextlib.suppress(OSError):
+        while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
+            continue
+        os.close(handle)
+    for name, way in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, way, encoding="utf-8"))  # noqa: SIM115, it is open to the end
+    before = [(stream, getattr(stream, "errors", None)) for stream in (sys.stdout, sys.stderr)]
+    for stream, _ in before:
+        _reconfigured(stream, "icmj")
+    try:
+        yield
+    finally:
+        for stream, errors in before:
+            _reconfigured(stream, errors)
+
+
+def _reconfigured(stream: TextIO, errors: str | None) -> None:
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # not there, or not a stream of a file
+        stream.reconfigure(errors=errors)  # type: ignore[attr-defined]
+
+
 def _say(message: str, status: int) -> int:
     """One line on standard error, if anybody listens."""
     with contextlib.suppress(OSError, ValueError):
@@ -117,9 +149,9 @@ def _say(message: str, status: int) -> int:
     return status
 
 
-def _unheard() -> None:
-    """Let what is left in the buffer of standard output go nowhere, without a complaint at the end."""
+def _unheard(stream: TextIO) -> None:
+    """Let what is left in the buffer of a standard stream go nowhere, without a complaint at the end."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         nothing = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nothing, sys.stdout.fileno())
+        os.dup2(nothing, stream.fileno())
         os.close(nothing)

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from icmj.base.files import write_bytes
@@ -17,13 +15,14 @@ from icmj.errors import ModelError
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
+    from icmj.cli.terminal import Terminal
     from icmj.plant.linear_plant import LinearPlant
 
 FEW = 8  # states whose matrices are shown without being asked for
 GAP = 3  # columns of the terminal between two of a table
 
 
-def show_plant(plant: LinearPlant, out: Console, *, full: bool = False) -> None:
+def show_plant(plant: LinearPlant, out: Terminal, *, full: bool = False) -> None:
     """Matrices and poles; of a plant with more than :data:`FEW` states an outline, unless ``full``."""
     if full or plant.n <= FEW:
         for name, matrix, rows, columns in _matrices(plant):
@@ -32,7 +31,7 @@ def show_plant(plant: LinearPlant, out: Console, *, full: bool = False) -> None:
         _show_outline(plant, out)
     _show_poles(plant, out)
     if not full and plant.n > FEW:
-        out.print("--full prints the matrices, --out FILE.npz saves them.", style="dim")
+        out.say("--full prints the matrices, --out FILE.npz saves them.", style="dim")
 
 
 def save_plant(plant: LinearPlant, path: Path) -> None:
@@ -67,7 +66,7 @@ def _with_units(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ..
     return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
 
 
-def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple[str, ...], out: Console) -> None:
+def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple[str, ...], out: Terminal) -> None:
     """In blocks of as many columns as fit beside the names of the rows."""
     cells = [["·" if value == 0 else f"{value:.5g}" for value in column] for column in matrix.T]
     widths = [max(map(len, (head, *column))) + GAP for head, column in zip(columns, cells, strict=True)]
@@ -78,22 +77,22 @@ def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple
             blocks.append([])
         blocks[-1].append(i)
     for block in blocks:
-        table = Table(name, *(escape(columns[i]) for i in block), box=SIMPLE_HEAD)
+        table = Table(name, *(columns[i] for i in block), box=SIMPLE_HEAD)
         for k, label in enumerate(rows):
-            table.add_row(escape(label), *(cells[i][k] for i in block))
+            table.add_row(label, *(cells[i][k] for i in block))
         out.print(table)
 
 
-def _show_outline(plant: LinearPlant, out: Console) -> None:
+def _show_outline(plant: LinearPlant, out: Terminal) -> None:
     """Names with units, and what drives and what shows each state."""
-    out.print(f"{plant.n} states, {plant.n_u} inputs, {plant.n_y} outputs", highlight=False)
+    out.say(f"{plant.n} states, {plant.n_u} inputs, {plant.n_y} outputs")
     table = Table(box=SIMPLE_HEAD)
     for column in ("state", "unit", "largest in A", "driven most by", "shown most by"):
         table.add_column(column, no_wrap=column == "state")
     units = plant.state_units or ("",) * plant.n
     for i, (state, unit) in enumerate(zip(plant.states, units, strict=True)):
         table.add_row(
-            escape(state), unit, *(escape(_largest(row, names)) for row, names in (
+            state, unit, *(_largest(row, names) for row, names in (
                 (plant.A[i], plant.states), (plant.B[i], plant.inputs), (plant.C[:, i], plant.outputs),
             )),
         )  # fmt: skip
@@ -107,7 +106,7 @@ def _largest(values: Array, names: tuple[str, ...]) -> str:
     return f"{names[at]} {values[at]:.4g}"
 
 
-def _show_poles(plant: LinearPlant, out: Console) -> None:
+def _show_poles(plant: LinearPlant, out: Terminal) -> None:
     """Poles from the most unstable on, each pair once, with what they mean in time."""
     table = Table("pole (rad/s)", "damping", "time constant (s)", "frequency (Hz)", box=SIMPLE_HEAD)
     for pole in sorted((p for p in plant.poles if p.imag >= 0), key=lambda p: (-p.real, p.imag)):

@@ -39,8 +39,11 @@ def parse(words: list[str]) -> Command:
                 command, prog="icmj", description=DESCRIPTION, args=words, config=(tyro.conf.FlagCreatePairsOff,)
             )
     except SystemExit as stop:
+        if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away
+            raise BrokenPipeError from None
         if stop.code in (0, None):
-            sys.stderr.write(shown.getvalue())
+            with contextlib.suppress(OSError):  # nobody may listen
+                sys.stderr.write(shown.getvalue())
             raise
         where = f"icmj {words[0]}" if words[0] in classes else "icmj"
         wrong = _in_words(_unboxed(shown.getvalue()), words, classes)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.markup import escape
-
 from icmj.cli import series_arguments as arguments
+from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 
 if TYPE_CHECKING:
     from icmj.series.series import Series
 
-OUT = Console()
-ERR = Console(stderr=True)
 MOST = 6  # signals in one table
 RATE = 100.0  # Hz: at which a log is measured
 
@@ -41,7 +36,7 @@ def export(command: arguments.Export) -> None:
         write_series(events, events_out)
     for what, series, path in (("rows", rows, out), ("events", events, events_out)):
         size = f"{len(series)} rows, {len(series.names)} signals"
-        OUT.print(f"{what:<7} {escape(str(path))}  {size}", highlight=False, soft_wrap=True)
+        OUT.say(f"{what:<7} {path}  {size}", wrap=False)
 
 
 def measure(command: arguments.Measure) -> None:
@@ -67,14 +62,14 @@ def measure(command: arguments.Measure) -> None:
         except DataError as error:
             raise DataError(f"{command.file}: {error}") from error
     if command.json:
-        print(json.dumps({**record(sway), "notices": notes}, indent=2, allow_nan=False))
+        OUT.show({**record(sway), "notices": notes})
         return
     filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
     OUT.print(table(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}"))
     if "resampled" in sway.series.facts:
         notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
     for note in notes:
-        OUT.print(f"note: {escape(note)}", highlight=False, style="yellow")
+        OUT.say(f"note: {note}", style="yellow")
 
 
 def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:

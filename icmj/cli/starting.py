@@ -6,17 +6,14 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from icmj.base.text import one_line
 from icmj.cli.arguments import New
+from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
     from icmj.case.drafting import Drafted
-
-ERR = Console(stderr=True)
 
 
 def new(command: New) -> None:
@@ -27,7 +24,8 @@ def new(command: New) -> None:
     shipped = RUNS.meant(given)
     if shipped != given:
         files = _copy(shipped, command.out or Path(f"{given.name}.toml"))
-        print(f"run file  {files[0]}\nmodel     {', '.join(map(str, files[1:]))}\nnext      icmj analyse {files[0]}")
+        models = ", ".join(map(str, files[1:]))
+        _tell(f"run file  {files[0]}", f"model     {models}", f"next      icmj analyse {files[0]}")
         return
     model = model_file(given)
     out = command.out or Path(f"{model.stem}.toml")
@@ -39,10 +37,12 @@ def new(command: New) -> None:
     with Working(f"looking at {model.name}", ERR):
         draft = draft_run(model, out, command.keyframe)
     write_text(out, draft.text)
-    print(f"run file  {out}")
-    for line in _found(draft):
-        print(line)
-    print(f"next      icmj analyse {out}")
+    _tell(f"run file  {out}", *_found(draft), f"next      icmj analyse {out}")
+
+
+def _tell(*lines: str) -> None:
+    for line in lines:
+        OUT.say(line, wrap=False)
 
 
 def _found(draft: Drafted) -> list[str]:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 
 from icmj.base.plain import plain
@@ -21,11 +20,11 @@ SHOWN = {"rad": (180 / np.pi, "deg"), "rad/s": (180 / np.pi, "deg/s"), "m": (1e3
 
 def table(sway: Sway, title: str) -> Table:
     """Measures down, signals across, the plane of two of them last."""
-    shown = Table("", title=escape(title), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    shown = Table("", title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     columns = [_of_coordinate(c) for c in sway.coordinates]
     units = [_unit(c.unit)[1] for c in sway.coordinates]
     for c, unit in zip(sway.coordinates, units, strict=True):
-        shown.add_column(escape(f"{c.name} ({unit})" if unit else c.name), justify="right")
+        shown.add_column(f"{c.name} ({unit})" if unit else c.name, justify="right")
     if sway.plane is not None:
         columns.append(_of_plane(sway.plane))
         shown.add_column(f"plane ({_unit(sway.plane.unit)[1]})".replace(" ()", ""), justify="right")

@@ -6,19 +6,17 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.markup import escape
-
 from icmj.cli.working import Working
 from icmj.errors import SweepError
 
 if TYPE_CHECKING:
     from icmj.cli.arguments import Sweep
+    from icmj.cli.terminal import Terminal
     from icmj.sweeps.plan import Plan
     from icmj.sweeps.sweep import Progress
 
 
-def carry_out(command: Sweep, out: Console, err: Console) -> None:
+def carry_out(command: Sweep, out: Terminal, err: Terminal) -> None:
     """Carry out a sweep, or say what it would cost; what was finished stays, however it ends."""
     from icmj.sweeps.sweep import carry_out as compute
     from icmj.sweeps.sweep import planned
@@ -45,36 +43,32 @@ def carry_out(command: Sweep, out: Console, err: Console) -> None:
     _show(plan, folder, done, out)
 
 
-def _cost(plan: Plan, out: Console) -> None:
+def _cost(plan: Plan, out: Terminal) -> None:
     from icmj.sweeps.trial import estimate
 
     cost = estimate(plan)
-    out.print(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}", highlight=False)
-    out.print(
+    out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")
+    out.say(
         f"about {_time(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
-        f"{cost.size / 1e6:.3g} MB",
-        highlight=False,
+        f"{cost.size / 1e6:.3g} MB"
     )
 
 
-def _left(plan: Plan, folder: Path, err: Console) -> None:
+def _left(plan: Plan, folder: Path, err: Terminal) -> None:
     """What an end before its time leaves, if it began."""
     count = len(list((folder / "points").glob("*.parquet")))
     if count:
-        err.print(
-            f"icmj: {count} of {plan.chunks} chunks are finished in {escape(str(folder))}; the same command goes on",
-            highlight=False,
-        )
+        err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on")
 
 
-def _show(plan: Plan, folder: Path, done: Progress, out: Console) -> None:
+def _show(plan: Plan, folder: Path, done: Progress, out: Terminal) -> None:
     from icmj.sweeps.dataset import statuses
 
     found: Counter[str] = statuses(folder)
     bad = ", ".join(f"{count} {status}" for status, count in sorted(found.items()) if status != "ok")
-    out.print(f"{done.points} points{f', of which {bad}' if bad else ''}", highlight=False)
+    out.say(f"{done.points} points{f', of which {bad}' if bad else ''}")
     size = sum(path.stat().st_size for path in (folder / "points").iterdir()) / 1e6
-    out.print(f"dataset  {escape(str(folder / 'points'))} ({size:.3g} MB)", highlight=False)
+    out.say(f"dataset  {folder / 'points'} ({size:.3g} MB)")
 
 
 def _words(progress: Progress) -> str:

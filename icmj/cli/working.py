@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
+from contextlib import suppress
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from icmj.cli.terminal import Terminal
 
 FIRST = 2.0  # s of silence before a bar
 PAUSE = 5.0  # s between two lines, where there is no terminal to draw a bar on
@@ -19,7 +20,7 @@ class Working:
     A command that is done before that says nothing, so that its errors stay alone on their line.
     """
 
-    def __init__(self, label: str, console: Console) -> None:
+    def __init__(self, label: str, console: Terminal) -> None:
         self._label, self._done, self._console = label, 0.0, console
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
@@ -46,8 +47,9 @@ class Working:
     def _bar(self) -> None:
         if self._ended.wait(FIRST):
             return
-        columns = TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn()
-        with Progress(*columns, console=self._console, transient=True) as bar:
+        columns = TextColumn("{task.description:<24}", markup=False), BarColumn(), TimeElapsedColumn()
+        # nobody may listen any more
+        with suppress(OSError, ValueError), Progress(*columns, console=self._console, transient=True) as bar:
             task = bar.add_task(self._label, total=None)
             while not self._ended.wait(0.1):
                 bar.update(task, description=self._label, completed=self._done, total=1.0 if self._done > 0 else None)
@@ -56,7 +58,4 @@ class Working:
         begin = time.monotonic()
         while not self._ended.wait(PAUSE):
             part = f", {100 * self._done:.0f} %" if self._done > 0 else ""
-            try:
-                print(f"icmj: {self._label}{part} after {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
-            except (OSError, ValueError):  # nobody listens any more
-                return
+            self._console.say(f"icmj: {self._label}{part} after {time.monotonic() - begin:.0f} s", wrap=False)

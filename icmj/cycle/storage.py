@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.files import whole
+from icmj.base.files import regular, whole
 from icmj.base.text import one_line
 from icmj.cycle.branch import KINDS, Branch, SpecialPoint
 from icmj.errors import IcmjError, LogError
@@ -66,7 +67,8 @@ def read_branch(path: Path | str) -> Branch:
 
     path = Path(path)
     try:
-        table = parquet.read_table(path)
+        with os.fdopen(regular(path, os.O_RDONLY), "rb") as file:
+            table = parquet.read_table(file)
         flat = {}
         for name in COLUMNS:
             column = table.column(name).combine_chunks()

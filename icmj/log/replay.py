@@ -35,7 +35,8 @@ Say = Callable[[str], None]
 
 def say_to_stderr(message: str) -> None:
     """Default of ``say``: one line on standard error."""
-    print(message, file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError, ValueError):  # nobody may listen
+        print(one_line(message), file=sys.stderr, flush=True)
 
 
 def replay(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
@@ -185,5 +186,6 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
 
 
 def _drawn(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
+    name = re.sub(r"[^\w.+-]", "-", name).lstrip(".")  # a file may say anything
     save(figure, folder, name)
     return picture(folder, Drawing(name, alt, lambda: figure))

@@ -123,4 +123,7 @@ def _lines(text: bytes) -> list[_Line]:
 def _fields(words: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return words.split()
-    return [field.strip() for field in next(csv.reader([words], delimiter=delimiter), [])]
+    try:
+        return [field.strip() for field in next(csv.reader([words], delimiter=delimiter), [])]
+    except csv.Error as error:
+        raise DataError(f"a line that is no row of a table ({error})") from error

@@ -141,7 +141,10 @@ def _read_npz(path: Path) -> tuple[list[str], list[str], Array]:
         arrays = read_npz(path, MOST_BYTES)
     except ValueError as error:
         raise DataError(str(error)) from error
-    known = dict(zip(*(arrays.pop(key, np.zeros(0)).ravel().tolist() for key in ("names", "units")), strict=False))
+    told = [arrays.pop(key, np.zeros(0, str)) for key in ("names", "units")]
+    if any(texts.dtype.kind not in "US" for texts in told):
+        raise DataError("names and units are not arrays of text")
+    known = dict(zip(*(texts.astype(str).ravel().tolist() for texts in told), strict=False))
     vectors = {name: a for name, a in arrays.items() if a.ndim == 1 and a.dtype.kind in "fiu"}
     lengths = {len(a) for a in vectors.values()}
     if len(lengths) != 1:

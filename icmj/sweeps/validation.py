@@ -6,55 +6,20 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from icmj.base.files import regular
 from icmj.base.text import one_line
 from icmj.errors import SweepError
-from icmj.runfile.sweep_tables import MOST_POINTS
+from icmj.runfile.sweep_facts import Facts, parse_facts
 from icmj.sweeps.columns import TYPES, columns
 
 MOST_BYTES = 50_000_000  # of what a folder says that it is of
 _CHUNK = re.compile(r"\d{8,10}")
-
-_Word = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*$")]
-_Name = Annotated[str, StringConstraints(max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-
-
-class Facts(BaseModel):
-    """What a folder says that it is of, as far as it is read again."""
-
-    model_config = ConfigDict(strict=True, frozen=True)
-    fingerprint: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}$")]
-    name: _Name
-    title: _Word
-    points: Annotated[int, Field(ge=1, le=MOST_POINTS)]
-    chunk: Annotated[int, Field(ge=1, le=100_000)]
-    varies: list[_Word]
-    fields: list[_Word]
-    outputs: list[_Word]
-    versions: dict[str, _Word]
-
-    @model_validator(mode="after")
-    def _fit(self) -> Facts:
-        if len(self.varies) != len(self.fields):
-            raise ValueError("varies and fields differ in length")
-        return self
-
-    @property
-    def chunks(self) -> int:
-        """How many files there are to be."""
-        return -(-self.points // self.chunk)
-
-    def rows(self, chunk: int) -> range:
-        """The points of one of them, by index."""
-        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.points))
 
 
 def read_facts(path: Path) -> Facts:
@@ -68,11 +33,7 @@ def read_facts(path: Path) -> Facts:
             content = file.read(MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
             raise ValueError(f"more than {MOST_BYTES / 1e6:g} MB")
-        return Facts.model_validate_json(content)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        why = f"{where}: {first['msg']}" if where else first["msg"]
+        return parse_facts(content)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     raise SweepError(f"{path.parent}: not the folder of a sweep; it has no sound {path.name} ({one_line(why, 160)})")

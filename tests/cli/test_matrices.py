@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from icmj.cli.main import main
 from icmj.cli.matrices import FEW, show_plant
+from icmj.cli.terminal import Terminal
 from icmj.plant.linear_plant import LinearPlant
 
 
@@ -22,7 +22,7 @@ def large(n: int = 30) -> LinearPlant:
 
 def printed(plant: LinearPlant, full: bool) -> list[str]:
     out = io.StringIO()
-    show_plant(plant, Console(file=out, width=80), full=full)
+    show_plant(plant, Terminal(file=out, width=80), full=full)
     return out.getvalue().splitlines()
 
 

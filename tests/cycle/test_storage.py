@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import fields
 from pathlib import Path
 
@@ -53,3 +54,9 @@ def test_what_is_no_branch_is_refused_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "text.parquet").write_text("no")
     with pytest.raises(LogError, match="not a branch"):
         read_branch(tmp_path / "text.parquet")
+
+
+def test_a_pipe_for_a_branch_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.parquet")
+    with pytest.raises(LogError, match=r"pipe\.parquet is a pipe, not a file"):
+        read_branch(tmp_path / "pipe.parquet")

@@ -97,3 +97,13 @@ def test_the_report_shows_branches_of_one_case_in_one_figure_and_tells_what_happ
     figures = sorted(path.name for path in (tmp_path / "page_figures").iterdir())
     names = ("simple-0.8_along_delta_min", "simple-1.7_along_b")
     assert figures == [f"{name}.{kind}" for name in names for kind in ("pdf", "svg")]
+
+
+def test_a_figure_has_a_name_of_its_own_folder_whatever_the_parameter_is_called(losing_symmetry, tmp_path) -> None:
+    from icmj.report import build_report
+
+    (tmp_path / "deep").mkdir()
+    elsewhere = replace(losing_symmetry, parameter="x/../../../stolen")
+    build_report([], tmp_path / "deep" / "page.html", branches=[elsewhere])
+    assert {path.name for path in tmp_path.iterdir()} == {"deep"}
+    assert {path.name for path in (tmp_path / "deep").iterdir()} == {"page.html", "page_figures"}

@@ -186,3 +186,35 @@ def test_whatever_is_in_a_file_it_is_a_series_or_one_line(tmp_path, content, kin
 )
 def test_names_and_units(text, expected):
     assert name_and_unit(text) == expected
+
+
+@pytest.mark.parametrize("where", ["header", "row", "row alone"])
+def test_a_field_of_any_length_is_refused_in_words(tmp_path, where):
+    """The csv module takes fields up to 131,072 characters, and raises an error of its own."""
+    long = "x" * 140_000
+    header, row = (f"t,{long}", "0,1") if where == "header" else ("t,a", f"0,{long}")
+    text = f"{long},1\n" if where == "row alone" else f"{header}\n{row}\n{row}\n"
+    (tmp_path / "long.csv").write_text(text)
+    with pytest.raises(DataError, match=r"long\.csv: .*(no row of a table|no rows of numbers)") as caught:
+        read_series(tmp_path / "long.csv")
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("key", ["names", "units"])
+@pytest.mark.parametrize(
+    "texts",
+    [
+        np.zeros(2, dtype=[("a", "U3"), ("b", "f8", (2,))]),
+        np.zeros(2, dtype=[("a", "U3")]),
+        np.zeros(2),
+        np.zeros((), "V4"),
+        np.array(["2020-01-01"], "M8[D]"),
+    ],
+    ids=["nested", "structured", "numbers", "void", "times"],
+)
+def test_names_in_npz_are_text(tmp_path, key, texts):
+    arrays = {"names": np.array(["t", "a"]), "units": np.array(["s", "m"]), key: texts}
+    np.savez(tmp_path / "a.npz", t=np.arange(3.0), a=np.arange(3.0), **arrays)
+    with pytest.raises(DataError, match="names and units are not arrays of text"):
+        read_series(tmp_path / "a.npz")
