@@ -114,3 +114,10 @@ def test_the_readme_draws_these_floors() -> None:
     drawn = [tuple(re.findall(r"`icmj/(\w+)/`", line)) for line in readme.splitlines() if line.startswith("| `icmj/")]
     expected = [tuple(folder for folder in floor if folder != "errors") for floor in reversed(FLOORS)]
     assert drawn == expected
+
+
+def test_the_command_line_prints_in_one_place() -> None:
+    """What is printed elsewhere may hold what a terminal obeys, or end in a stream that nobody reads."""
+    printed = re.compile(r"(?<![.\w])print\(|\bConsole\(|sys\.stdout\.write|from rich\.(console|markup) ")
+    found = {name_of(path) for path in MODULES if printed.search(path.read_text(encoding="utf-8"))}
+    assert found == {"icmj.cli.terminal", "icmj.cli.main", "icmj.log.replay", "icmj.engine.fault"}

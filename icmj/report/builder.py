@@ -157,14 +157,17 @@ def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture
     """Pictures and captions of every sweep."""
     from icmj.report.maps.pictures import pictures
 
+    found = {}
     with style.applied():
-        return {
-            swept.name: [
-                (_drawn(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
-                for each in pictures(swept)
-            ]
-            for swept in sweeps
-        }
+        for swept in sweeps:
+            try:
+                found[swept.name] = [
+                    (_drawn(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
+                    for each in pictures(swept)
+                ]
+            except (ValueError, ArithmeticError) as error:  # matplotlib's, of numbers near the ends of their range
+                raise ReportError(f"sweep {swept.name!r} cannot be drawn ({one_line(error, 160)})") from error
+    return found
 
 
 def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch], Picture]]:

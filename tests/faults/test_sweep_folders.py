@@ -17,7 +17,8 @@ import pytest
 from sweep_cases import GRID, sweep_file
 
 from icmj.cli.main import main
-from icmj.errors import SweepError
+from icmj.errors import ReportError, SweepError
+from icmj.report import build_report
 from icmj.sweeps.dataset import opened, read_sweep, statuses
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.sweep import carry_out, planned
@@ -181,6 +182,15 @@ def test_what_varies_has_no_gaps(values: list[float], begun: tuple[Plan, Path], 
     column("b", values)(folder)
     with pytest.raises(SweepError, match="column b has gaps"):
         read_sweep(folder)
+
+
+def test_numbers_that_cannot_be_drawn_are_one_line(begun: tuple[Plan, Path], tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    shutil.copytree(begun[1], folder)
+    column("b", [-1e308, 0.0, 1e308])(folder)
+    with pytest.raises(ReportError, match="sweep 'test' cannot be drawn"):
+        build_report([], tmp_path / "a.html", sweeps=[read_sweep(folder)])
+    assert not (tmp_path / "a.html").exists()
 
 
 @pytest.mark.parametrize("name", [".lock", "timing.csv"])
