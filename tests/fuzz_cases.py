@@ -1,6 +1,6 @@
-"""Mutants of run files, models, time series and logs, and a bench that puts them to icmj in a process of its own.
+"""Mutants of run files, models, time series and logs, what grammars make, and a bench that puts them to icmj.
 
-A mutant is made from a seed alone, so that what failed can be made again.
+A case is made from a seed alone, so that what failed can be made again, and is put to icmj in a process of its own.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import random
 import re
+import resource
 import shutil
 import sys
 import tempfile
@@ -22,11 +23,15 @@ from typing import Any
 
 import numpy as np
 import psutil
+from grammar_folders import damaged_folder
+from grammar_models import grammar_model
+from grammar_runs import grammar_run, grammar_sweep
 
 ROOT = Path(__file__).resolve().parent.parent
 SILENCE = 10.0  # s of work without a word that count as a hang; on a busy machine they are longer on the clock
 STANDSTILL = 90.0  # s on the clock without a word that count as a hang, worked or not
 PATIENCE = 25.0  # s after which what still shows progress is ended, and counted as long
+MEMORY = 2e9  # bytes that no case may take, its processes together
 
 NUMBERS = (
     *("0", "-0.0", "1", "-1", "2", "0.5", "1e-3", "1e3", "1e6", "-1e6", "1e12", "-1e12", "1e15", "1e300", "-1e308"),
@@ -61,7 +66,7 @@ class Job:
     """One mutant: what is put to icmj, in an empty folder of its own.
 
     Attributes:
-        kind: ``run file``, ``model``, ``series`` or ``log``.
+        kind: one of ``KINDS``.
         seed: makes it again.
     """
 
@@ -369,26 +374,49 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
     try:
         os.chdir(folder)
         command = _FILES[job.kind](rng, folder)
-        before = sorted(folder.iterdir())
+        before = _contents(folder)
         mark = os.lseek(2, 0, os.SEEK_CUR)
+        Path("/proc/self/clear_refs").write_text("5")  # the peak is counted anew
         status = main(command)
         sys.stdout.flush()
         sys.stderr.flush()
         said = os.pread(2, 100_000, mark).decode(errors="replace")
-        lines = [
-            line for line in said.splitlines() if not re.search(r"(?<! s) after \d+ s$|^icmj: about .* of work$", line)
-        ]
-        after = sorted(path for path in folder.iterdir() if path.name != "out")
+        lines = [line for line in said.splitlines() if not _PROGRESS.search(line)]
         words = f"{' '.join(command)}: status {status}: {said[-600:]}"
-        if status not in (0, 2) or "Traceback" in said or after != before:
+        if (peak := _peak()) > MEMORY:
+            return "failure", f"{words} (took {peak / 1e9:.1f} GB)"
+        if status not in (0, 2) or "Traceback" in said or _contents(folder) != before:
             return "failure", words
         if status == 2:
-            whole = len(lines) == 1 and lines[0].startswith("icmj: ") and not (folder / "out").exists()
+            # a sweep that had begun keeps what was finished
+            clean = command[0] == "sweep" or not (folder / "out").exists()
+            whole = len(lines) == 1 and lines[0].startswith("icmj: ") and clean
             return ("refused" if whole and not re.search(r"[\x00-\x08\x0b-\x1f]", lines[0]) else "failure"), words
         return ("accepted" if not lines else "failure"), words
     finally:
         os.chdir(ROOT)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+_PROGRESS = re.compile(
+    r"(?<! s) after \d+ s$|^icmj: about .* of work$|^icmj: \d+ of \d+ chunks are finished in .*; the same command goes on$"
+)
+
+
+def _peak() -> float:
+    """Bytes that this process held at most since the mark, or one that it started, ever."""
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    assert found is not None
+    return 1024.0 * max(int(found[1]), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    """What a command must leave as it is: all files of a case, by name, but for what it writes."""
+    return {
+        path.name: path.read_bytes() if path.is_file() else b""
+        for path in sorted(folder.iterdir())
+        if not path.name.startswith("out")
+    }
 
 
 def _archive() -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -483,7 +511,7 @@ class Bench:
             self._ours.recv()  # it is ready
         tally.done += 1
         heard, last, worked = self._said.stat().st_size, time.monotonic(), self._worked()
-        begin = last
+        begin, first = last, worked
         self._ours.send(job)
         while not self._ours.poll(0.5):
             now = time.monotonic()
@@ -492,12 +520,16 @@ class Bench:
             if not self._process.is_alive():
                 tally.failures.append(f"{job}: the process ended with {self._process.exitcode}: {self._tail()}")
                 return self._end()
+            if (taken := self._memory()) > MEMORY:
+                tally.failures.append(f"{job}: takes {taken / 1e9:.1f} GB: {self._tail()}")
+                return self._end()
             silent = min(now - last, self._worked() - worked)
             if silent > SILENCE + 1 or now - last > STANDSTILL:
                 tally.failures.append(f"{job}: silent for {now - last:.0f} s: {self._tail()}")
                 return self._end()
             if now - begin > PATIENCE:
-                tally.long.append(f"{job}: {self._tail()}")
+                idle = self._worked() - first < PATIENCE / 100  # it waits for something, and says that it works
+                (tally.failures if idle else tally.long).append(f"{job}: {'waits: ' * idle}{self._tail()}")
                 return self._end()
         try:
             kind, words = self._ours.recv()
@@ -517,6 +549,14 @@ class Bench:
         try:
             process = psutil.Process(self._process.pid)
             return sum(sum(one.cpu_times()[:2]) for one in (process, *process.children(recursive=True)))
+        except psutil.NoSuchProcess:
+            return 0.0
+
+    def _memory(self) -> float:
+        """Bytes that the process holds, with those that it started."""
+        try:
+            process = psutil.Process(self._process.pid)
+            return sum(one.memory_info().rss for one in (process, *process.children(recursive=True)))
         except psutil.NoSuchProcess:
             return 0.0
 
@@ -566,7 +606,19 @@ def _warm_up() -> None:
             main(["cycle", f"{folder}/case.toml", "--plant", plant, "--json"])
 
 
-_FILES = {"run file": mutant_run_file, "model": mutant_model, "series": mutant_series}
+def _folder(rng: random.Random, folder: Path) -> list[str]:
+    return damaged_folder(rng, folder, mutate_bytes)
+
+
+_FILES: dict[str, Callable[[random.Random, Path], list[str]]] = {
+    "run file": mutant_run_file,
+    "model": mutant_model,
+    "series": mutant_series,
+    "grammar-run": grammar_run,
+    "grammar-sweep": grammar_sweep,
+    "grammar-model": grammar_model,
+    "folder": _folder,
+}
 KINDS = (*_FILES, "log")
 
 
