@@ -71,7 +71,7 @@ def by_matrices(rng: random.Random) -> Names:
     source: dict[str, Any] = {"A": A, "B": B, "C": C}
     names: dict[str, list[str]] = {}
     for key, count, usual in (("states", n, "x"), ("inputs", n_u, "u"), ("outputs", n_y, "y")):
-        names[key] = [f"{usual}{i + 1}" for i in range(count)]
+        names[key] = [f"{usual}{i}" for i in range(count)]
         if rng.random() < 0.4:
             names[key] = source[key] = [rng.choice((f"{key[0]} {i}", f"ζ{i}", f"y{i}", f"a.{i}")) for i in range(count)]
     if rng.random() < 0.2:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,26 +12,66 @@ import numpy as np
 
 from icmj.base.text import one_line
 
+_END = ".npy"
+
 
 def read_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> dict[str, Any]:
     """The arrays in ``path`` by name, or only those of some names; what is pickled is refused, other files left out.
 
     Raises:
-        ValueError: in one line, if there is more in it than so many bytes, or it cannot be read as an npz file.
+        ValueError: in one line, if they are more than so many bytes, or it cannot be read as an npz file.
         OSError: if the file cannot be opened.
     """
+    return dict(each_npz(path, most_bytes, only))
+
+
+def each_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
+    """The arrays of :func:`read_npz`, one after the other, so that not all need be in memory at once.
+
+    Raises:
+        ValueError, OSError: as :func:`read_npz`.
+    """
+    with _opened(path) as packed:
+        members = {member.filename.removesuffix(_END): member for member in _arrays(packed)}
+        chosen = {name: member for name, member in members.items() if not only or name in only}
+        size = sum(member.file_size for member in chosen.values())
+        for name, member in chosen.items() if size <= most_bytes else ():
+            with packed.open(member) as stream:
+                array = np.lib.format.read_array(stream, allow_pickle=False)  # type: ignore[no-untyped-call]
+            yield name, array
+    if size > most_bytes:
+        raise ValueError(f"{size / 1e6:.0f} MB of arrays; expected at most {most_bytes / 1e6:g} MB")
+
+
+def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    """Shape and type of each array in ``path`` by name, from their headers alone.
+
+    Raises:
+        ValueError: in one line, if it cannot be read as an npz file, or holds what is pickled.
+        OSError: if the file cannot be opened.
+    """
+    found = {}
+    with _opened(path) as packed:
+        for member in _arrays(packed):
+            with packed.open(member) as stream:
+                version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+                read = getattr(np.lib.format, f"read_array_header_{min(version[0], 2)}_0")
+                shape, _, kind = read(stream)
+            if kind.hasobject:
+                raise TypeError(f"{member.filename!r} is pickled")
+            found[member.filename.removesuffix(_END)] = shape, kind
+    return found
+
+
+def _arrays(packed: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [member for member in packed.infolist() if member.filename.endswith(_END)]
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
     with path.open("rb") as stream:
         try:
             with zipfile.ZipFile(stream) as packed:
-                members = {member.filename: member.file_size for member in packed.infolist()}
-            if (size := sum(members.values())) <= most_bytes:
-                stream.seek(0)
-                with np.load(stream, allow_pickle=False) as file:
-                    named = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
-                    arrays = {name: file[name] for name in named if not only or name in only}
-                if wrong := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
-                    raise TypeError(f"{wrong[0]!r} is no array")
-                return arrays
+                yield packed
         except Exception as error:  # zipfile, zlib and numpy's reader of headers raise a dozen types on damaged files
             raise ValueError(f"not an npz file of plain arrays ({one_line(error, 160)})") from error
-    raise ValueError(f"{size / 1e6:.0f} MB of arrays; expected at most {most_bytes / 1e6:g} MB")

@@ -8,8 +8,10 @@ import numpy as np
 
 from icmj.errors import DataError, IdentificationError
 from icmj.identification.observed import Observed
-from icmj.series.reading import MOST_BYTES, read_series
+from icmj.series.csv_shape import LONGEST
+from icmj.series.reading import read_series
 
+MOST_EVENTS = 1_000_000
 _DEGREES = ("deg", "degree", "degrees", "°")
 
 
@@ -46,22 +48,26 @@ def read_observed(path: Path, outputs: tuple[str, ...]) -> Observed:
 
 def _single_column(path: Path) -> list[float] | None:
     """Numbers one a line, or ``None`` where it is another kind of file."""
+    if not path.is_file():
+        return _missing(path)
+    found: list[float] = []
+    headed = False
     try:
-        if not path.is_file() or path.stat().st_size > min(MOST_BYTES, 50_000_000):
-            return None if path.is_file() else _missing(path)
-        lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+        with path.open(encoding="utf-8-sig") as file:
+            for line in filter(str.strip, iter(lambda: file.readline(LONGEST), "")):
+                try:
+                    found.append(float(line))
+                except ValueError:
+                    if found or headed:
+                        return None
+                    headed = True
+                if len(found) > MOST_EVENTS:
+                    raise DataError(f"{path}: more than {MOST_EVENTS} times of events; cut it into parts")
     except UnicodeDecodeError:
         return None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
-    try:
-        return [float(line) for line in lines]
-    except ValueError:
-        pass
-    try:
-        return [float(line) for line in lines[1:]] or None
-    except ValueError:
-        return None
+    return found or None
 
 
 def _missing(path: Path) -> list[float] | None:

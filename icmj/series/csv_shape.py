@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from dataclasses import dataclass
+from itertools import islice
 
 from icmj.base.text import one_line
 from icmj.errors import DataError
@@ -12,6 +13,7 @@ from icmj.errors import DataError
 HEAD = 200  # lines in which the numbers must begin
 LONGEST = 200_000  # bytes of one line
 
+_LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 _MISSING = ("", "-", "na", "n/a", "nan", "inf", "-inf", "null", "none")
 
@@ -36,16 +38,15 @@ class CsvShape:
     first: int
     offset: int
 
-    def table(self, text: bytes) -> bytes:
-        """The rows of numbers alone, with one ``delimiter`` between their fields."""
-        rows = text[self.offset :]
+    def table(self, rows: bytes) -> bytes:
+        """Some rows of numbers, with one ``delimiter`` between their fields."""
         if self.delimiter != " ":
             return rows
         return re.sub(rb" +", b" ", re.sub(rb"(?m)^ +| +(?=\r?$)", b"", rows))
 
 
 def csv_shape(text: bytes) -> CsvShape:
-    """The shape of a CSV file, told from its first lines: numbers begin where two lines in a row are alike.
+    """The shape of a CSV file, told from its first ``HEAD`` lines: numbers begin where two lines in a row are alike.
 
     Raises:
         DataError: if it is no text, or no row of numbers is among them.
@@ -108,7 +109,7 @@ class _Row:
 def _lines(text: bytes) -> list[_Line]:
     found: list[_Line] = []
     offset = 0
-    for number, raw in enumerate(text[: HEAD * LONGEST].splitlines(keepends=True)[:HEAD], 1):
+    for number, raw in enumerate(islice((line.group() for line in _LINE.finditer(text)), HEAD), 1):
         if len(raw) > LONGEST:
             raise DataError(f"line {number} has more than {LONGEST} characters; expected a table")
         try:

@@ -10,7 +10,7 @@ from icmj.base.array import Array
 from icmj.errors import DataError
 from icmj.series.series import Series
 
-MOST_ROWS = 2e7  # of an even series
+MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
 EVEN = 1e-3  # of a step: an unevenness like that of rounded times goes without a word
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.npz import read_npz
+from icmj.base.npz import each_npz, npz_headers, read_npz
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.csv_shape import csv_shape
+from icmj.series.csv_shape import HEAD, LONGEST, CsvShape, csv_shape
 from icmj.series.even import step_of
-from icmj.series.series import Series
+from icmj.series.series import Series, place, see_names_differ
 
 MOST_BYTES = 500_000_000
+MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
 MOST_COLUMNS = 2000
 TIMES = ("t", "time", "times", "timestamp", "seconds")
 SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+MOST_LINE = 1_000_000  # bytes
+_PART = 8_000_000  # bytes of a file that are looked at together
+_ROWS = 100_000  # likewise
+_MOST_WORDS = 10_000_000  # bytes of names and units
 
 _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
@@ -30,6 +39,8 @@ def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | 
     A CSV file may be separated by commas, semicolons, tabs or blanks, the last three also with decimal commas, and may
     begin with lines that are no table; names come from the line above the first numbers, as ``ankle [rad]`` or
     ``ankle (rad)``. Columns of text are left out.
+
+    Only what is asked for is read; how much that is shows before, in headers or the number of lines.
 
     Args:
         path: ``.parquet``, ``.npz``, anything else is taken for CSV.
@@ -48,8 +59,7 @@ def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | 
         if size > MOST_BYTES:
             raise DataError(f"{size / 1e6:.0f} MB; expected at most {MOST_BYTES / 1e6:.0f} MB, cut it into parts")
         reader = {".parquet": _read_parquet, ".npz": _read_npz}.get(path.suffix.lower(), _read_csv)
-        headers, units, data = reader(path)
-        return _series(headers, units, data, columns, rate)
+        return reader(path, columns, rate)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     except (OSError, ValueError) as error:
@@ -64,93 +74,178 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return found["name"], (found["unit"] or "").strip()
 
 
-def _series(
-    headers: Sequence[str], units: Sequence[str], data: Array, columns: Sequence[str], rate: float | None
-) -> Series:
-    named = [name_and_unit(header) for header in headers]
-    names = [name or f"column {i + 1}" for i, (name, _) in enumerate(named)]
-    units = [given or own for given, (_, own) in zip(units, named, strict=True)]
-    clock = next((i for i, name in enumerate(names) if name.lower() in TIMES), None)
-    if clock is None:
-        if rate is None:
+@dataclass(frozen=True)
+class _Choice:
+    """Which columns of a file are read: the one of the times, if there is one, before the signals in their order.
+
+    Attributes:
+        at: their places in the file.
+        names, units: of the signals.
+        second: what the times are in [s]; ``None`` where there are no times.
+        step: between rows without times [s].
+    """
+
+    at: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    second: float | None
+    step: float
+
+    @classmethod
+    def of(cls, headers: Sequence[str], units: Sequence[str], columns: Sequence[str], rate: float | None) -> _Choice:
+        """The columns to read of a file with these, some of which are asked for, or all."""
+        named = [name_and_unit(header) for header in headers]
+        names = [name or f"column {i + 1}" for i, (name, _) in enumerate(named)]
+        units = [given or own for given, (_, own) in zip(units, named, strict=True)]
+        clock = next((i for i, name in enumerate(names) if name.lower() in TIMES), None)
+        second, step = None, 0.0
+        if clock is not None:
+            unit = units[clock].lower()
+            if unit not in SECONDS:
+                raise DataError(f"times in {unit!r}; expected one of {', '.join(filter(None, SECONDS))}")
+            second = SECONDS[unit]
+        elif rate is None:
             raise DataError(f"no column of times ({', '.join(TIMES[:2])}); say with --rate how many rows a second has")
-        t: Array = np.arange(len(data), dtype=float) * step_of(rate, 0)
-    else:
-        unit = units[clock].lower()
-        if unit not in SECONDS:
-            raise DataError(f"times in {unit!r}; expected one of {', '.join(filter(None, SECONDS))}")
-        t = data[:, clock] * SECONDS[unit]
-    kept = [i for i in range(len(names)) if i != clock]
-    if not kept:
-        raise DataError("no column of numbers beside the times")
-    series = Series(t, data[:, kept], tuple(names[i] for i in kept), tuple(units[i] for i in kept))
-    return series.chosen(columns) if columns else series
+        else:
+            step = step_of(rate, 0)
+        kept = [i for i in range(len(names)) if i != clock]
+        if not kept:
+            raise DataError("no column of numbers beside the times")
+        known = [names[i] for i in kept]
+        see_names_differ(known)
+        if columns:
+            kept = [kept[place(known, name)] for name in columns]
+        at = kept if clock is None else [clock, *kept]
+        return cls(tuple(at), tuple(names[i] for i in kept), tuple(units[i] for i in kept), second, step)
+
+    def room(self, rows: int) -> Array:
+        """An array for so many rows.
+
+        Raises:
+            DataError: if they are more than can be read.
+        """
+        if rows * len(self.at) > MOST_NUMBERS:
+            raise DataError(
+                f"about {rows} rows of {len(self.at)} columns; expected at most {MOST_NUMBERS / 1e6:g} million numbers, name "
+                "columns or cut it into parts"
+            )
+        return np.empty((rows, len(self.at)))
+
+    def series(self, data: Array) -> Series:
+        """The series of what was read."""
+        if self.second is None:
+            return Series(np.arange(len(data), dtype=float) * self.step, data, self.names, self.units)
+        return Series(data[:, 0] * self.second, data[:, 1:], self.names, self.units)
 
 
-def _read_csv(path: Path) -> tuple[list[str], list[str], Array]:
+def _read_csv(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+    with path.open("rb") as file:
+        shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST + 1), b""), HEAD)))
+        if len(shape.headers) > MOST_COLUMNS:
+            raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
+        numeric = [i for i, number in enumerate(shape.numeric) if number]
+        choice = _Choice.of([shape.headers[i] for i in numeric], [""] * len(numeric), columns, rate)
+        chosen = [str(numeric[i]) for i in choice.at]
+        file.seek(shape.offset)
+        ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(_PART), b"")]
+        # a blank line ends, too; rows may be fewer, not more
+        data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
+        file.seek(shape.offset)
+        count = 0
+        for text in _parts(file):
+            rows = _numbers(text, shape, chosen)
+            if count + len(rows) > len(data):  # lines ended in both ways
+                raise DataError("lines end now in one way, now in another; save the file anew")
+            data[count : count + len(rows)] = rows
+            count += len(rows)
+    return choice.series(data[:count])
+
+
+def _parts(file: BinaryIO) -> Iterator[bytes]:
+    """What is left of a file, in parts that end where lines do."""
+    rest = b""
+    while text := file.read(_PART):
+        text = rest + text
+        end = max(text.rfind(b"\n"), text.rfind(b"\r", 0, -1)) + 1
+        if len(text) - end > MOST_LINE:
+            raise DataError(f"a line of more than {MOST_LINE} characters; expected a table")
+        rest = text[end:]
+        yield text[:end]
+    yield rest
+
+
+def _numbers(text: bytes, shape: CsvShape, chosen: Sequence[str]) -> Array:
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    text = path.read_bytes()
-    shape = csv_shape(text)
-    if len(shape.headers) > MOST_COLUMNS:
-        raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
+    if not text.strip():
+        return np.empty((0, len(chosen)))
     text = shape.table(text)
-    every = [str(i) for i in range(len(shape.headers))]
-    numeric = [name for name, number in zip(every, shape.numeric, strict=True) if number]
     try:
         table = pc.read_csv(
             pa.BufferReader(text),
-            pc.ReadOptions(column_names=every),
+            # by one thread: one that is still at work when the interpreter is taken down may abort it
+            pc.ReadOptions(
+                column_names=[str(i) for i in range(len(shape.headers))], use_threads=False, block_size=len(text) + 1
+            ),
             pc.ParseOptions(delimiter=shape.delimiter),
             pc.ConvertOptions(
-                column_types={name: pa.float64() for name in numeric},
-                include_columns=numeric,
+                column_types=dict.fromkeys(chosen, pa.float64()),
+                include_columns=list(dict.fromkeys(chosen)),
                 null_values=["", "-", "NA", "N/A", "NaN", "nan", "null", "None"],
                 decimal_point=shape.decimal,
             ),
         )
     except pa.ArrowInvalid as error:
         raise DataError(f"not a table of numbers after line {shape.first} ({one_line(error, 160)})") from error
-    data = np.column_stack([table[name].to_numpy() for name in numeric])
-    return [shape.headers[int(name)] for name in numeric], [""] * len(numeric), data
+    return np.column_stack([table[name].to_numpy() for name in chosen])
 
 
-def _read_parquet(path: Path) -> tuple[list[str], list[str], Array]:
+def _read_parquet(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        file = pq.ParquetFile(path)
-        if file.metadata.num_rows * 8 * file.metadata.num_columns > 8 * MOST_BYTES:
-            raise DataError(f"{file.metadata.num_rows} rows of {file.metadata.num_columns} columns; cut it into parts")
-        table = file.read()
-    except (pa.ArrowException, OSError) as error:
+        with pq.ParquetFile(path, pre_buffer=False, buffer_size=_PART) as file:
+            every = list(file.schema_arrow)
+            good = [i for i, f in enumerate(every) if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)]
+            fields = [every[i] for i in good]
+            if not fields:
+                raise DataError("no column of numbers")
+            units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in fields]
+            choice = _Choice.of([f.name for f in fields], units, columns, rate)
+            names = [f.name for f in every]  # two may have one name
+            chosen = [(names[good[i]], names[: good[i]].count(names[good[i]])) for i in choice.at]
+            data, count = choice.room(file.metadata.num_rows), 0
+            for batch in file.iter_batches(_ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
+                for i, (name, which) in enumerate(chosen):
+                    column = batch.column(batch.schema.get_all_field_indices(name)[which])
+                    data[count : count + len(batch), i] = column.to_numpy(zero_copy_only=False)
+                count += len(batch)
+    except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    fields = enumerate(table.schema)  # two may have one name
-    good = {i: f for i, f in fields if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)}
-    if not good:
-        raise DataError("no column of numbers")
-    units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in good.values()]
-    columns = [table.column(i).to_numpy(zero_copy_only=False).astype(float) for i in good]
-    return [f.name for f in good.values()], units, np.column_stack(columns)
+    return choice.series(data[:count])
 
 
-def _read_npz(path: Path) -> tuple[list[str], list[str], Array]:
+def _read_npz(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     try:
-        arrays = read_npz(path, MOST_BYTES)
+        headers = npz_headers(path)
+        told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
+        vectors = [name for name, (shape, kind) in headers.items() if len(shape) == 1 and kind.kind in "fiu"]
+        lengths = {headers[name][0][0] for name in vectors}
+        if len(lengths) != 1:
+            raise DataError("expected one-dimensional arrays of numbers, all of the same length")
+        if any(texts.dtype.kind not in "US" for texts in told.values()):
+            raise DataError("names and units are not arrays of text")
+        names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
+        known = dict(zip(names, texts, strict=False))
+        choice = _Choice.of(vectors, [known.get(name, "") for name in vectors], columns, rate)
+        data = choice.room(lengths.pop())
+        chosen = [vectors[i] for i in choice.at]
+        for name, values in each_npz(path, 8 * MOST_NUMBERS * 2, chosen):
+            data[:, [i for i, other in enumerate(chosen) if other == name]] = values[:, None]
+    except DataError:
+        raise
     except ValueError as error:
         raise DataError(str(error)) from error
-    told = [arrays.pop(key, np.zeros(0, str)) for key in ("names", "units")]
-    if any(texts.dtype.kind not in "US" for texts in told):
-        raise DataError("names and units are not arrays of text")
-    known = dict(zip(*(texts.astype(str).ravel().tolist() for texts in told), strict=False))
-    vectors = {name: a for name, a in arrays.items() if a.ndim == 1 and a.dtype.kind in "fiu"}
-    lengths = {len(a) for a in vectors.values()}
-    if len(lengths) != 1:
-        raise DataError("expected one-dimensional arrays of numbers, all of the same length")
-    return (
-        list(vectors),
-        [str(known.get(name, "")) for name in vectors],
-        np.column_stack([*vectors.values()]).astype(float),
-    )
+    return choice.series(data)

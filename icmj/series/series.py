@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -47,9 +48,7 @@ class Series(Shown):
                 f"times {t.shape}, values {values.shape}, {len(names)} names and {len(units)} units do not fit; "
                 "expected (N,), (N, w), w and w"
             )
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise DataError(f"several signals are called {', '.join(twice)}; give each a name of its own")
+        see_names_differ(names)
         wrong = np.flatnonzero(~(np.diff(t) > 0))  # where one is not a number, too
         if len(wrong) or not np.isfinite(t[:1]).all() or not np.isfinite(t[-1:]).all():
             at = int(wrong[0]) + 1 if len(wrong) else 0
@@ -83,15 +82,7 @@ class Series(Shown):
         Raises:
             DataError: if there is none, or there are several.
         """
-        if name in self.names:
-            return self.names.index(name)
-        found = [i for i, whole in enumerate(self.names) if whole.endswith(f".{name}")]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise DataError(f"{name!r} could be {' or '.join(self.names[i] for i in found)}; give the whole name")
-        known = ", ".join(self.names[:40]) + (", ..." if len(self.names) > 40 else "")
-        raise DataError(f"no column {name!r}; expected one of {known}")
+        return place(self.names, name)
 
     def chosen(self, names: Sequence[str]) -> Series:
         """Some of the signals, in this order.
@@ -130,6 +121,34 @@ class Series(Shown):
     def headers(self) -> tuple[str, ...]:
         """``t [s]`` and each name with its unit, as ``ankle [rad]``; the name alone where there is none."""
         return ("t [s]", *(header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
+
+
+def place(names: Sequence[str], name: str) -> int:
+    """Which of ``names`` is meant: the one called so, or the only one that ends so after a point.
+
+    Raises:
+        DataError: if there is none, or there are several.
+    """
+    if name in names:
+        return list(names).index(name)
+    found = [i for i, whole in enumerate(names) if whole.endswith(f".{name}")]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise DataError(f"{name!r} could be {' or '.join(names[i] for i in found)}; give the whole name")
+    known = ", ".join(names[:40]) + (", ..." if len(names) > 40 else "")
+    raise DataError(f"no column {name!r}; expected one of {known}")
+
+
+def see_names_differ(names: Sequence[str]) -> None:
+    """See that no two signals have one name.
+
+    Raises:
+        DataError: if two have.
+    """
+    twice = sorted({name for name, count in Counter(names).items() if count > 1})
+    if twice:
+        raise DataError(f"several signals are called {', '.join(twice)}; give each a name of its own")
 
 
 def header(name: str, unit: str) -> str:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import tracemalloc
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -151,6 +153,54 @@ def test_a_signal_may_be_called_as_the_times_are(tmp_path, kind):
     assert (back.names, back.units) == (series.names, series.units)
     np.testing.assert_array_equal(back.t, series.t)
     np.testing.assert_array_equal(back.values, series.values)
+
+
+def _many(path, rows):
+    """Very many numbers in a small file."""
+    zeros = np.zeros(rows, dtype=np.uint8)
+    if path.suffix == ".npz":
+        np.savez_compressed(path, t=zeros, a=zeros)
+    elif path.suffix == ".parquet":
+        pq.write_table(pa.table({"t": zeros, "a": zeros}), path)
+    else:
+        path.write_bytes(b"t,a\n" + b"0,0\n" * rows)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_than_fits_is_refused_before_it_is_read(tmp_path, kind):
+    """Headers say how much there is: a Parquet file of 1.8 MB took 10.8 GB."""
+    path = tmp_path / f"sway{kind}"
+    _many(path, 7_000_000)
+    tracemalloc.start()
+    with pytest.raises(DataError, match="7000000|7000001 rows of 2 columns; expected at most 12 million numbers"):
+        read_series(path)
+    assert tracemalloc.get_traced_memory()[1] < 5e7
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_only_what_is_asked_for_is_read(tmp_path, kind, monkeypatch):
+    monkeypatch.setattr(reading, "_PART", 100_000)
+    rows, names = 20_000, tuple(f"c{i}" for i in range(60))
+    series = Series(np.arange(rows) / 100, np.arange(rows * 60.0).reshape(rows, 60), names)
+    write_series(series, tmp_path / f"sway{kind}")
+    tracemalloc.start()
+    found = read_series(tmp_path / f"sway{kind}", columns=["c7", "c3"])
+    assert tracemalloc.get_traced_memory()[1] < 4e6  # all of it would be 9.8e6
+    tracemalloc.stop()
+    np.testing.assert_array_equal(found.values, series.values[:, [7, 3]])
+    np.testing.assert_array_equal(found.t, series.t)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("part", [7, 8, 9, 100])
+def test_a_table_is_the_same_in_parts(tmp_path, monkeypatch, end, part):
+    monkeypatch.setattr(reading, "_PART", part)
+    rows = [f"{i / 10},{i * i},{-i}" for i in range(30)]
+    (tmp_path / "a.csv").write_bytes(end.join(["t,a,b", *rows, "", rows[-1].replace("2.9", "3.0"), ""]).encode())
+    found = read_series(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.t, np.arange(31) / 10)
+    np.testing.assert_array_equal(found.values[:30], [(i * i, -i) for i in range(30)])
 
 
 def test_pickles_are_not_unpacked(tmp_path):
