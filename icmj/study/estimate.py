@@ -10,22 +10,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
 from icmj.case.plants import linear_plant
+from icmj.controller.delay import NO_DELAY
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.disturbance import LOW_PASS_END
-from icmj.simulation.settings import Noise
+from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
 BLOCKS = 1e6  # likewise, on the linear plant
-_DISTURBED = 10.0  # times what a quiet run costs there
+_TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
@@ -58,11 +59,11 @@ def estimate(case: Case, plant: PlantKind) -> float:
         repeats += len(study.law_q_t)
     growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
     simulated = repeats * settings.duration + growth
+    weight = 1 + len(_acting(case)) / _TERMS  # each is evaluated at every step
     if plant == "linear":
-        disturbed = _DISTURBED if settings.disturbance else 1.0
-        plenty = disturbed * simulated * _rate(case) / 128 > BLOCKS
+        plenty = weight * simulated * _rate(case) / 128 > BLOCKS
     else:
-        plenty = simulated / _timestep(case) > STEPS
+        plenty = weight * simulated / _timestep(case) > STEPS
     seconds = _PER_ROW * rows
     if plenty or rows > ROWS:
         seconds += simulated * _pace(case, plant)
@@ -97,16 +98,24 @@ def in_words(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
+def _acting(case: Case) -> Array:
+    """Frequencies of all that disturbs the run [rad/s]."""
+    plant, settings = case.actual.linearisation.plant, case.settings
+    sources = settings.disturbance
+    parts = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs), pushes_of(settings).size
+    return np.concatenate([part.omega for part in parts])
+
+
 def _rate(case: Case) -> float:
-    """About how fast the closed loop is, or what acts on it [1/s]; 128 of its inverse are a block."""
-    design, plant = case.controller.design, case.actual.linearisation.plant
-    loop = max(float(np.linalg.norm(M, 2)) for M in (plant.A, design.A_c, design.A_o))
-    noises = (source for source in case.settings.disturbance if isinstance(source, Noise))
-    return max(loop, *(2 * np.pi * (noise.bandwidth or LOW_PASS_END * (noise.corner or 0.0)) for noise in noises), 0.0)
+    """About how fast the closed loop is, or what drives it [1/s]; 128 of its inverse are a block."""
+    design = case.controller.design
+    own = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
+    return max(own, float(_acting(case).max(initial=0.0)))
 
 
 def _timestep(case: Case) -> float:
-    return float(case.settings.timestep or case.model.spec.option.timestep)
+    """What the engine steps by [s]; where steps are adapted, about."""
+    return stepping_of(close_loop(case.model, case.controller, case.settings), case.settings).timestep
 
 
 def _pace(case: Case, plant: PlantKind) -> float:
@@ -126,10 +135,12 @@ def _pace(case: Case, plant: PlantKind) -> float:
 
 
 def _timed(case: Case, plant: PlantKind, length: float) -> float:
-    settings = replace(case.settings, duration=min(length, case.settings.duration))
+    settings, controller = replace(case.settings, duration=min(length, case.settings.duration)), case.controller
+    if controller.delay.t_d >= settings.duration:  # no such run could start
+        controller = replace(controller, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     if plant == "linear":
-        simulate_linear(linear_plant(case.actual, settings), case.controller, settings)
+        simulate_linear(linear_plant(case.actual, settings), controller, settings)
     else:
-        simulate_mujoco(case.model, case.controller, settings, error_estimate=False)
+        simulate_mujoco(case.model, controller, settings, error_estimate=False)
     return time.process_time() - begin

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Noise
+from icmj.simulation.settings import Bias, Impulse, Noise
 
 PLANT = PENDULUM.scaled(0.9)
 
@@ -43,6 +44,16 @@ def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A = np.block([[PLANT.A, -PLANT.B @ d.k], [d.L @ PLANT.C, P.A - d.L @ P.C - P.B @ d.k]])
     B = np.block([[PLANT.B, np.zeros((2, 1))], [np.zeros((2, 1)), d.L]])
     return A, B, np.hstack([PLANT.C, np.zeros((1, 2))])
+
+
+def test_memory_does_not_grow_with_what_switches() -> None:
+    """Each stretch of time has tables of its own, of 17 MB here; they were made for all of them, and kept."""
+    acts: list[Noise | Impulse] = [Noise("torque", 0.01, bandwidth=5.0, terms=2000)]
+    acts += [Impulse("torque", 1e-4, start=i / 100, duration=0.003) for i in range(40)]
+    tracemalloc.start()
+    simulate(PLANT, event_controller(pendulum_design()), settings(duration=0.5, disturbance=tuple(acts)))
+    assert tracemalloc.get_traced_memory()[1] < 2.5e8
+    tracemalloc.stop()
 
 
 def test_noise_and_bias_agree_with_dop853() -> None:

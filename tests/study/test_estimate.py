@@ -46,6 +46,32 @@ def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration:
     refuse_long(found, plant, seconds, None)  # type: ignore[arg-type]
 
 
+NOISE = '{ kind = "noise", input = "torque", size = 0.1, seed = 1, terms = 2000, bandwidth = %s }'
+PUSH = '{ kind = "impulse", input = "torque", size = 0.001, start = %s, duration = 0.001 }'
+
+
+@pytest.mark.parametrize(
+    ("duration", "sources"),
+    [
+        (0.001, [NOISE % "1e12"]),  # a run of a millisecond was at 10 % after 99 s
+        (1.0, [NOISE % "10", NOISE % "20", *(PUSH % (i / 200) for i in range(190))]),  # 381 stretches of 4000 sinusoids
+    ],
+)
+def test_what_acts_counts_too(root: Path, duration: float, sources: list[str]) -> None:
+    found = case(root, duration, f"disturbance = [{', '.join(sources)}]")
+    with pytest.raises(StudyError, match="would take about"):
+        refuse_long(found, "linear", estimate(found, "linear"), LONGEST)
+
+
+def test_a_delay_longer_than_a_probe_is_no_reason_to_know_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Probes begin with a length at which a delayed run cannot start; the estimate was 0."""
+    monkeypatch.setattr("icmj.study.estimate.SLOW_BLOCKS", 0.0)
+    more = "record_interval = 0.5", 'disturbance = [{ kind = "step", input = "torque", size = 0.01 }]'
+    found = case(root, 20.0, *more)
+    delayed = prepare(found.run.with_(**{"assumed.delay": 0.3}))
+    assert estimate(delayed, "linear") > 0.1 * estimate(found, "linear")
+
+
 def test_the_estimate_is_about_right(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("icmj.study.estimate.STEPS", 1e4)
     found = case(root, 300.0, "timestep = 1e-3", "record_interval = 1")
