@@ -29,6 +29,7 @@ BLOCKS = 1e6  # likewise, on the linear plant
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from
+_LONGEST_PROBE = 2.0  # s of work after which a probe is ended: what takes long may begin to act in its middle
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
 
 
@@ -118,29 +119,52 @@ def _timestep(case: Case) -> float:
     return stepping_of(close_loop(case.model, case.controller, case.settings), case.settings).timestep
 
 
+class _Enough(Exception):
+    """A probe has taken long enough."""
+
+
 def _pace(case: Case, plant: PlantKind) -> float:
     """Seconds of work for one second of simulation, from ever longer beginnings of the run."""
     end = case.settings.duration
     length = min(50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9), end)
     try:
         _timed(case, plant, length)  # compiles, and loads what is loaded once
-        first, least = length, _timed(case, plant, length)
+        first, least = length, _timed(case, plant, length)[0]
         while True:
             length = min(6 * length, end)
-            took = _timed(case, plant, length)
+            took, pace = _timed(case, plant, length)
+            if pace is not None:
+                return pace
             if took - least > _PROBE or length >= end / 4:
                 return max(took - least, 0.0) / max(length - first, 1e-300)
     except SimulationError:
         return 0.0  # which the run itself will say
 
 
-def _timed(case: Case, plant: PlantKind, length: float) -> float:
+def _timed(case: Case, plant: PlantKind, length: float) -> tuple[float, float | None]:
+    """How long the beginning of a run takes [s]; where it is ended for that, its pace at the end [s/s]."""
     settings, controller = replace(case.settings, duration=min(length, case.settings.duration)), case.controller
     if controller.delay.t_d >= settings.duration:  # no such run could start
         controller = replace(controller, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
-    if plant == "linear":
-        simulate_linear(linear_plant(case.actual, settings), controller, settings)
-    else:
-        simulate_mujoco(case.model, controller, settings, error_estimate=False)
-    return time.process_time() - begin
+    half: tuple[float, float] | None = None
+    last = 0.0, 0.0
+
+    def tell(done: float) -> None:
+        nonlocal half, last
+        last = time.process_time() - begin, done * settings.duration
+        if half is None and last[0] > _LONGEST_PROBE / 2:
+            half = last
+        if last[0] > _LONGEST_PROBE:
+            raise _Enough
+
+    try:
+        if plant == "linear":
+            simulate_linear(linear_plant(case.actual, settings), controller, settings, progress=tell)
+        else:
+            simulate_mujoco(case.model, controller, settings, error_estimate=False, progress=tell)
+    except _Enough:
+        before = (0.0, 0.0) if half is None or half[1] >= last[1] else half
+        # where it hardly moves any more, it is the rest that counts
+        return last[0], (last[0] - before[0]) / max(last[1] - before[1], 1e-300)
+    return time.process_time() - begin, None

@@ -54,13 +54,21 @@ PUSH = '{ kind = "impulse", input = "torque", size = 0.001, start = %s, duration
     ("duration", "sources"),
     [
         (0.001, [NOISE % "1e12"]),  # a run of a millisecond was at 10 % after 99 s
-        (1.0, [NOISE % "10", NOISE % "20", *(PUSH % (i / 200) for i in range(190))]),  # 381 stretches of 4000 sinusoids
+        (1.0, [*[NOISE % "10"] * 5, *(PUSH % (i / 200) for i in range(190))]),  # 381 stretches of 10,000 sinusoids
     ],
 )
 def test_what_acts_counts_too(root: Path, duration: float, sources: list[str]) -> None:
     found = case(root, duration, f"disturbance = [{', '.join(sources)}]")
     with pytest.raises(StudyError, match="would take about"):
         refuse_long(found, "linear", estimate(found, "linear"), LONGEST)
+
+
+def test_what_begins_to_act_in_a_probe_is_not_waited_for(root: Path) -> None:
+    """A probe came to 0.6 s, from where on there was noise of 10¹¹ Hz, and did not end."""
+    noise = (NOISE % "1e11").replace("}", ", start = 0.6 }")
+    found, begin = case(root, 5.0, f"disturbance = [{noise}]"), time.process_time()
+    assert estimate(found, "linear") > 1e3 * LONGEST
+    assert time.process_time() - begin < 20
 
 
 def test_a_delay_longer_than_a_probe_is_no_reason_to_know_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
