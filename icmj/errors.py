@@ -30,6 +30,17 @@ def beyond_arithmetic(error: BaseException) -> bool:
     return type(error).__name__ in ("LinAlgError", "OverflowError")
 
 
+_NO_MEMORY = (
+    "failed to map segment", "cannot allocate memory", "could not allocate memory", "can't start new thread",
+    "failed to launch thread", "realloc of size", "malloc of size",
+)  # fmt: skip
+
+
+def beyond_memory(error: BaseException) -> bool:
+    """Whether an error is a library's way to say that memory, or room for addresses, is used up."""
+    return isinstance(error, MemoryError) or any(words in str(error).lower() for words in _NO_MEMORY)
+
+
 class SimulationError(IcmjError):
     """A simulation cannot be started with these arguments."""
 

@@ -6,6 +6,7 @@ import gc
 import os
 from collections.abc import MutableMapping
 
+LEAST_ROOM = 1 << 30  # bytes
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
@@ -28,3 +29,16 @@ def seldom_collected() -> None:
     A tenth of the time of both goes into looking otherwise.
     """
     gc.set_threshold(30_000, 10, 10)
+
+
+def narrow() -> float | None:
+    """The room for addresses that this process is allowed [bytes], where that is too little to begin with.
+
+    A library for linear algebra that is loaded into less may never return, and no signal is heard while it tries.
+    """
+    try:
+        import resource
+    except ImportError:  # no such limits here
+        return None
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if allowed == resource.RLIM_INFINITY or allowed >= LEAST_ROOM else float(allowed)

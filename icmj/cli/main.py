@@ -15,10 +15,10 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from icmj.base.environment import one_thread, seldom_collected
+from icmj.base.environment import LEAST_ROOM, narrow, one_thread, seldom_collected
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line, spelt
-from icmj.errors import IcmjError, beyond_arithmetic
+from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
@@ -52,7 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def entry() -> None:
-    """The program: :func:`main`, deaf to signals while the interpreter is taken down."""
+    """The program: :func:`main`, deaf to signals at its end, and without taking the interpreter down.
+
+    All is unwound and written by then. Threads of libraries in other languages that are still there, and destructors
+    of modules that were being imported when a signal came, would abort it now and then.
+    """
     status = main()
     with contextlib.suppress(ValueError, OSError):
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -61,12 +65,9 @@ def entry() -> None:
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
-        except (OSError, ValueError):  # the interpreter would say so, and change the status
+        except (OSError, ValueError, AttributeError):  # the interpreter would say so, and change the status
             _unheard(stream)
-    if status > 128:
-        # everything is unwound; an interpreter that was interrupted in the middle of an import may not end well
-        os._exit(status)
-    sys.exit(status)
+    os._exit(status)
 
 
 def _obey(arguments: list[str]) -> int:
@@ -83,6 +84,12 @@ def _obey(arguments: list[str]) -> int:
         except SystemExit as stop:
             sys.stdout.flush()
             return stop.code if isinstance(stop.code, int) else BAD_INPUT
+        if (room := narrow()) is not None:
+            return _say(
+                f"ulimit -v leaves {room / 1e9:.2g} GB of addresses, and the libraries need {LEAST_ROOM / 1e9:.2g} GB; "
+                "raise it",
+                BAD_INPUT,
+            )
         import icmj.cli.cycles  # noqa: F401, for the commands that it registers
         from icmj.cli import commands
 
@@ -98,7 +105,9 @@ def _obey(arguments: list[str]) -> int:
             _unheard(sys.stdout)
         name = f"{error.filename}: " if error.filename is not None else ""
         return _say(f"{name}{error.strerror or error}", BAD_INPUT)
-    except MemoryError:
+    except Exception as error:
+        if not beyond_memory(error):
+            raise
         return _say("out of memory; use a smaller model, a longer record_interval or fewer --jobs", BAD_INPUT)
     return 0
 

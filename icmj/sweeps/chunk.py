@@ -16,7 +16,7 @@ from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
 from icmj.comparison.comparison import finite, on_predicted_cycle
-from icmj.errors import CycleError, IcmjError
+from icmj.errors import CycleError, IcmjError, beyond_memory
 from icmj.experiment.attractors import attractors
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
@@ -102,12 +102,11 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
             row |= _cycle(case, plant)
         if plan.file.ask.attractors:
             row |= _attractors(plan, case)
-    except MemoryError:
-        row |= {"status": "failed", "words": "out of memory"}
     except IcmjError as error:
         row |= {"status": "failed", "words": one_line(error, 500)}
     except Exception as error:  # a row that says so, not the end of a million others
-        row |= {"status": "failed", "words": one_line(f"{type(error).__name__}: {error}", 500)}
+        words = "out of memory" if beyond_memory(error) else one_line(f"{type(error).__name__}: {error}", 500)
+        row |= {"status": "failed", "words": words}
     return row
 
 

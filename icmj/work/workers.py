@@ -23,7 +23,7 @@ from typing import Any
 
 from icmj.base.environment import one_thread, seldom_collected
 from icmj.base.text import one_line
-from icmj.errors import IcmjError, StudyError, beyond_arithmetic
+from icmj.errors import IcmjError, StudyError, beyond_arithmetic, beyond_memory
 
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two words on progress
@@ -178,9 +178,9 @@ def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...], tell: Tel
         return "done", function(*arguments, progress=tell)
     except IcmjError as error:
         return "error", type(error)(str(error))
-    except MemoryError:
-        return "error", StudyError(f"{function.__name__}: out of memory; run fewer jobs, or record more coarsely")
     except Exception as error:
+        if beyond_memory(error):
+            return "error", StudyError(f"{function.__name__}: out of memory; run fewer jobs, or record more coarsely")
         if beyond_arithmetic(error):
             return "error", StudyError(f"not computable: numbers too far apart ({one_line(error, 200)})")
         frame = error.__traceback__

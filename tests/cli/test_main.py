@@ -233,3 +233,16 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
         assert main(command) == 0
         assert told in " ".join(capsys.readouterr().out.split()), command
     assert "is slow beside the run" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_libraries_do_when_the_interpreter_ends_changes_no_status(tmp_path):
+    """Of 191 refusals of a CSV two aborted after their message: a thread was at work while the interpreter ended."""
+    script = (
+        "import atexit, os, sys\natexit.register(os.abort)\n"
+        "from icmj.cli.main import entry\nsys.argv = ['icmj', *sys.argv[1:]]\nentry()"
+    )
+    (tmp_path / "a.csv").write_text("t,a\n0,1\n1,x\n")
+    for command, status in ((["measure", str(tmp_path / "a.csv")], 2), (["--version"], 0)):
+        done = subprocess.run([sys.executable, "-c", script, *command], capture_output=True, text=True, check=False)
+        assert done.returncode == status
+        assert (done.stdout + done.stderr).count("\n") == 1

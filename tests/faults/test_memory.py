@@ -1,15 +1,19 @@
-"""Memory stays flat over many refused runs in one process."""
+"""Memory stays flat over many refused runs in one process, and too little of it is one line."""
 
 from __future__ import annotations
 
 import gc
 import os
 import re
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import psutil
 import pytest
 from fault_cases import short_run
+from sweep_cases import GRID, sweep_file
 
 from icmj.cli.main import main
 
@@ -40,3 +44,45 @@ def test_refused_runs_leave_no_memory_behind(root: Path, tmp_path: Path, capfd: 
     third = len(sizes) // 3  # the first ones fill caches
     assert sizes[-1] - sizes[third] < 15, sizes
     assert not (tmp_path / "out").exists()
+
+
+def limited(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """``icmj`` with so many bytes of addresses."""
+    return subprocess.run(
+        [sys.executable, "-m", "icmj.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (room, room)),
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses are kept by Linux")
+@pytest.mark.parametrize("room", [200, 300, 400, 450, 500, 800])
+def test_too_little_room_for_the_libraries_is_one_line(room: int, tmp_path: Path) -> None:
+    """At 400 MB a library spun while it was loaded, and no signal was heard; at others status 1 or 70."""
+    sweep = sweep_file(tmp_path, GRID.format(count=2))
+    for command in (["analyse", "simple-0.8"], ["sweep", sweep, "--jobs", "1", "--out", tmp_path / "out"]):
+        done = limited(room * 10**6, *command)
+        assert done.returncode == 2
+        assert (
+            done.stderr
+            == f"icmj: ulimit -v leaves {room / 1e3:.2g} GB of addresses, and the libraries need 1.1 GB; raise it\n"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_needs_none_of_it() -> None:
+    assert limited(300 * 10**6, "--help").returncode == 0
+    assert limited(300 * 10**6, "--version").returncode == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses are kept by Linux")
+@pytest.mark.parametrize("room", [1.1, 1.4, 1.8])
+def test_little_room_is_used_or_told(room: float, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,a\n" + "".join(f"{i},{i % 7}\n" for i in range(40)))
+    for command in (["run", "simple-0.8", "--out", tmp_path / "out"], ["measure", tmp_path / "a.csv"]):
+        done = limited(int(room * 2**30), *command)
+        lines = [line for line in done.stderr.splitlines() if " after " not in line]
+        assert (done.returncode, len(lines)) in ((0, 0), (2, 1)), done.stderr
