@@ -6,8 +6,9 @@ takes nothing with it: its chunks are computed by another.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any
 
@@ -18,6 +19,7 @@ from icmj.sweeps.plan import Plan
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
 _PATIENCE = 15.0  # s for the scheduler to answer
+_FAREWELL = 2.0  # s for it to hear that it is no longer needed
 
 
 class Cluster:
@@ -42,14 +44,38 @@ class Cluster:
             under_way[future.key] = points
             return future
 
-        queue: Any = as_completed([submit(points) for points in islice(ranges, self._room())])
-        for future in queue:
-            points = under_way.pop(future.key)
-            computed, why = _outcome(future)
-            del future  # or the scheduler would keep what came of it
-            while len(under_way) < self._room() and (following := next(ranges, None)) is not None:
-                queue.add(submit(following))
+        with self._there():
+            queue: Any = as_completed([submit(points) for points in islice(ranges, self._room())])
+        while under_way:
+            with self._there():
+                future = next(queue)
+                points = under_way.pop(future.key)
+                computed, why = _outcome(future)
+                del future  # or the scheduler would keep what came of it
+                while len(under_way) < self._room() and (following := next(ranges, None)) is not None:
+                    queue.add(submit(following))
             yield points, computed, why
+
+    @contextmanager
+    def _there(self) -> Iterator[None]:
+        """Within the block the scheduler is there; without it everything is cancelled, or fails somehow.
+
+        Raises:
+            SweepError: if it is gone.
+        """
+        try:
+            yield
+            why = ""
+        except SweepError as error:
+            why = str(error)
+        except Exception as error:
+            why = one_line(f"{type(error).__name__}: {error}", 200)
+            if self._client.status == "running":
+                raise SweepError(f"the cluster cannot be asked to compute ({why})") from error
+        if self._client.status != "running":
+            raise SweepError("the scheduler of the cluster is gone; what is finished is kept")
+        if why:
+            raise SweepError(why)
 
     def _room(self) -> int:
         return _AHEAD * max(1, sum(self._client.nthreads().values()))
@@ -66,12 +92,31 @@ def cluster(address: str) -> Iterator[Cluster]:
         from dask.distributed import Client
     except ImportError as error:
         raise SweepError(f"--dask {address}: needs dask; install it with pip install 'icmj[dask]'") from error
+    with _unsaid():
+        try:
+            client = Client(address, timeout=_PATIENCE)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
+        try:
+            yield Cluster(client)
+        finally:
+            with suppress(Exception):  # the scheduler is gone
+                client.close(timeout=_FAREWELL)
+
+
+@contextmanager
+def _unsaid() -> Iterator[None]:
+    """Within the block the cluster's libraries log nothing: what it means comes as an error."""
+    known = [name for name in logging.root.manager.loggerDict if name.startswith(("distributed.", "tornado."))]
+    every = [logging.getLogger(name) for name in ("distributed", "asyncio", "tornado", *known)]
+    before = [logger.disabled for logger in every]
+    for logger in every:
+        logger.disabled = True
     try:
-        client = Client(address, timeout=_PATIENCE)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
-    with client:
-        yield Cluster(client)
+        yield
+    finally:
+        for logger, was in zip(every, before, strict=True):
+            logger.disabled = was
 
 
 def _outcome(future: Any) -> tuple[Computed | None, str]:

@@ -7,10 +7,12 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from fault_cases import start
 from sweep_cases import GRID, contents, sweep_file
 
 from icmj.errors import SweepError
@@ -40,7 +42,7 @@ def started(*words: str, until: str) -> tuple[subprocess.Popen[str], str]:
 
 
 @pytest.fixture
-def cluster() -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
+def processes() -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
     running = []
     try:
         process, address = started(
@@ -60,12 +62,38 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
                 until=r"(Registered to)",
             )  # fmt: skip
             running.append(worker)
-        yield address, running[1:]
+        yield address, running
     finally:
         for process in reversed(running):
             process.kill()
             process.wait()
             process.stderr.close()
+
+
+@pytest.fixture
+def cluster(processes: tuple[str, list[subprocess.Popen[str]]]) -> tuple[str, list[subprocess.Popen[str]]]:
+    """The address of the scheduler, and its workers."""
+    return processes[0], processes[1][1:]
+
+
+@pytest.mark.slow
+def test_a_scheduler_killed_midway_is_one_line(
+    tmp_path: Path, processes: tuple[str, list[subprocess.Popen[str]]]
+) -> None:
+    """It ended in tracebacks of libraries, and "cannot be written to: None"."""
+    address, (scheduler, *_) = processes
+    file, out = sweep_file(tmp_path, GRID.format(count=4000), chunk=2), tmp_path / "out"
+    process = start("sweep", file, "--dask", address, "--out", out, cwd=tmp_path)
+    deadline = time.monotonic() + 60
+    while len(list(out.glob("points/*"))) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    scheduler.kill()
+    _, err = process.communicate(timeout=90)
+    lines = [line for line in err.splitlines() if " after " not in line]
+    assert process.returncode == 2
+    assert lines[-1] == "icmj: the scheduler of the cluster is gone; what is finished is kept"
+    assert len(lines) == 2
+    assert "chunks are finished" in lines[0]
 
 
 @pytest.mark.slow
