@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,6 +70,23 @@ class End:
     out: str
     err: str
     took: float
+
+
+def seen(sign: Callable[[], bool], within: float = 120.0) -> None:
+    """Wait for a sign of what a process does."""
+    deadline = time.monotonic() + within
+    while not sign():
+        assert time.monotonic() < deadline, "no sign of it"
+        time.sleep(0.01)
+
+
+def says(process: subprocess.Popen[str], words: str) -> None:
+    """Read a process's standard error until it says this, as a pattern."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if re.search(words, line):
+            return
+    raise AssertionError(f"it ended without a word of {words!r}")
 
 
 def end(process: subprocess.Popen[str], signum: int, after: float) -> End:

@@ -399,7 +399,8 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
 
 
 _PROGRESS = re.compile(
-    r"(?<! s) after \d+ s$|^icmj: about .* of work$|^icmj: \d+ of \d+ chunks are finished in .*; the same command goes on$"
+    r"(?<! s) after \d+ s$|^icmj: about .* of work$"
+    r"|^icmj: \d+ of \d+ chunks are finished in .*; the same command goes on$"
 )
 
 

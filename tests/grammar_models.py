@@ -57,7 +57,8 @@ class Model:
         for _ in range(rng.choice((0, 0, 1, 2))):
             inner += self.geom()
         for _ in range(rng.choice((0, 1, 1))):
-            inner += f'<site name="{self.name("site", self.sites)}"{self.some(0.7, pos=lambda: self.any(0.1, 0.0, count=3))}/>'
+            place = self.some(0.7, pos=lambda: self.any(0.1, 0.0, count=3))
+            inner += f'<site name="{self.name("site", self.sites)}"{place}/>'
         for _ in range(rng.choice((0, 1, 1, 2)) if depth < 3 else 0):
             inner += self.body(depth + 1)
         place = self.some(0.8, pos=f"0 0 {self.any(0.5, 1.0)}") + self.some(0.05, gravcomp=lambda: self.any(1.0, 0.5))
@@ -134,7 +135,8 @@ class Model:
     def geom(self, heavy: bool = False) -> str:
         rng = self.rng
         kind, size = rng.choice((("sphere", 1), ("capsule", 2), ("ellipsoid", 3), ("cylinder", 2), ("box", 3)))
-        text = f'<geom name="{self.name("geom", self.geoms)}" type="{kind}" size="{_row(*(positive(rng, 0.05, 0.1, low=1e-6, high=1e6) for _ in range(size)))}"'
+        sizes = _row(*(positive(rng, 0.05, 0.1, low=1e-6, high=1e6) for _ in range(size)))
+        text = f'<geom name="{self.name("geom", self.geoms)}" type="{kind}" size="{sizes}"'
         text += (
             f' mass="{positive(rng, 1.0):.6g}"'
             if heavy
@@ -314,10 +316,9 @@ class Model:
 
     def equality(self) -> str:
         rng, found = self.rng, []
+        five = self.any(0.0, 1.0, count=5)
         if len(self.joints) > 1:
-            found.append(
-                f'<joint joint1="{self.joints[0]}" joint2="{self.joints[-1]}" polycoef="{self.any(0.0, 1.0, count=5)}"{{}}/>'
-            )
+            found.append(f'<joint joint1="{self.joints[0]}" joint2="{self.joints[-1]}" polycoef="{five}"{{}}/>')
         if self.joints:
             found.append(f'<joint joint1="{self.joints[0]}" polycoef="{self.any(0.0)} 0 0 0 0"{{}}/>')
         if len(self.bodies) > 1:
@@ -398,7 +399,8 @@ class Model:
         rng = self.rng
         world = "".join(self.body(0) for _ in range(rng.choice((1, 1, 1, 2))))
         if rng.random() < 0.1:
-            world += '<body name="mocap0" mocap="true" pos="0 0 2"><geom size="0.1" contype="0" conaffinity="0"/><site name="held"/></body>'
+            held = '<geom size="0.1" contype="0" conaffinity="0"/><site name="held"/>'
+            world += f'<body name="mocap0" mocap="true" pos="0 0 2">{held}</body>'
             self.nmocap = 1
             self.sites.append("held")
         if rng.random() < 0.2:
@@ -432,8 +434,9 @@ class Model:
         custom = (
             '<custom><numeric name="n" data="1 2"/><text name="t" data="a"/></custom>' if rng.random() < 0.05 else ""
         )
+        name = rng.choice(("m", "ζ", "a b", "[red]x[/]"))
         return (
-            f'<mujoco model="{rng.choice(("m", "ζ", "a b", "[red]x[/]"))}">{compiler}{self.option()}{custom}<worldbody>{world}</worldbody>{contact}'
+            f'<mujoco model="{name}">{compiler}{self.option()}{custom}<worldbody>{world}</worldbody>{contact}'
             f"<tendon>{tendons}</tendon><actuator>{actuators}</actuator><sensor>{sensors}</sensor>"
             f"<equality>{equality}</equality><keyframe>{keys}</keyframe></mujoco>"
         )

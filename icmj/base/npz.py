@@ -37,7 +37,7 @@ def each_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> Itera
         size = sum(member.file_size for member in chosen.values())
         for name, member in chosen.items() if size <= most_bytes else ():
             with packed.open(member) as stream:
-                array = np.lib.format.read_array(stream, allow_pickle=False)  # type: ignore[no-untyped-call]
+                array = np.lib.format.read_array(stream, allow_pickle=False)
             yield name, array
     if size > most_bytes:
         raise ValueError(f"{size / 1e6:.0f} MB of arrays; expected at most {most_bytes / 1e6:g} MB")
@@ -54,7 +54,7 @@ def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
     with _opened(path) as packed:
         for member in _arrays(packed):
             with packed.open(member) as stream:
-                version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+                version = np.lib.format.read_magic(stream)
                 read = getattr(np.lib.format, f"read_array_header_{min(version[0], 2)}_0")
                 shape, _, kind = read(stream)
             if kind.hasobject:

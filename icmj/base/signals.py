@@ -84,20 +84,45 @@ def terminable() -> Iterator[Asked]:
             signal.signal(signum, handler)
 
 
+@dataclass
+class Heard:
+    """Ctrl-C within :func:`heard_once`."""
+
+    count: int = 0
+    waits: bool = False
+
+    @contextmanager
+    def postponed(self) -> Iterator[None]:
+        """Within the block the first Ctrl-C waits until its end."""
+        before, self.waits = self.count, True
+        try:
+            yield
+        finally:
+            self.waits = False
+        if before == 0 and self.count:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def heard_once() -> Iterator[None]:
+def heard_once() -> Iterator[Heard]:
     """Within the block Ctrl-C raises KeyboardInterrupt once, for what catches it, keeps what there is and goes on.
 
-    Without a :func:`terminable` around it, or in another thread than the main one, it changes nothing.
+    A second one raises :class:`Terminated`, which nothing catches that keeps anything. Without a :func:`terminable`
+    around it, or in another thread than the main one, it changes nothing.
     """
-    before = signal.getsignal(signal.SIGINT)
+    before, heard = signal.getsignal(signal.SIGINT), Heard()
     bare = not callable(before) or before is signal.default_int_handler
     if threading.current_thread() is not threading.main_thread() or bare:
-        yield
+        yield heard
         return
     handler: Callable[[int, FrameType | None], Any] = before  # type: ignore[assignment]
 
     def once(signum: int, frame: FrameType | None) -> None:
+        heard.count += 1
+        if heard.count > 1:
+            raise Terminated(signum)
+        if heard.waits:
+            return
         try:
             handler(signum, frame)
         finally:
@@ -106,6 +131,6 @@ def heard_once() -> Iterator[None]:
 
     signal.signal(signal.SIGINT, once)
     try:
-        yield
+        yield heard
     finally:
         signal.signal(signal.SIGINT, before)

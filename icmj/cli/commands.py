@@ -132,10 +132,11 @@ def run(command: arguments.Run) -> None:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{run_file.case.name}.{plant}.rrd"
         open_folder(command.out, log.name)
-        with heard_once():
+        with heard_once() as heard:
             result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
             working.tell("writing the log", 0.95)
-            write_log(result, log)
+            with heard.postponed():
+                write_log(result, log)
     _show([compare(result)])
     OUT.say(f"The run {result.simulation.outcome.message}.")
     OUT.say(result.measurement.words)

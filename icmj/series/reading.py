@@ -126,8 +126,8 @@ class _Choice:
         """
         if rows * len(self.at) > MOST_NUMBERS:
             raise DataError(
-                f"about {rows} rows of {len(self.at)} columns; expected at most {MOST_NUMBERS / 1e6:g} million numbers, name "
-                "columns or cut it into parts"
+                f"about {rows} rows of {len(self.at)} columns; expected at most {MOST_NUMBERS / 1e6:g} million "
+                "numbers, name columns or cut it into parts"
             )
         return np.empty((rows, len(self.at)))
 

@@ -67,6 +67,29 @@ def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
     assert signal.getsignal(signal.SIGINT) is handler
 
 
+def test_a_second_one_is_caught_by_nothing_that_keeps_anything() -> None:
+    def work() -> None:
+        with heard_once():
+            for _ in range(3):
+                with contextlib.suppress(KeyboardInterrupt):
+                    sent(signal.SIGINT)
+
+    assert ended_by(work) == 130
+
+
+def test_ctrl_c_waits_for_what_must_be_whole() -> None:
+    done = []
+
+    def work() -> None:
+        with heard_once() as heard, heard.postponed():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            done.append(1)
+
+    assert within(work).signum == 0
+    assert done == [1]
+
+
 def test_one_that_falls_into_a_destructor_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
     class Slow:
         def __del__(self) -> None:

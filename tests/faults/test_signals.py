@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fault_cases import GONE_WITHIN, check, check_folder, end, members, moments, short_run, start
+from fault_cases import GONE_WITHIN, check, check_folder, end, members, moments, says, seen, short_run, start
 
 pytestmark = [
     pytest.mark.slow,
@@ -46,13 +46,42 @@ def test_a_study_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: py
 
 
 def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path) -> None:
-    # small steps, so that it simulates for a minute, and few rows
-    run = short_run(tmp_path, duration=40000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
-    found = end(start("run", run, "--out", tmp_path / "out", "--yes", cwd=tmp_path), signal.SIGINT, 6.0)
+    process = start("run", _minute(tmp_path), "--out", tmp_path / "out", "--yes", cwd=tmp_path)
+    says(process, r"short, 1[1-9] %|short, [2-4]\d %")  # of which the simulation is from 10 on
+    found = end(process, signal.SIGINT, 0.0)
     assert found.status == 130
     assert "interrupted at" in found.out
     check_folder(tmp_path / "out")
     assert (tmp_path / "out" / "short.mujoco.rrd").exists()
+
+
+def test_a_second_interrupt_ends_a_run_at_once(tmp_path: Path) -> None:
+    process, out = start("run", _minute(tmp_path), "--out", tmp_path / "out", "--yes", cwd=tmp_path), tmp_path / "out"
+    says(process, r"short, 1[1-9] %|short, [2-4]\d %")
+    os.killpg(process.pid, signal.SIGINT)
+    seen(lambda: any(out.glob(".short.mujoco.rrd*")))
+    found = end(process, signal.SIGINT, 0.0)
+    check(found, signal.SIGINT)
+    assert found.status == 130
+    assert not list(out.glob("*"))
+    check_folder(out)
+
+
+def test_a_log_that_is_being_written_is_written(tmp_path: Path) -> None:
+    """The whole run was lost, because of a key pressed in the last second."""
+    run, out = short_run(tmp_path, duration=2000.0, more="record_interval = 0.01"), tmp_path / "out"
+    process = start("run", run, "--out", out, "--yes", "--plant", "linear", cwd=tmp_path)
+    seen(lambda: any(out.glob(".short.linear.rrd*")))
+    found = end(process, signal.SIGINT, 0.0)
+    assert found.status == 130
+    assert found.err.splitlines()[-1] == "icmj: interrupted"
+    assert (out / "short.linear.rrd").exists()
+    check_folder(out)
+
+
+def _minute(folder: Path) -> Path:
+    """A run that simulates for a minute by small steps, and has few rows."""
+    return short_run(folder, duration=40000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
 
 
 def test_a_run_interrupted_while_it_compiles_ends_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

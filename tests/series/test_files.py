@@ -172,7 +172,7 @@ def test_more_than_fits_is_refused_before_it_is_read(tmp_path, kind):
     path = tmp_path / f"sway{kind}"
     _many(path, 7_000_000)
     tracemalloc.start()
-    with pytest.raises(DataError, match="7000000|7000001 rows of 2 columns; expected at most 12 million numbers"):
+    with pytest.raises(DataError, match=r"about 700000[01] rows of 2 columns; expected at most 12 million numbers"):
         read_series(path)
     assert tracemalloc.get_traced_memory()[1] < 5e7
     tracemalloc.stop()
