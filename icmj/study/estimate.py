@@ -6,6 +6,7 @@ An estimate is there to tell seconds from hours. It knows nothing of events stil
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.settings import Settings
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
@@ -67,7 +69,11 @@ def estimate(case: Case, plant: PlantKind) -> float:
         plenty = weight * simulated / _timestep(case) > STEPS
     seconds = _PER_ROW * rows
     if plenty or rows > ROWS:
-        seconds += simulated * _pace(case, plant)
+        try:
+            seconds += simulated * _pace(case, plant, settings)
+        except _Ended:  # soon over; what is driven by the clock begins near rest, and is not
+            with suppress(_Ended):
+                seconds += growth * _pace(case, plant, replace(settings, initial={}, observer={}))
     return seconds
 
 
@@ -123,16 +129,24 @@ class _Enough(Exception):
     """A probe has taken long enough."""
 
 
-def _pace(case: Case, plant: PlantKind) -> float:
-    """Seconds of work for one second of simulation, from ever longer beginnings of the run."""
-    end = case.settings.duration
+class _Ended(Exception):
+    """The run of a probe fell, or diverged: it tells nothing of others."""
+
+
+def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
+    """Seconds of work for one second of simulation, from ever longer beginnings of the run.
+
+    Raises:
+        _Ended: if it ends before its time.
+    """
+    end = settings.duration
     length = min(50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9), end)
     try:
-        _timed(case, plant, length)  # compiles, and loads what is loaded once
-        first, least = length, _timed(case, plant, length)[0]
+        _timed(case, plant, settings, length)  # compiles, and loads what is loaded once
+        first, least = length, _timed(case, plant, settings, length)[0]
         while True:
             length = min(6 * length, end)
-            took, pace = _timed(case, plant, length)
+            took, pace = _timed(case, plant, settings, length)
             if pace is not None:
                 return pace
             if took - least > _PROBE or length >= end / 4:
@@ -141,9 +155,9 @@ def _pace(case: Case, plant: PlantKind) -> float:
         return 0.0  # which the run itself will say
 
 
-def _timed(case: Case, plant: PlantKind, length: float) -> tuple[float, float | None]:
+def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
     """How long the beginning of a run takes [s]; where it is ended for that, its pace at the end [s/s]."""
-    settings, controller = replace(case.settings, duration=min(length, case.settings.duration)), case.controller
+    settings, controller = replace(settings, duration=min(length, settings.duration)), case.controller
     if controller.delay.t_d >= settings.duration:  # no such run could start
         controller = replace(controller, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
@@ -160,11 +174,13 @@ def _timed(case: Case, plant: PlantKind, length: float) -> tuple[float, float | 
 
     try:
         if plant == "linear":
-            simulate_linear(linear_plant(case.actual, settings), controller, settings, progress=tell)
+            run = simulate_linear(linear_plant(case.actual, settings), controller, settings, progress=tell)
         else:
-            simulate_mujoco(case.model, controller, settings, error_estimate=False, progress=tell)
+            run = simulate_mujoco(case.model, controller, settings, error_estimate=False, progress=tell)
     except _Enough:
         before = (0.0, 0.0) if half is None or half[1] >= last[1] else half
         # where it hardly moves any more, it is the rest that counts
         return last[0], (last[0] - before[0]) / max(last[1] - before[1], 1e-300)
+    if run.outcome.kind in ("fell", "diverged"):
+        raise _Ended
     return time.process_time() - begin, None

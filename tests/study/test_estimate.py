@@ -71,6 +71,16 @@ def test_what_begins_to_act_in_a_probe_is_not_waited_for(root: Path) -> None:
     assert time.process_time() - begin < 20
 
 
+def test_a_run_that_falls_says_nothing_of_those_by_the_clock(root: Path) -> None:
+    """The run was over at once, and growth, which begins near rest, took for ever without having been asked for."""
+    text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=2.0, more="")
+    found = prepare(parse_run(text.replace("hinge = 0.02", "hinge = 1e6") + f"[[simulation.disturbance]]\n{FAST}"))
+    assert estimate(found, "linear") > 10 * LONGEST
+
+
+FAST = 'kind = "noise"\ninput = "torque"\nsize = 0.1\nseed = 1\nbandwidth = 1e9\n'
+
+
 def test_a_delay_longer_than_a_probe_is_no_reason_to_know_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Probes begin with a length at which a delayed run cannot start; the estimate was 0."""
     monkeypatch.setattr("icmj.study.estimate.SLOW_BLOCKS", 0.0)
