@@ -74,10 +74,10 @@ def analyse(command: arguments.Analyse) -> None:
         return
     table = Table("", "", title=run.case.title, title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
-        ("critical interval Δ_crit", _seconds(prediction.delta_crit)),
+        ("critical interval Δ_crit", _number(prediction.delta_crit, "s")),
         ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
         ("cycle predicted", "yes" if prediction.cycle else "no"),
-        ("period", _seconds(prediction.period)),
+        ("period", _number(prediction.period, "s")),
         ("γ", "–" if prediction.gamma is None else _amount(prediction.gamma, "")),
     ]
     if prediction.amplitude is not None:
@@ -284,12 +284,8 @@ def _tell(notices: Iterable[object]) -> None:
         OUT.say(f"note: {notice}", style="yellow")
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.6f}"
-
-
-def _seconds(value: float | None) -> str:
-    return "–" if value is None else f"{value:.6f} s"
+def _number(value: float | None, unit: str = "") -> str:
+    return "–" if value is None else f"{value:.6f} {unit}".rstrip()
 
 
 def _amount(value: float, unit: str) -> str:

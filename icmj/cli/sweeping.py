@@ -58,7 +58,7 @@ def _left(plan: Plan, folder: Path, err: Terminal) -> None:
     """What an end before its time leaves, if it began."""
     count = len(list((folder / "points").glob("*.parquet")))
     if count:
-        err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on")
+        err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on", wrap=False)
 
 
 def _show(plan: Plan, folder: Path, done: Progress, out: Terminal) -> None:

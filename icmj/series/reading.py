@@ -231,12 +231,12 @@ def _read_npz(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     try:
         headers = npz_headers(path)
         told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
+        if any(texts.dtype.kind not in "US" for texts in told.values()):
+            raise DataError("names and units are not arrays of text")
         vectors = [name for name, (shape, kind) in headers.items() if len(shape) == 1 and kind.kind in "fiu"]
         lengths = {headers[name][0][0] for name in vectors}
         if len(lengths) != 1:
             raise DataError("expected one-dimensional arrays of numbers, all of the same length")
-        if any(texts.dtype.kind not in "US" for texts in told.values()):
-            raise DataError("names and units are not arrays of text")
         names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
         known = dict(zip(names, texts, strict=False))
         choice = _Choice.of(vectors, [known.get(name, "") for name in vectors], columns, rate)

@@ -63,16 +63,18 @@ class Cluster:
         Raises:
             SweepError: if it is gone.
         """
+        why, gone = "", False
         try:
             yield
-            why = ""
         except SweepError as error:
             why = str(error)
         except Exception as error:
             why = one_line(f"{type(error).__name__}: {error}", 200)
-            if self._client.status == "running":
+            # a closed connection is known before the client's status says so
+            gone = isinstance(error, ConnectionError) or type(error).__name__ == "CommClosedError"
+            if self._client.status == "running" and not gone:
                 raise SweepError(f"the cluster cannot be asked to compute ({why})") from error
-        if self._client.status != "running":
+        if self._client.status != "running" or gone:
             raise SweepError("the scheduler of the cluster is gone; what is finished is kept")
         if why:
             raise SweepError(why)
