@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import MutableMapping
+from collections.abc import Iterator, MutableMapping
+from contextlib import contextmanager
+from functools import cache
+from threading import Lock
+from typing import Any
+
+_inside, _lock = 0, Lock()
+_before: list[int] = []
 
 LEAST_ROOM = 1 << 30  # bytes
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -21,6 +28,43 @@ def one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMa
         for name in _BLAS:
             environment.setdefault(name, "1")
     return environment
+
+
+@contextmanager
+def single_threaded() -> Iterator[None]:
+    """Let BLAS work in one thread within the block, or the function that this decorates, whatever the process is told.
+
+    A matrix of some hundred columns is shared out among threads, and what a sum is to the last bit depends on their
+    number. The number is the whole process's: who leaves last gives back what was there.
+    """
+    global _inside, _before
+    with _lock:
+        if _inside == 0:
+            _before = [library.get_num_threads() for library in _libraries()]
+            _tell([1] * len(_before))
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _inside -= 1
+            if _inside == 0:
+                _tell(_before)
+
+
+def _tell(threads: list[int]) -> None:
+    for library, number in zip(_libraries(), threads, strict=True):
+        # what is public lets but one thread of Python set the number, which need not be the last to leave
+        getattr(library, "_real_set_num_threads", library.set_num_threads)(number)
+
+
+@cache
+def _libraries() -> list[Any]:
+    """The BLAS of numpy and that of SciPy, which is another one; looked for once, as that takes milliseconds."""
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return [library for library in ThreadpoolController().lib_controllers if library.user_api == "blas"]
 
 
 def seldom_collected() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
+from icmj.base.environment import single_threaded
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import designed
 from icmj.case.doubts import doubts, reach, slow_noise
@@ -95,6 +96,7 @@ class Case(Shown):
         )
 
 
+@single_threaded()
 def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float], None] | None = None) -> Case:
     """Load and linearise both plants, design the controller, form the error system, and predict.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import Array, real
+from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
@@ -49,6 +50,7 @@ class Design:
         return self.plant.A - self.L @ self.plant.C
 
 
+@single_threaded()
 def design_lq(
     plant: LinearPlant,
     *,

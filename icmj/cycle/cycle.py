@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.case.case import Case
 from icmj.case.plants import linear_plant
 from icmj.cycle.guess import Guess, from_prediction, from_simulation
@@ -106,6 +107,7 @@ class Cycle:
         ).replace("An repelling", "A repelling")
 
 
+@single_threaded()
 def find_cycle(
     case: Case,
     plant: PlantKind = "mujoco",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.case.case import Case, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.continuation import Walk, walk
@@ -27,6 +28,7 @@ AWAY = 0.02  # of the state's size: the first step onto a branch that branches o
 BRANCHING = ("flip", "symmetry breaking", "branch point")
 
 
+@single_threaded()
 def follow(
     run: RunFile,
     name: str,
@@ -83,6 +85,7 @@ def follow(
     return _branch(curve, walked, run, found.neutral)
 
 
+@single_threaded()
 def branch_off(
     branch: Branch,
     special: SpecialPoint,

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import mujoco
 from numpy.typing import ArrayLike
 
+from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.engine.accuracy import estimate, order_of
 from icmj.engine.closed_loop import close_loop
@@ -23,6 +24,7 @@ from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
 
 
+@single_threaded()
 def simulate(
     plant: MujocoPlant,
     controller: Controller,

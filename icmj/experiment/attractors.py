@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate
@@ -22,6 +23,7 @@ MAGNITUDES = (0.3, 1.0, 3.0, 10.0)
 _EXTENSIONS = 4
 
 
+@single_threaded()
 def attractors(
     plant: LinearPlant,
     controller: Controller,

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.case.case import PlantKind
 from icmj.errors import IdentificationError
 from icmj.identification.agreement import LEVEL, Agreement, agreement, agreement_of_sequence
@@ -56,6 +57,7 @@ class Identification:
         return any(low <= value <= high for low, high in self.intervals)
 
 
+@single_threaded()
 def identify(
     unknown: Unknown,
     observed: Observed,

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
@@ -23,6 +24,7 @@ from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
 
 
+@single_threaded()
 def simulate(
     plant: LinearPlant,
     controller: Controller,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.measurement.motion import Measurement, MotionKind
 from icmj.measurement.recurrence import Trend, closure, dominant_growth, separation, trend
 from icmj.measurement.statistics import statistics
@@ -57,6 +58,7 @@ class _Return:
         return fit.ratio < 1 and self.residual / (1 - fit.ratio) <= tolerance
 
 
+@single_threaded()
 def measure(
     simulation: Simulation, *, T_hat: Array, max_period: int = 8, tolerance: float = 1e-6, floor: float = 1e-11
 ) -> Measurement:

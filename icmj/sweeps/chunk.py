@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
@@ -61,11 +62,9 @@ class _Bench:
 
 def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Computed:
     """The rows of some points, by one thread of linear algebra: the same bits whoever else is at work."""
-    from threadpoolctl import threadpool_limits
-
     bench, begin = _Bench(), time.process_time()
     rows = []
-    with threadpool_limits(1):
+    with single_threaded():
         for index, values in zip(indices, plan.points.block(indices.start, indices.stop), strict=True):
             rows.append(_row(plan, index, values, bench))
             if progress is not None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount, amounts, number
+from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
@@ -133,6 +134,7 @@ class Prediction(Shown):
         return Card(f"{found}, {cycle if self.cycle else 'no cycle predicted'}, orbit {self.verdict}", rows)
 
 
+@single_threaded()
 def predict(
     system: ErrorSystem,
     trigger: EventRule,

@@ -5,8 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from threading import Barrier, Thread
 
-from icmj.base.environment import one_thread
+import numpy.linalg  # noqa: F401
+import pytest
+import scipy.linalg  # noqa: F401
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from icmj.base.environment import one_thread, single_threaded
 
 
 def test_what_is_said_already_stays() -> None:
@@ -31,3 +37,50 @@ print("threads", *{pool["num_threads"] for pool in threadpool_info() if pool["us
             [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={**bare, **more}
         )
         assert f"threads {threads}" in done.stdout
+
+
+def blas() -> set[int]:
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+@single_threaded()
+def nested() -> set[int]:
+    with single_threaded():
+        pass
+    return blas()
+
+
+def test_within_one_thread_and_afterwards_as_before() -> None:
+    with threadpool_limits(3, "blas"):
+        before = blas()
+        assert nested() == {1}
+        assert blas() == before
+        with pytest.raises(ValueError, match="x"), single_threaded():
+            raise ValueError("x")
+        assert blas() == before
+
+
+def test_who_leaves_last_gives_back() -> None:
+    """Two threads of Python within at once: the first to leave must not give the second more threads of BLAS."""
+    found, both, left = [], Barrier(2), Barrier(2)
+
+    def first() -> None:
+        with single_threaded():
+            both.wait(10)
+        left.wait(10)
+
+    def second() -> None:
+        with single_threaded():
+            both.wait(10)
+            left.wait(10)
+            found.append(blas())
+
+    with threadpool_limits(3, "blas"):
+        before = blas()
+        threads = [Thread(target=work) for work in (first, second)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert found == [{1}]
+        assert blas() == before
