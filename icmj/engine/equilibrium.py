@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import single_threaded
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.model import OperatingPoint, data_at, input_names, model_name, state_names
@@ -30,6 +31,7 @@ _REST = 1e-11  # of the weight: forces that are none
 _HELD = 1e-7  # of the weight: forces that the solver may leave, before balance is given up
 _EFFORT = 1e-2  # how much effort counts beside balance, where both are sought at once
 _HOLD = 1e-4  # how much leaving where a last round begins counts beside it
+_END = 1e-3  # from an end of its room [rad, m], a joint is at it
 _STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
 
 
@@ -51,10 +53,9 @@ def equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule
         for start, room in starts(model, given, rule, moving):
             try:
                 yield _Search(model, start, rule, moving, room).run()
-            except ModelError as error:
+                found = True
+            except ModelError as error:  # straight joints may end at a kink, from where bent ones do not
                 failed = failed or error
-                break
-            found = True
     if failed and not found:
         raise failed
 
@@ -79,9 +80,8 @@ class _Search:
         self.free, self.room = moving, room
         self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
-        self.z = np.zeros(model.nv + model.nu + model.na)
+        self.z, self.size = np.zeros(model.nv + model.nu + model.na), np.ones(model.nu)
         self.lag = np.ones(model.na)  # time constants of the activations [s]
-        self.size = np.ones(model.nu)
         low, high = model.actuator_ctrlrange.T
         limited = model.actuator_ctrllimited.astype(bool)
         self.low, self.high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
@@ -92,11 +92,8 @@ class _Search:
         flags = int(self.model.opt.disableflags)
         # the search may pass beyond a range on its way
         self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-        from threadpoolctl import threadpool_limits
-
         try:
-            # where contacts make the way a matter of the last bit, it must not hang on the number of cores
-            with threadpool_limits(1), installed(act_dyn=second_order_lag):
+            with single_threaded(), installed(act_dyn=second_order_lag):
                 self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
                 self.lag, self.size = self.lags(), self.sizes()
                 self.set_down()
@@ -187,13 +184,15 @@ class _Search:
     def approach(self) -> None:
         """Where Newton's method fails, trust regions on contacts and limits that are softer at first.
 
-        Effort is not exactly least then. The last rounds are for the balance alone and hold on to where they begin,
-        so that what does not matter, such as a place on the floor, stays.
+        Effort is least on soft contacts only: on those that are there its least lies at a kink, and the last bit would
+        decide where the search stops. The last rounds are for the balance alone and hold on to where they begin, so
+        that what does not matter, such as a place on the floor, stays, and so do joints at an end of their room.
         """
-        for softer in (8.0, 4.0, 2.0, 1.0):
+        for softer in (8.0, 4.0, 2.0):
             with softened(self.model, softer):
                 self.set_down()
                 self.relax(_EFFORT)
+        self.set_down()
         for _ in range(8):
             self.relax(0.0)
             if np.linalg.norm(self.residual(self.forces(self.z))) <= _REST:
@@ -201,8 +200,15 @@ class _Search:
 
     def relax(self, effort: float) -> None:
         """Least squares of what must vanish, of effort, and of motion."""
-        moving, begin = self.moving(), self.z.copy()
-        position = moving < self.model.nv
+        moving, begin, nv = self.moving(), self.z.copy(), self.model.nv
+        low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
+        low[:nv], high[:nv] = self.room
+        if effort > 0:  # close to a balance ranges would only hamper
+            ctrl = slice(nv, nv + self.model.nu)
+            low[ctrl], high[ctrl] = self.low - self.given.ctrl, self.high - self.given.ctrl
+        else:
+            moving = moving[(moving >= nv) | (np.minimum(begin - low, high - begin)[moving] > _END)]
+        position, bounds = moving < nv, (low[moving], high[moving])
         stay = np.where(position, _STAY * (effort or _HOLD), _HOLD)
         about = begin[moving] if effort == 0 else np.where(position, 0.0, begin[moving])
 
@@ -215,12 +221,7 @@ class _Search:
 
         from scipy.optimize import least_squares
 
-        nv, nu, tight = self.model.nv, self.model.nu, 1e-6 if effort else 1e-15
-        low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
-        low[:nv], high[:nv] = self.room
-        if effort > 0:  # close to a balance ranges would only hamper
-            low[nv : nv + nu], high[nv : nv + nu] = self.low - self.given.ctrl, self.high - self.given.ctrl
-        bounds = low[moving], high[moving]
+        tight = 1e-6 if effort else 1e-15
         found = least_squares(
             misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=_STEPS,
             xtol=tight, ftol=tight, gtol=tight,
