@@ -40,7 +40,15 @@ def _check(value: Any, hint: Any, where: str) -> None:
         raise LogError(f"{where} is {one_line(repr(value), 60)}; expected {_words(hint)}")
 
 
+def _plain(hint: Any) -> Any:
+    """What an annotation stands for that may be a type alias: since numpy 2.5 ``NDArray[...]`` is one, on Python 3.12."""
+    while (aliased := getattr(get_origin(hint) or hint, "__value__", None)) is not None:
+        hint = aliased[arguments] if (arguments := get_args(hint)) else aliased
+    return hint
+
+
 def _is(value: Any, hint: Any, where: str) -> bool:
+    hint = _plain(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         return any(_is(value, member, where) for member in arguments)
@@ -85,6 +93,7 @@ def _kinds(arguments: tuple[Any, ...]) -> str:
 
 
 def _words(hint: Any) -> str:
+    hint = _plain(hint)
     if get_origin(hint) in (Union, UnionType):
         return " or ".join(_words(member) for member in get_args(hint))
     if get_origin(hint) is Literal:

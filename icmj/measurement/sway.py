@@ -150,7 +150,8 @@ def measure_sway(
         series: such as :func:`icmj.read_series` or ``Result.to_series`` give.
         columns: which of its signals; all by default.
         rate: at which to sample it [Hz], by a cubic spline; as it is sampled by default.
-        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase; none by default.
+        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase, from one period in the
+            record to half the rate; none by default.
         band: in which mean, median and edge frequency are taken [Hz]; Prieto et al. took 0.15 to 5 Hz.
 
     Raises:
@@ -264,6 +265,10 @@ def _plane(series: Series, step: float, found: Frequencies) -> Plane:
 def _filtered(values: Array, corner: float, rate: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
-    if not 0 < corner < rate / 2:
-        raise DataError(f"a low-pass of {corner:g} Hz; expected between 0 and half the rate, {rate / 2:g} Hz")
+    lowest = rate / len(values)  # beneath one period in the record nothing is left, and the filter's poles round to 1
+    if not lowest <= corner < rate / 2:
+        raise DataError(
+            f"a low-pass of {corner:g} Hz; expected from {lowest:.3g} Hz, one period in the record, to below half the "
+            f"rate, {rate / 2:g} Hz"
+        )
     return np.asarray(sosfiltfilt(butter(2, corner, fs=rate, output="sos"), values, axis=0), float)
