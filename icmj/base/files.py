@@ -169,7 +169,7 @@ def _beside(target: Path) -> Path:
 
 
 def _left(path: Path, place: str, pid: int) -> bool:
-    if place != _place():
+    if place != _place() or os.name != "posix":
         try:
             return time.time() - path.lstat().st_mtime > _A_DAY
         except OSError:
@@ -178,7 +178,9 @@ def _left(path: Path, place: str, pid: int) -> bool:
 
 
 def alive(pid: int) -> bool:
-    """Whether there is such a process on this machine, that has not ended yet."""
+    """Whether there is such a process on this machine, that has not ended yet; said to be, where that is not Unix."""
+    if os.name != "posix":
+        return True  # os.kill would not ask it, but end it
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

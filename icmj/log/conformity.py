@@ -41,7 +41,7 @@ def _check(value: Any, hint: Any, where: str) -> None:
 
 
 def _plain(hint: Any) -> Any:
-    """What an annotation stands for that may be a type alias: since numpy 2.5 ``NDArray[...]`` is one, on Python 3.12."""
+    """What an annotation stands for that may be a type alias: from numpy 2.5 on ``NDArray[...]`` is one."""
     while (aliased := getattr(get_origin(hint) or hint, "__value__", None)) is not None:
         hint = aliased[arguments] if (arguments := get_args(hint)) else aliased
     return hint

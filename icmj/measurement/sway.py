@@ -150,8 +150,8 @@ def measure_sway(
         series: such as :func:`icmj.read_series` or ``Result.to_series`` give.
         columns: which of its signals; all by default.
         rate: at which to sample it [Hz], by a cubic spline; as it is sampled by default.
-        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase, from one period in the
-            record to half the rate; none by default.
+        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase, from one period
+            in the record to half the rate; none by default.
         band: in which mean, median and edge frequency are taken [Hz]; Prieto et al. took 0.15 to 5 Hz.
 
     Raises:
