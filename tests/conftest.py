@@ -24,6 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--from-nothing", action="store_true", help="install the wheel with all it needs, run the whole study"
     )
+    group.addoption("--all", action="store_true", help="run the long tests, too")
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
 
 
@@ -35,6 +36,15 @@ def pytest_configure() -> None:
         for signum in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(signum) is signal.SIG_IGN:
                 signal.signal(signum, signal.SIG_DFL)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Long tests run where all are asked for, or they themselves: by a marker, by -k or by name."""
+    asked = config.option.markexpr or config.option.keyword or any("::" in word for word in config.args)
+    if not asked and not config.option.all:
+        long = [item for item in items if item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in set(long)]
 
 
 @pytest.fixture(scope="session")

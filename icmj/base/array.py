@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+SAME = 1e-9
+"""How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
+
+
+def leading(values: NDArray[Any]) -> int:
+    """The first entry that is as large in magnitude as any but for rounding, of at least one.
+
+    Where two are equal, as in an eigenvector (1, −1), the last bit of either would decide with ``argmax``.
+    """
+    size = np.abs(values)
+    return int(np.argmax(size >= (1 - SAME) * size.max()))
+
+
+def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
+    """Indices by falling key; where keys are equal but for rounding, by falling ``ties``, the first of them first."""
+    order = np.argsort(-keys, kind="stable")
+    size = np.abs(keys[order])
+    apart = np.abs(np.diff(keys[order])) > SAME * size[:-1] + 1e-13 * size.max(initial=0.0)
+    group = np.zeros(len(keys), int)
+    group[order[1:]] = np.cumsum(apart)
+    return np.lexsort((*(-tie for tie in reversed(ties)), group))
+
 
 
 def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.base.card import Card, Shown, amount, amounts, relative
 from icmj.base.plain import plain
 from icmj.comparison.verdict import verdict_in_words
@@ -70,7 +70,7 @@ class RelativeError:
         """The amplitude error of largest magnitude, with its sign."""
         if self.amplitude is None or not len(self.amplitude):
             return None
-        return float(self.amplitude[np.argmax(np.abs(self.amplitude))])
+        return float(self.amplitude[leading(self.amplitude)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

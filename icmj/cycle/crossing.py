@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
@@ -100,7 +100,7 @@ def direction(J: Array, multiplier: complex) -> Array:
     """The real eigenvector of J at a real multiplier, of unit norm, shape (N,)."""
     values, vectors = np.linalg.eig(J)
     v = vectors[:, np.argmin(np.abs(values - multiplier))]
-    v = np.real(v * np.exp(-1j * np.angle(v[np.argmax(np.abs(v))])))
+    v = np.real(v * np.exp(-1j * np.angle(v[leading(v)])))
     return np.asarray(v / np.linalg.norm(v))
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import SAME, Array
 from icmj.base.environment import single_threaded
 from icmj.case.case import Case
 from icmj.case.plants import linear_plant
@@ -87,8 +87,8 @@ class Cycle:
 
     @property
     def attracting(self) -> bool:
-        """Whether every multiplier is inside the unit circle, modulo neutral modes."""
-        return bool(np.abs(self.isolated).max(initial=0.0) < 1)
+        """Whether every multiplier is inside the unit circle, and not on it but for rounding, modulo neutral modes."""
+        return bool(np.abs(self.isolated).max(initial=0.0) < 1 - SAME)
 
     @property
     def name(self) -> str:
@@ -98,13 +98,20 @@ class Cycle:
     @property
     def words(self) -> str:
         """One sentence for people."""
-        kind = "attracting" if self.attracting else "repelling"
+        largest = float(np.abs(self.isolated).max(initial=0.0))
+        edge = abs(largest - 1) <= SAME
+        kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
-        neutral = f", modulo {self.neutral} neutral" if self.neutral else ""
+        told = f", modulo {self.neutral} neutral" if self.neutral else ""
+        told += ", 1 but for rounding: whether it attracts cannot be told" if edge else ""
         return (
-            f"An {kind} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest multiplier "
-            f"{abs(self.isolated[0]):.4g}{neutral}."
-        ).replace("An repelling", "A repelling")
+            (
+                f"An {kind} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest multiplier "
+                f"{abs(self.isolated[0]):.4g}{told}."
+            )
+            .replace("An repelling", "A repelling")
+            .replace("An marginal", "A marginal")
+        )
 
 
 @single_threaded()

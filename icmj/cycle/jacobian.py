@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, falling
 from icmj.cycle.return_map import Lost, ReturnMap
 from icmj.errors import CycleError
 
@@ -119,5 +119,5 @@ def multipliers(J: Jacobian, scale: Array) -> tuple[NDArray[np.complex128], Arra
     with np.errstate(divide="ignore"):
         # of a Jordan block of two, the square root of the perturbation
         error = np.minimum(bound / np.maximum(overlap, 1e-300), np.sqrt(np.linalg.norm(delta)))
-    order = np.lexsort((-values.imag, -np.round(np.abs(values), 12)))
+    order = falling(np.abs(values), values.real, values.imag)
     return values[order].astype(complex), error[order]

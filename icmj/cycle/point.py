@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, falling
 from icmj.cycle.corrector import Corrected
 from icmj.cycle.curve import Curve
 from icmj.cycle.cycle import extent
@@ -139,7 +139,7 @@ def map_of(curve: Curve, D: Array) -> Array:
 def eigenvalues(J: Array) -> NDArray[np.complex128]:
     """By falling magnitude, shape (N,)."""
     values = np.linalg.eigvals(J).astype(complex)
-    return values[np.lexsort((-values.imag, -np.round(np.abs(values), 12)))]
+    return values[falling(np.abs(values), values.real, values.imag)]
 
 
 def _graze(loop: ReturnMap, sample: Sample) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.linearisation import EPS, Differences, Linearisation, differences, step_of
@@ -64,7 +64,7 @@ def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
     nv, names, units = model.nv, state_names(model), state_units(model)
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     share = np.abs(found.rate) / np.where(np.arange(len(found.rate)) < nv, gravity, 1.0)
-    i = int(np.argmax(share))
+    i = leading(share)
     of, unit = (names[i], f"{units[i]}/s²") if i < nv else (names[nv + i], "1/s")
     return Residual(float(np.abs(found.rate[i])), of, unit, float(share[i]))
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.base.environment import single_threaded
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
@@ -300,7 +300,7 @@ class _Search:
         if self.held():
             return
         left = np.abs(self.forces(self.z).left)
-        name, i = model_name(self.model), int(np.argmax(left))
+        name, i = model_name(self.model), leading(left)
         stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
         limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
         unit = "N m" if state_units(self.model)[i] == "rad" else "N"

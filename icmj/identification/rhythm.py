@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.identification.observed import Observed
 
 SETTLED = 1e-3  # relative: intervals that agree so well have settled
@@ -72,7 +72,7 @@ def _sign(outputs: Array) -> int:
         return 0
     last = outputs[-min(len(outputs), 6) :]
     same = np.sum(last[1:] * last[:-1], axis=0) / np.maximum(np.sum(last[1:] ** 2, axis=0), 1e-300)
-    clearest = float(same[np.abs(same).argmax()])
+    clearest = float(same[leading(same)])
     return 0 if abs(clearest) < 0.5 else int(np.sign(clearest))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import Array, real
+from icmj.base.array import Array, falling, real
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, SimulationError
 from icmj.plant.push import Push
@@ -109,7 +109,7 @@ class LinearPlant:
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A [rad/s], by falling real part."""
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
-        return eigenvalues[np.lexsort((eigenvalues.imag, -eigenvalues.real))]
+        return eigenvalues[falling(eigenvalues.real, -eigenvalues.imag)]
 
     def effect(self, push: Push) -> Array:
         """What a push of size 1 adds to ẋ, shape (n,).

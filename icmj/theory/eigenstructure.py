@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, falling, leading
 
 # an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
 ILL_CONDITIONED = 1e6
@@ -40,10 +40,10 @@ def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
     size = len(phi)
     U, _, Vh = np.linalg.svd(phi - sign * np.eye(size))
     v, w = Vh[-1], U[:, -1]
-    v = v * np.sign(v[np.abs(v).argmax()])
+    v = v * np.sign(v[leading(v)])
     values, V = np.linalg.eig(phi)
     k = int(np.abs(values - sign).argmin())
-    others = [int(i) for i in np.argsort(-np.abs(values), kind="stable") if i != k]
+    others = [int(i) for i in falling(np.abs(values), values.real, values.imag) if i != k]
     order = np.array([k, *others])
     V = V[:, order].astype(complex)
     V[:, 0] = v

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.controller.trigger import EventRule
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
@@ -79,7 +79,7 @@ def critical_vectors(phi: Array, sign: int, count: int = 1) -> Array:
         own = qr(V.T, pivoting=True, mode="r")[1][:count]
         V = V @ np.linalg.inv(V[own])
         V /= np.linalg.norm(V, axis=0)
-    return np.asarray(V * np.sign(V[np.abs(V).argmax(axis=0), np.arange(count)]))
+    return np.asarray(V * np.array([np.sign(v[leading(v)]) for v in V.T]))
 
 
 def orbit(
@@ -127,7 +127,7 @@ def orbit(
     v, drift = vector, np.zeros(len(phi))
     if reduced.modes:
         v = reduced.completed(vector, phi, sign)
-        v = v * (np.sign(v[np.abs(v).argmax()]) / np.linalg.norm(v))
+        v = v * (np.sign(v[leading(v)]) / np.linalg.norm(v))
         drift = phi @ v - sign * v
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))

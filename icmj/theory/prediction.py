@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import SAME, Array
 from icmj.base.card import Card, Shown, amount, amounts, number
 from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
@@ -229,7 +229,7 @@ def _critical(
         if not orbit.admissible or multiplier is None:
             verdict: Verdict = "not admissible"
         else:
-            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 else "repelling"
+            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 - SAME else "repelling"
         members.append((orbit, multiplier, verdict))
     verdicts = [verdict for _, _, verdict in members]
     # of a family the member shown is one that a motion can come to, if there is one

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, falling
 from icmj.controller.trigger import EventRule
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
@@ -39,4 +39,4 @@ def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared:
 def multipliers(J: Array) -> NDArray[np.complex128]:
     """Eigenvalues of J by falling magnitude, shape (n + n̂,)."""
     values = np.linalg.eigvals(J).astype(complex)
-    return values[np.lexsort((-values.imag, -np.abs(values)))]
+    return values[falling(np.abs(values), values.real, values.imag)]

@@ -1,0 +1,83 @@
+"""Decisions between numbers that are equal but for rounding: the same, whatever the last bits are."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from icmj.base.array import falling, leading
+from icmj.cycle.cycle import Cycle
+from icmj.plant.linear_plant import LinearPlant
+from icmj.theory.eigenstructure import eigenstructure
+from icmj.theory.orbit import critical_vectors
+from icmj.theory.return_map import multipliers
+
+EPS = np.finfo(float).eps
+
+
+def shaken(values: np.ndarray, seed: int) -> np.ndarray:
+    """With other last bits."""
+    return values * (1 + 8 * EPS * np.random.default_rng(seed).uniform(-1, 1, values.shape))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_last_bit_decides_nothing(seed: int) -> None:
+    assert leading(shaken(np.array([0.5, -1.0, 1.0, 1.0]), seed)) == 1
+    keys, ties = np.array([2.0, 2.0, 3.0, 0.0, 2.0, -1.0]), np.array([1.0, 3.0, 0.0, 0.0, 2.0, 0.0])
+    assert falling(shaken(keys, seed), ties).tolist() == [2, 1, 4, 0, 3, 5]
+
+
+def test_what_differs_by_more_than_rounding_is_told_apart() -> None:
+    assert leading(np.array([1.0, -1.0 - 1e-8])) == 1
+    assert falling(np.array([1.0, 1.0 + 1e-8, 1e-9, 1e-8]), np.zeros(4)).tolist() == [1, 0, 3, 2]
+    assert falling(np.zeros(0), np.zeros(0)).tolist() == []
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_sign_of_a_vector_whose_entries_are_equal_is_the_same(seed: int) -> None:
+    """(1, −1)/√2 and (1, 1)/√2: two joints alike, as in a symmetric body."""
+    for sign, v in ((1, [1.0, -1.0]), (-1, [1.0, 1.0])):
+        other = np.array([v[1], -v[0]]) / np.sqrt(2)
+        phi = shaken(sign * np.outer(v, v) / 2 + 0.3 * np.outer(other, other), seed)
+        np.testing.assert_allclose(critical_vectors(phi, sign)[:, 0], np.array(v) / np.sqrt(2), atol=1e-12)
+        V_inv = eigenstructure(phi, sign).V_inv
+        assert V_inv is not None
+        np.testing.assert_allclose(V_inv[0], np.array(v) / np.sqrt(2), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_eigenvalues_of_one_size_come_in_one_order(seed: int) -> None:
+    """m, −m and mi: their magnitudes are equal but for rounding."""
+    random = np.random.default_rng(seed)
+    blocks = np.zeros((5, 5))
+    blocks[0, 0], blocks[1, 1], blocks[2:4, 2:4], blocks[4, 4] = 0.7, -0.7, [[0, 0.7], [-0.7, 0]], 0.2
+    T = np.linalg.qr(random.standard_normal((5, 5)))[0]
+    found = multipliers(T @ blocks @ T.T)
+    np.testing.assert_allclose(found, [0.7, 0.7j, -0.7j, -0.7, 0.2], atol=1e-12)
+    plant = LinearPlant(T @ (blocks - 0.7 * np.eye(5)) @ T.T, T[:, :1], T[:1])
+    np.testing.assert_allclose(plant.poles.real, np.sort(plant.poles.real)[::-1], atol=1e-12)
+
+
+def cycle(multiplier: float) -> Any:
+    """What of a cycle says whether it attracts."""
+    values = np.array([multiplier, 0.5], complex)
+    return SimpleNamespace(
+        multipliers=values, isolated=values, neutral=0, name="period-1 cycle", period=1.0, intervals=np.ones(1),
+        attracting=np.abs(values).max() < 1 and cast(Any, Cycle.attracting).fget(SimpleNamespace(isolated=values)),
+    )  # fmt: skip
+
+
+def test_a_multiplier_on_the_circle_but_for_rounding_does_not_attract_and_says_so() -> None:
+    words = cast(Any, Cycle.words).fget
+    for error in (-1e-12, 0.0, 1e-12):
+        assert not cycle(1 + error).attracting
+        assert words(cycle(1 + error)) == (
+            "A marginal period-1 cycle of 1 s, open-loop interval 1 s, largest multiplier 1, 1 but for rounding: "
+            "whether it attracts cannot be told."
+        )
+    assert cycle(1 - 1e-6).attracting
+    assert words(cycle(1 - 1e-6)).startswith("An attracting")
+    assert words(cycle(1 + 1e-6)).startswith("A repelling")
