@@ -32,7 +32,6 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
     return np.lexsort((*(-tie for tie in reversed(ties)), group))
 
 
-
 def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
     """A new array of real numbers; complex ones are taken if no imaginary part is there.
 
