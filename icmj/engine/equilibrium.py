@@ -221,9 +221,9 @@ class _Search:
 
         from scipy.optimize import least_squares
 
-        tight = 1e-6 if effort else 1e-15
+        tight = 1e-10 if effort else 1e-15  # less would stop where the last bit decides
         found = least_squares(
-            misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=_STEPS,
+            misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=4 * _STEPS,
             xtol=tight, ftol=tight, gtol=tight,
         )  # fmt: skip
         self.z[moving] = found.x

@@ -158,7 +158,8 @@ def test_what_cannot_be_composed_is_refused(rich: Path, tmp_path: Path) -> None:
         compose(load_plant(path, keyframe="up"), random_controller(2, 3), no_disturbance(2))
 
 
-def test_loop_steps_are_the_engine_s_own_steps_bit_for_bit() -> None:
+def test_loop_steps_are_the_engine_s_own_steps_but_for_rounding() -> None:
+    """Two compilers make two codes of one method, which on some processors agree to the last bit and on others not."""
     body, control = plant("three_link", 0.9), controller("three_link", 1e3)
     loop = close_loop(body, control, Settings())
     x = 0.01 * np.ones(6)
@@ -173,8 +174,9 @@ def test_loop_steps_are_the_engine_s_own_steps_bit_for_bit() -> None:
         mujoco.mj_step(loop.model, data, nstep=249)
         loop.model.opt.timestep = 1e-3
         mujoco.mj_step(loop.model, data)
-    np.testing.assert_array_equal(record.rows[-1, 1:7], np.concatenate([data.qpos, data.qvel]))
-    np.testing.assert_array_equal(record.rows[-1, 7:19], data.act)
+    there = np.concatenate([data.qpos, data.qvel, data.act])
+    rounding = 252 * 4 * np.finfo(float).eps * np.abs(there).max()  # one a stage
+    np.testing.assert_allclose(record.rows[-1, 1:19], there, rtol=0, atol=rounding)
 
 
 def test_rollout_in_threads_sees_the_whole_loop() -> None:
