@@ -2,7 +2,7 @@
 
 It does what the native loop does: outputs from the sensors and fresh at every stage, recorded at every step for their
 extremes. The equations stand as in the paper; *folded*, they are multiplied out beforehand into one matrix each for
-states and outputs, which is as fast as Python gets. (The package's own plain-Python loop is an oracle, written for
+states and outputs, which is as fast as Python gets. (The package's own loop, interpreted, is for debugging, written for
 reading, and slower than both.)
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.task import Task
 from icmj.engine.block import block_of
 from icmj.engine.callbacks import installed
+from icmj.engine.extremes import POINTS
 from icmj.engine.native.extremes import extremes
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -87,7 +88,7 @@ class PythonLoop:
                 dense.append(row)
                 if fired:
                     rows = np.array(dense)
-                    high, low = extremes(rows[:, 0], rows[:, 1:])
+                    high, low = extremes(rows[:, 0], rows[:, 1:], POINTS)
                     peak, dense = max(high[0], -low[0]), dense[-1:]
                 E = E_1
         return np.array(times), peak

@@ -12,7 +12,7 @@ from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.callbacks import installed
 from icmj.engine.native.callbacks import callbacks
-from icmj.engine.native.loop import NativeLoop
+from icmj.engine.native.loop import FixedLoop
 from icmj.engine.recording import Status, recording
 from icmj.simulation.settings import Settings
 
@@ -34,7 +34,7 @@ def rows() -> list[Row]:
     schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
     with installed(*callbacks()):
-        native = NativeLoop(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
+        native = FixedLoop(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
     events = 0
 
     def stepping(plant: mujoco.MjModel) -> Callable[[], None]:

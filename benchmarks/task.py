@@ -33,9 +33,9 @@ class Task:
     x: np.ndarray
     x_o: np.ndarray
 
-    def loop(self, native: bool = True) -> ComposedLoop:
+    def loop(self) -> ComposedLoop:
         """A composed model of its own."""
-        return close_loop(self.plant, self.controller, Settings(native=native))
+        return close_loop(self.plant, self.controller, Settings())
 
 
 @cache

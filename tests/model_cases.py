@@ -79,3 +79,24 @@ RICH = """
   <keyframe><key name="up" qpos="0.1 -0.1 1 0 0 0" ctrl="1 2"/></keyframe>
 </mujoco>
 """
+
+_SHIPPED = (Path(__file__).parents[1] / "models" / "pendulum.xml").read_text(encoding="utf-8")
+CROWDED = (
+    _SHIPPED.replace("<worldbody>", '<size memory="{memory}"/>\n<worldbody>')
+    .replace('<flag constraint="disable" contact="disable"/>', "")
+    .replace(
+        '<geom name="bob" type="sphere" pos="0 0 1" size="0.09" rgba="0 0.45 0.70 1" mass="0" contype="0" '
+        'conaffinity="0"/>',
+        "".join(f'<geom type="box" pos="0 {0.01 * i} 1" size="0.2 0.2 0.2" mass="0"/>' for i in range(30)),
+    )
+    .replace(
+        "</worldbody>",
+        "".join(
+            f'<geom type="box" pos="{0.9 + 0.02 * i} {0.01 * j} 0.3" size="0.3 0.3 0.3"/>'
+            for i in range(10)
+            for j in range(10)
+        )
+        + "</worldbody>",
+    )
+)
+"""The pendulum, ``memory`` to be filled in, falls among many boxes, whose contacts need more than there is."""

@@ -85,10 +85,11 @@ def test_a_newcomer_s_first_minutes_from_an_empty_folder(installed, tmp_path):
     found = json.loads(say(installed / "icmj", "analyse", "three-link-0.9", "--json", cwd=tmp_path).stdout)
     assert found["delta_crit"] == pytest.approx(0.7594, abs=5e-5)
     assert not list(tmp_path.iterdir())
-    # Python callbacks, short: nothing is compiled for it
-    quick = ("simulation.native=false", "simulation.duration=2", "study.growth_points=0", "study.attractor_starts=0")
+    # interpreted, short: nothing is compiled for it
+    quick = ("simulation.duration=2", "study.growth_points=0", "study.attractor_starts=0")
     options = [word for change in (*quick, "study.law_q_t=[]") for word in ("--set", change)]
-    shown = say(installed / "icmj", "study", "simple-0.8", "--jobs", "1", *options, cwd=tmp_path).stdout
+    study = ("study", "simple-0.8", "--jobs", "1", *options)
+    shown = say(installed / "icmj", *study, cwd=tmp_path, ICMJ_INTERPRETED="1").stdout
     assert "2 logs" in shown
     assert {path.name for path in (tmp_path / "runs" / "out").iterdir()} >= {
         "report.html", "summary.json", "simple-0.8.linear.rrd", "simple-0.8.mujoco.rrd"

@@ -1,5 +1,9 @@
 """How this package compiles: with numba, without the GIL, kept on disk so that the next process starts without it.
 
+With the environment variable ``ICMJ_INTERPRETED=1`` nothing is compiled: each function here gives back the plain one,
+and the same source runs as Python. That is for a debugger, for tests that compare the two, and for a machine on which
+compiled code cannot run.
+
 numba compiles anew when the source file changes that a function stands in, or its closure variables do, but not when a
 function does that it calls. So only entry points are kept, and each holds :func:`contents` of the folder of all that it
 calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in every
@@ -11,10 +15,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
-import numba
+from icmj.base.environment import INTERPRETED
+
+if not INTERPRETED:
+    import numba
 
 try:
     import fcntl
@@ -25,13 +33,13 @@ TESTED = "0.68."  # numba, with icmj.base.linking
 
 
 def contents(folder: Path, *more: str) -> int:
-    """A number that changes with any Python file in a folder and those beneath it, with this one, and with ``more``."""
-    files = [Path(__file__), *sorted(folder.rglob("*.py"))]
+    """A number that changes with any Python file in a folder and those beneath it, in this one, and with ``more``."""
+    files = [path for place in (Path(__file__).parent, folder) for path in sorted(place.rglob("*.py"))]
     content = b"\0".join([*(file.read_bytes() for file in files), *map(str.encode, more)])
     return int.from_bytes(hashlib.sha256(content).digest()[:6])
 
 
-def kept(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
+def cached(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
     """``make`` with these options, kept on disk where numba finds a folder that it may write to."""
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -45,18 +53,34 @@ def kept(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callabl
 
 def entry(function: Callable[..., Any]) -> Any:
     """``numba.njit`` without the GIL, kept on disk; the function must use a closure variable that is the contents."""
-    return kept(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
+    if INTERPRETED:
+        return interpreted(function)
+    return cached(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
 
 
-# what only compiled code calls needs no doors for Python and C, which cost as much to compile as what is behind them
+def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """An entry point that Python runs, with arithmetic as compiled code has it: 1/0 is infinite, without a word."""
+    import numpy as np
+
+    @wraps(function)
+    def run(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return run
+
+
+# what only compiled code calls is left without the wrappers by which Python and C would call it: they take as long to
+# compile as the function itself
 WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-if numba.__version__.startswith(TESTED):  # its pipeline is not promised to stay; without this, compiling takes longer
+# numba's pipeline is not promised to stay; without this, compiling takes longer
+if not INTERPRETED and numba.__version__.startswith(TESTED):
     from icmj.base.linking import Linked
 
     WITHIN["pipeline_class"] = Linked
 
 
-def known(dispatcher: Any) -> bool:
+def _on_disk(dispatcher: Any) -> bool:
     """Whether this machine has compiled ``dispatcher`` before, or has nowhere to keep it."""
     folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
     kept = f"{Path(code.co_filename).stem}.*-{code.co_firstlineno}.*.nbi"
@@ -64,10 +88,10 @@ def known(dispatcher: Any) -> bool:
 
 
 @contextmanager
-def alone(dispatcher: Any) -> Iterator[None]:
+def _one_process(dispatcher: Any) -> Iterator[None]:
     """While ``dispatcher`` is compiled for the first time on this machine others wait, and find it on disk."""
     with ExitStack() as held:
-        if fcntl is not None and not known(dispatcher):
+        if fcntl is not None and not _on_disk(dispatcher):
             lock = Path(dispatcher.stats.cache_path) / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.lock"
             with suppress(OSError):  # no right, or a file system without locks: each process compiles
                 fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
@@ -76,25 +100,23 @@ def alone(dispatcher: Any) -> Iterator[None]:
 
 def called(dispatcher: Any, *arguments: Any) -> Any:
     """``dispatcher(*arguments)``, compiled by one process for all."""
-    if dispatcher.overloads:
+    if INTERPRETED or dispatcher.overloads:
         return dispatcher(*arguments)
-    with alone(dispatcher):
+    with _one_process(dispatcher):
         return dispatcher(*arguments)
 
 
-def compiled(function: Callable[..., Any]) -> Any:
-    """A function that entry points call; Python itself must not, it would crash."""
-    return numba.njit(**WITHIN)(function)
+def within(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a function that only compiled code calls; Python itself must not, it would crash."""
+    if INTERPRETED:
+        return lambda function: function
+    return numba.njit(**WITHIN, **options)
 
 
-def summing(function: Callable[..., Any]) -> Any:
-    """:func:`compiled`, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
-    return numba.njit(fastmath={"reassoc", "contract"}, **WITHIN)(function)
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """:func:`compiled` into its callers: a call would copy all arguments, which here are many.
-
-    Sums may be reassociated, so that they vectorise; the order is fixed at compile time all the same.
-    """
-    return numba.njit(fastmath={"reassoc", "contract"}, forceinline=True, **WITHIN)(function)
+_SUMS = {"reassoc", "contract"}
+compiled = within()
+"""A function that entry points call; Python itself must not, it would crash."""
+summing = within(fastmath=_SUMS)
+"""``compiled``, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
+inlined = within(fastmath=_SUMS, forceinline=True)
+"""``summing``, put into its callers: a call would copy all arguments, which here are many."""

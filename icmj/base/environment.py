@@ -14,6 +14,9 @@ _inside, _lock = 0, Lock()
 _before: list[int] = []
 
 LEAST_ROOM = 1 << 30  # bytes
+INTERPRETED = os.environ.get("ICMJ_INTERPRETED", "") not in ("", "0")
+"""Whether what is otherwise compiled runs as plain Python; see :mod:`icmj.base.compilation`."""
+SWITCH = "set the environment variable ICMJ_INTERPRETED=1, with which the same code runs as plain Python"
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 

@@ -22,14 +22,18 @@ def is_second_order_lag(model: mujoco.MjModel, actuator: int) -> bool:
     )
 
 
+def lag(u: float, rate: float, torque: float, omega_n: float, zeta: float) -> tuple[float, float]:
+    """d/dt of (rate, torque) of a second-order lag that is told ``u``; compiled code calls it, too."""
+    return omega_n * omega_n * (u - torque) - 2 * zeta * omega_n * rate, rate
+
+
 def second_order_lag(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
     """MuJoCo activation callback in Python: writes ``act_dot`` of one second-order lag."""
     if is_second_order_lag(model, actuator):
         adr = model.actuator_actadr[actuator]
-        omega_n, zeta = model.actuator_dynprm[actuator, :2]
-        rate, torque = data.act[adr : adr + 2]
-        data.act_dot[adr] = omega_n**2 * (data.ctrl[actuator] - torque) - 2 * zeta * omega_n * rate
-        data.act_dot[adr + 1] = rate
+        data.act_dot[adr : adr + 2] = lag(
+            data.ctrl[actuator], *data.act[adr : adr + 2], *model.actuator_dynprm[actuator, :2]
+        )
     return 0.0
 
 

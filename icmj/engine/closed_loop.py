@@ -6,24 +6,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, layout_of
-from icmj.engine import reference
-from icmj.engine.adaptive import AdaptiveLoop
 from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose, repack
-from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker, Find, extremes
+from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.rates import fastest_rate, is_stiff
-from icmj.engine.recording import Recording, States, Status, recording
+from icmj.engine.recording import States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
 from icmj.engine.units import state_units
 from icmj.simulation import ending
@@ -31,30 +29,14 @@ from icmj.simulation.disturbance import Disturbance, Pushes, disturbance_of, pus
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
+if TYPE_CHECKING:
+    from icmj.engine.native.loop import FixedLoop
+
 COLLAPSED = (
     "no step is short enough for the tolerance: the motion is not smooth here; give [simulation] a timestep, with "
     "which one of MuJoCo's integrators steps"
 )
 CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
-
-
-class Loop(Protocol):
-    """Steps a composed model; see :class:`icmj.engine.reference.ReferenceLoop`."""
-
-    def begin(self) -> None:
-        """Start, or start anew, from where the data stand, right after an event."""
-
-    def advance(self, record: Recording, steps: int) -> Status:
-        """Take up to ``steps`` steps, writing into ``record``."""
-
-
-class Implementation(NamedTuple):
-    """What runs a loop: its class, its callbacks (control, act_dyn), what finds extremes, from how many points."""
-
-    loop: Callable[[mujoco.MjModel, mujoco.MjData, Schedule, Array], Loop]
-    callbacks: tuple[Any, Any]
-    find: Find
-    points: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +68,6 @@ class ComposedLoop:
         errors: of its outputs as the observer reads them.
         pushes: on the plant itself.
         model: the composed model.
-        native: whether runs use the compiled callbacks and loop, or the plain-Python ones.
         numbers: the controller's own, where the model is another loop's and holds that one's between runs.
     """
 
@@ -96,7 +77,6 @@ class ComposedLoop:
     errors: Disturbance
     pushes: Pushes
     model: mujoco.MjModel
-    native: bool
     numbers: Array | None = None
 
     @cached_property
@@ -115,14 +95,13 @@ class ComposedLoop:
         Raises:
             ModelError, SimulationError: as there.
         """
-        alike = plant.spec is self.plant.spec and settings.native == self.native
-        if not alike or _integrator(plant, settings) != self.model.opt.integrator:
+        if plant.spec is not self.plant.spec or _integrator(plant, settings) != self.model.opt.integrator:
             return None
         acting = _acting(plant, settings)
         numbers = repack(self.model, plant, controller, *acting)
         if numbers is None:
             return None
-        return ComposedLoop(plant, controller, *acting, self.model, self.native, numbers)
+        return ComposedLoop(plant, controller, *acting, self.model, numbers)
 
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
@@ -169,33 +148,30 @@ class ComposedLoop:
             stiff=is_stiff(plant, own),
         )
 
-    def implementation(self, adaptive: bool = False) -> Implementation:
-        """The loop's class, the callbacks that go with it, and what finds extremes."""
-        points = POINTS_ADAPTIVE if adaptive else POINTS
-        if not self.native:
-            loop = AdaptiveLoop if adaptive else reference.ReferenceLoop
-            return Implementation(loop, (reference.control, reference.act_dyn), extremes, points)
-        from icmj.engine.native.callbacks import callbacks
-        from icmj.engine.native.extremes import extremes as compiled_extremes
+    def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedLoop:
+        """What steps the model from event to event, from where ``data`` stand; within :meth:`ready`."""
+        from icmj.engine.native.adaptive_loop import AdaptiveLoop
+        from icmj.engine.native.loop import FixedLoop
 
-        if adaptive:
-            from icmj.engine.native.adaptive_loop import NativeAdaptiveLoop as Native
-        else:
-            from icmj.engine.native.loop import NativeLoop as Native  # type: ignore[assignment]
-        return Implementation(Native, callbacks(), compiled_extremes, points)
+        kind = AdaptiveLoop if schedule.tolerance > 0 else FixedLoop
+        return kind(self.model, data, schedule, self.plant.linearisation.point.qpos)
+
+    def tracker(self, data: mujoco.MjData, schedule: Schedule) -> ExtremesTracker:
+        """What finds the extremes of the outputs of a run from ``data``."""
+        points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
+        return ExtremesTracker(data.time, self.y(data.sensordata), schedule.jumps, points)
 
     def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Record:
         """Run from ``data`` until the schedule's end or until the plant falls or diverges, or the user interrupts."""
         model, width = self.model, self.width
         record = recording(CHUNK, model.nsensordata, width)
-        use = self.implementation(schedule.tolerance > 0)
         status, steps, stopped, t = Status.RUNNING, 0, False, data.time
         fault, pace, crowded = "", ending.EventPace(schedule.t_end), None
-        with installed(*use.callbacks), self.lent():
-            loop = use.loop(model, data, schedule, self.plant.linearisation.point.qpos)
+        with self.ready():
+            loop = self.stepper(data, schedule)
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
-            tracker = ExtremesTracker(t, self.y(data.sensordata), schedule.jumps, use.find, use.points)
+            tracker = self.tracker(data, schedule)
             while status == Status.RUNNING and not stopped and crowded is None:
                 record.clear()
                 try:
@@ -249,14 +225,17 @@ class ComposedLoop:
         return ending.ran(t, np.diff(events, prepend=0.0), self.controller.least)
 
     @contextmanager
-    def lent(self) -> Iterator[None]:
-        """Put back on leaving what a loop changes in the model."""
+    def ready(self) -> Iterator[None]:
+        """The callbacks installed and this controller in the model; on leaving all is put back that a run changes."""
+        from icmj.engine.native.callbacks import callbacks
+
         timestep, here = self.model.opt.timestep, numbers_of(self.model)
         held = here.copy()
         if self.numbers is not None:
             here[:] = self.numbers
         try:
-            yield
+            with installed(*callbacks()):
+                yield
         finally:
             self.model.opt.timestep = timestep
             here[:] = held
@@ -284,7 +263,7 @@ class ComposedLoop:
 
 
 def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop:
-    """Compose plant and controller, with the disturbance, integrator and implementation that ``settings`` name.
+    """Compose plant and controller, with the disturbance and integrator that ``settings`` name.
 
     Raises:
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
@@ -293,7 +272,7 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
     acting = _acting(plant, settings)
     model = compose(plant, controller, *acting)
     model.opt.integrator = _integrator(plant, settings)
-    return ComposedLoop(plant, controller, *acting, model, settings.native)
+    return ComposedLoop(plant, controller, *acting, model)
 
 
 def _integrator(plant: MujocoPlant, settings: Settings) -> int:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, start_state
-from icmj.engine.callbacks import installed
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, Loop, close_loop
-from icmj.engine.extremes import ExtremesTracker
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
 from icmj.engine.fault import EngineFault, can_fault
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.recording import Recording, Status, recording
@@ -20,6 +18,9 @@ from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import schedule_of
 from icmj.simulation.interval import OpenLoopInterval, one_in_flight
 from icmj.simulation.settings import Settings
+
+if TYPE_CHECKING:
+    from icmj.engine.native.loop import FixedLoop
 
 NEVER = 1e300  # s between rows: only events are wanted
 
@@ -40,14 +41,11 @@ class EngineOpenLoop:
         self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._around: list[Any] = [] if like is None else like._around
-        self._use = loop.implementation(schedule.tolerance > 0)
-        point = loop.plant.linearisation.point.qpos
-        alike = like is not None and _method(like.schedule) == _method(schedule)
-        if like is not None and alike and loop.native:
-            self._steps: Loop = like._steps.rescheduled(self.schedule, point)  # type: ignore[attr-defined]
+        if like is not None and _method(like.schedule) == _method(schedule):
+            self._steps: FixedLoop = like._steps.rescheduled(self.schedule, loop.plant.linearisation.point.qpos)
             return
-        with installed(*self._use.callbacks), loop.lent():
-            self._steps = self._use.loop(loop.model, self.data, self.schedule, point)
+        with loop.ready():
+            self._steps = loop.stepper(self.data, self.schedule)
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
@@ -62,11 +60,11 @@ class EngineOpenLoop:
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
         status, last = Status.RUNNING, t
         mujoco.mj_resetData(loop.model, data)
-        with installed(*self._use.callbacks), loop.lent():
+        with loop.ready():
             loop.place(data, np.asarray(x, float), a, t)
             self._steps.begin()
             rows = [np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])[None, :]]
-            tracker = ExtremesTracker(t, loop.y(data.sensordata), self.schedule.jumps, self._use.find, self._use.points)
+            tracker = loop.tracker(data, self.schedule)
             while status == Status.RUNNING:
                 record.clear()
                 try:
@@ -92,22 +90,13 @@ class EngineOpenLoop:
 
         Shapes (T, w), (m, w) → (T, m, 2 n_v + n_a).
         """
-        loop, data, nq, nv = self.loop, self.data, self.loop.model.nq, self.loop.model.nv
-        mujoco.mj_resetData(loop.model, data)
-        with installed(*self._use.callbacks), loop.lent():
-            if loop.native and not can_fault(loop.model):
-                from icmj.engine.native.neighbours import neighbours_of, rates_at
+        from icmj.engine.native.neighbours import neighbours_of, rates_at
 
-                if not self._around:
-                    self._around.append(neighbours_of(loop.model, data))
-                return rates_at(self._around[0], rows, moves)
-            rates = np.zeros((len(rows), len(moves), 2 * nv + len(data.act)))
-            for row, out in zip(rows, rates, strict=True):
-                for place, rate in zip(row + moves, out, strict=True):
-                    data.qpos[:], data.qvel[:], data.act[:] = place[:nq], place[nq : nq + nv], place[nq + nv :]
-                    mujoco.mj_forward(loop.model, data)
-                    rate[:] = np.concatenate([data.qvel, data.qacc, data.act_dot])
-        return rates
+        mujoco.mj_resetData(self.loop.model, self.data)
+        with self.loop.ready():
+            if not self._around:
+                self._around.append(neighbours_of(self.loop.model, self.data))
+            return rates_at(self._around[0], rows, moves, can_fault(self.loop.model))
 
 
 def _method(schedule: Schedule) -> tuple[int, float] | None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import mujoco
 from numpy.typing import ArrayLike
 
-from icmj.base.environment import single_threaded
+from icmj.base.environment import INTERPRETED, single_threaded
 from icmj.controller.controller import Controller
 from icmj.engine.accuracy import estimate, order_of
 from icmj.engine.closed_loop import close_loop
@@ -77,7 +77,7 @@ def simulate(
         "event_tolerance": EVENT_TOLERANCE,
         "steps": record.steps,
         "seconds": seconds,
-        "implementation": "native" if settings.native else "python",
+        "implementation": "interpreted" if INTERPRETED else "compiled",
     }
     if steps.tolerance:
         mean = float(record.rows[-1, 0]) / max(record.steps, 1)

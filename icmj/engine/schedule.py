@@ -61,14 +61,6 @@ class Schedule:
             return 0.0
         return float(self.tolerance ** (1 / self.method.order) / self.rate)
 
-    def margin(self, step: float) -> float:
-        """How far E_j + 1 may leave its cubic Hermite interpolant within ``step``, relative to its value at the ends.
-
-        E_j + 1 = |R_j a|² is a sum of exponentials with rates up to twice the loop's, and a Hermite cubic errs by
-        h⁴/384 times the fourth derivative; the factor 10 is for what the nonlinear plant adds.
-        """
-        return float(10 * (2 * self.rate * step) ** 4 / 384)
-
     def clock_action(self, number: int) -> float:
         """When the clock's event of this number acts [s]; on a tick where the delay is a multiple of its interval."""
         ticks = self.delay / self.clock

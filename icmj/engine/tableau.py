@@ -107,28 +107,6 @@ def tableau(order: int) -> Tableau:
     return Tableau(A, c, E3, E5, D, powers, s, RATES if order == 8 else s + 1, order, looks, -1 / order, ALLOWED)
 
 
-def dense(method: Tableau, start: Array, K: Array, step: float, end: Array) -> Array:
-    """The seven vectors of the dense output of a step from ``start`` to ``end``, shape (7, n), from all its rates."""
-    moved = end - start
-    ends = moved, step * K[0] - moved, 2 * moved - step * (K[method.stages] + K[0])
-    return np.vstack([*ends, step * (method.D[:, : method.rates] @ K[: method.rates])])
-
-
-def within(start: Array, F: Array, theta: float) -> Array:
-    """The state at the fraction ``theta`` of a step, from its dense output."""
-    value = np.zeros_like(start)
-    for k in range(POWER - 1, -1, -1):
-        value = (value + F[k]) * (theta if k % 2 == 0 else 1 - theta)
-    return start + value
-
-
-def error_norm(method: Tableau, K: Array, step: float, scale: Array) -> float:
-    """The estimated error of a step in units of ``scale``, root mean square over the state."""
-    n = method.stages + 1
-    e5, e3 = (float(np.mean((E[:n] @ K[:n] / scale) ** 2)) for E in (method.E5, method.E3))
-    return abs(step) * e5 / np.sqrt(e5 + 0.01 * e3) if e5 + e3 > 0 else 0.0 * (e5 + e3)
-
-
 def rounded(step: float) -> float:
     """The step, down to five binary digits: error estimates carry rounding errors, which must not show in the step."""
     mantissa, exponent = math.frexp(step)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from icmj.base.environment import SWITCH
 from icmj.errors import SimulationError
 from icmj.plant.push import ZERO
 from icmj.runfile.table import (
@@ -161,8 +162,6 @@ class SimulationTable(TomlTable):
     matrices, what is neither an angle nor a length by its unit has no limit."""
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """What acts beside the controller."""
-    native: bool = True
-    """Whether the engine's loop is compiled, or the plain Python that it is tested against."""
     tolerance: Positive | None = None
     """Relative error of an open-loop interval to which the engine's steps are adapted. Without it, timestep and
     integrator: 10⁻⁸ where nothing can touch, rub or reach a limit; else the model's own timestep."""
@@ -175,6 +174,16 @@ class SimulationTable(TomlTable):
         """
         plain = {name: getattr(self, name) for name in type(self).model_fields}
         return Settings(**plain | {"disturbance": tuple(table.source() for table in self.disturbance)})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_older_files(cls, data: Any) -> Any:
+        """Older files say ``native = true``, which is all that there is by now."""
+        if isinstance(data, dict) and "native" in data:
+            if data["native"] is not True:
+                raise ValueError(f"native = {str(data['native']).lower()} is no key any more: {SWITCH}")
+            return {key: value for key, value in data.items() if key != "native"}
+        return data
 
     @model_validator(mode="after")
     def _fits_together(self) -> SimulationTable:

@@ -171,7 +171,6 @@ class Settings:
             [rad or m], or by name [the position's own unit]; 1 rad or 1 m if ``None``. See
             :func:`icmj.simulation.ending.limits_of` for other units.
         disturbance: what acts on inputs or bodies beside the controller, or on outputs as the observer reads them.
-        native: whether compiled code runs, or the plain-Python loop that it is tested against.
 
     Raises:
         SimulationError: on construction, if a number is out of range, or there would be too many rows to keep.
@@ -185,7 +184,6 @@ class Settings:
     record_interval: float = 0.01
     limit: Limit = None
     disturbance: tuple[Source, ...] = ()
-    native: bool = True
     tolerance: float | None = None
 
     @property

@@ -1,17 +1,16 @@
-"""Steps adapted to a tolerance: against SciPy's DOP853 on ``mj_forward``, and compiled against plain Python."""
+"""Steps adapted to a tolerance: against SciPy's DOP853 on ``mj_forward``."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from engine_cases import controller, orbit_start, plant, predicted
 from linear_cases import settings_from
 from model_cases import MOTOR, RICH, pendulum, written
-from scipy.integrate import solve_ivp
+from oracles.engine import flight
 
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -19,12 +18,9 @@ from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Trigger
 from icmj.engine.accuracy import choose_timestep, estimate
-from icmj.engine.callbacks import installed
-from icmj.engine.closed_loop import ComposedLoop, close_loop
-from icmj.engine.extremes import extremes
+from icmj.engine.closed_loop import close_loop
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.reference import act_dyn, control
 from icmj.engine.run import simulate
 from icmj.engine.stepping import schedule_of
 from icmj.errors import SimulationError
@@ -38,16 +34,6 @@ DISTURBED = [
     {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 1, "start": 0.2},
     {"kind": "impulse", "input": "torque", "size": 0.02, "start": 0.5003, "duration": 0.0371},
 ]
-CASES: list[tuple[str, str, Trigger | None, list[dict[str, object]], float, float, str]] = [
-    ("three_link", "three_link", None, [], 0.0, 1e-4, "RK23"),
-    ("three_link", "three_link", None, [], 0.0, 1e-5, "RK34"),
-    ("three_link", "three_link", None, [], 0.0, 1e-7, "RK45"),
-    ("three_link", "three_link", None, [], 0.0, 1e-9, "DOP853"),
-    ("three_link", "three_link", ClockTrigger(0.313), [], 0.1, 1e-7, "RK45"),
-    ("pendulum_neglected", "pendulum", None, DISTURBED, 0.0, 1e-7, "DOP853"),
-    ("pendulum", "pendulum", None, DISTURBED, 0.2, 1e-7, "DOP853"),
-    ("pendulum", "pendulum", Continuous(), [], 0.0, 1e-7, "DOP853"),
-]
 
 
 def leaning(actual: str, assumed: str, trigger: Trigger | None, delay: float, settings: Settings) -> Simulation:
@@ -59,76 +45,19 @@ def leaning(actual: str, assumed: str, trigger: Trigger | None, delay: float, se
     return simulate(body, replace(control, delay=Delay(delay)), settings, x0=x0)
 
 
-@pytest.mark.parametrize(("actual", "assumed", "trigger", "disturbance", "delay", "tolerance", "method"), CASES)
-def test_compiled_and_plain_python_agree(
-    actual: str,
-    assumed: str,
-    trigger: Trigger | None,
-    disturbance: list[dict[str, object]],
-    delay: float,
-    tolerance: float,
-    method: str,
-) -> None:
-    settings = settings_from({"duration": 2.5, "tolerance": tolerance, "disturbance": disturbance})
-    native, python = (leaning(actual, assumed, trigger, delay, replace(settings, native=n)) for n in (True, False))
-    assert native.precision["integrator"] == python.precision["integrator"] == method
-    assert native.precision["steps"] == python.precision["steps"]
-    assert len(native.events) >= 2 or isinstance(trigger, Continuous)
-    for name in ("t", "x", "y", "u", "x_o", "x_h"):
-        a, b = getattr(native, name), getattr(python, name)
-        np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, np.abs(b).max()), rtol=0, err_msg=name)
-    for name in ("t", "x", "x_o", "x_h", "y_max", "y_min"):
-        a, b = getattr(native.events, name), getattr(python.events, name)
-        np.testing.assert_allclose(a, b, atol=1e-11 * max(1.0, np.abs(b).max(initial=0)), rtol=0, err_msg=name)
-
-
-def exact_interval(loop: ComposedLoop, x: np.ndarray, x_o: np.ndarray) -> tuple[float, *tuple[np.ndarray, ...]]:
-    """(interval, largest and smallest outputs in it, those at its end), by SciPy on ``mj_forward``, in plain Python."""
-    model, trigger = loop.model, loop.controller.trigger
-    assert isinstance(trigger, EventTrigger)
-    data = loop.data(x, np.concatenate([x_o, x_o]))
-    start = np.concatenate([data.qpos, data.qvel, data.act])
-    cuts, size = [model.nq, model.nq + model.nv], len(x_o)
-
-    def put(t: float, s: np.ndarray) -> None:
-        data.time = t
-        data.qpos[:], data.qvel[:], data.act[:] = np.split(s, cuts)
-        mujoco.mj_forward(model, data)
-
-    def flow(t: float, s: np.ndarray) -> np.ndarray:
-        put(t, s)
-        return np.concatenate([data.qvel, data.qacc, data.act_dot])
-
-    def event(t: float, s: np.ndarray) -> float:
-        e = s[-size:] - s[-2 * size : -size]
-        return float(e @ trigger.Q_t @ e) - trigger.q_t**2
-
-    def outputs(t: float) -> np.ndarray:
-        put(t, run.sol(t))
-        return loop.y(data.sensordata).copy()
-
-    event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
-    with installed(control, act_dyn):
-        run = solve_ivp(flow, (0, 5), start, "DOP853", events=event, rtol=1e-12, atol=1e-15, dense_output=True)
-        t = np.linspace(0, run.t[-1], 301)
-        y = np.array([outputs(instant) for instant in t])
-    return float(run.t[-1]), *extremes(t, y, 8), y[-1]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["three_link", "pendulum"])
 def test_no_interval_errs_by_more_than_is_asked_for_nor_its_peaks_by_ten_times_that(name: str) -> None:
     body, control, start = on_orbit(name)
-    loop = close_loop(body, control, Settings())
     starts = [(k * start["x0"], k * start["x_o0"]) for k in (0.9, 1.1)]
-    exact = [exact_interval(loop, *point) for point in starts]
+    exact = [flight(body, control, *point) for point in starts]
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
         fly = open_loop(body, control, Settings(tolerance=tolerance))
-        for point, (length, high, low, _) in zip(starts, exact, strict=True):
-            flight = fly(*point)
-            assert abs(flight.length - length) < tolerance * length
-            size = np.maximum(np.abs(high), np.abs(low))
-            peaks = np.maximum(np.abs(flight.y_max - high), np.abs(flight.y_min - low)) / size
+        for point, true in zip(starts, exact, strict=True):
+            flown = fly(*point)
+            assert abs(flown.length - true.length) < tolerance * true.length
+            size = np.maximum(np.abs(true.y_max), np.abs(true.y_min))
+            peaks = np.maximum(np.abs(flown.y_max - true.y_max), np.abs(flown.y_min - true.y_min)) / size
             assert peaks.max() < 10 * tolerance
 
 
@@ -143,12 +72,12 @@ def test_the_error_stated_of_each_output_and_of_the_interval_is_true(name: str) 
         schedule = schedule_of(loop, settings)
         record = loop.run(loop.data(x, a), schedule)
         stated, first = estimate(loop, schedule, record), loop.departures(record.events[-2:-1])
-        length, high, low, y = exact_interval(loop, first.x[0], first.x_o[0])
-        flight = open_loop(body, control, settings)(first.x[0], first.x_o[0])
-        errors = np.abs(flight.y - y) / np.maximum(np.abs(high), np.abs(low))
+        true = flight(body, control, first.x[0], first.x_o[0])
+        flown = open_loop(body, control, settings)(first.x[0], first.x_o[0])
+        errors = np.abs(flown.y - true.y) / np.maximum(np.abs(true.y_max), np.abs(true.y_min))
         # a factor of ten is asked for
         np.testing.assert_allclose(np.log10(stated.outputs / errors), 0, atol=0.3)
-        np.testing.assert_allclose(np.log10(stated.interval / abs(flight.length - length)), 0, atol=0.3)
+        np.testing.assert_allclose(np.log10(stated.interval / abs(flown.length - true.length)), 0, atol=0.3)
 
 
 @pytest.mark.slow
@@ -210,9 +139,6 @@ def test_balls_turn_at_the_method_s_order(tmp_path: Path) -> None:
     size = np.abs(ends[1e-12]).max()
     for tolerance in (1e-4, 1e-7, 1e-10):
         assert np.abs(ends[tolerance] - ends[1e-12]).max() < 20 * tolerance * size
-    python = Settings(duration=0.2, tolerance=1e-5, limit=100.0, native=False)
-    runs = [simulate(body, control, replace(python, native=n), x0=x, x_o0=x_o) for n in (True, False)]
-    np.testing.assert_allclose(runs[0].x[-1], runs[1].x[-1], atol=1e-11)
 
 
 def test_what_is_not_smooth_takes_the_engine_s_own_steps_with_a_word(tmp_path: Path) -> None:

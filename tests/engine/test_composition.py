@@ -16,7 +16,6 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous, EventTrigger, output_weight
-from icmj.engine import reference
 from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
@@ -54,12 +53,11 @@ def closed_loop_matrix(model: mujoco.MjModel, qpos: np.ndarray, n_plant: int) ->
 
 
 @pytest.mark.parametrize(("actual", "assumed"), CASES)
-@pytest.mark.parametrize("native", [True, False])
-def test_composed_model_is_the_error_system(actual: str, assumed: str, native: bool) -> None:
+def test_composed_model_is_the_error_system(actual: str, assumed: str) -> None:
     body = plant(actual, 0.9)
     control = controller(assumed)
     model = compose(body, control, no_disturbance(body.linearisation.plant.n_u))
-    with installed(*(callbacks() if native else (reference.control, reference.act_dyn))):
+    with installed(*callbacks()):
         A = closed_loop_matrix(model, body.linearisation.point.qpos, body.linearisation.plant.n)
     system = error_system(body.linearisation.plant, control.design, control.hold)
     S = system.from_original(np.eye(system.n + 2 * system.n_hat)).T  # X̄ = S (x, x_o, x_h)
@@ -124,17 +122,12 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
     control = random_controller(2, 3, trigger)
     rng = np.random.default_rng(1)
     x, x_o = 0.1 * rng.normal(size=10), 0.1 * rng.normal(size=3)
-    ends = []
-    for native in (True, False):
-        loop = close_loop(body, control, Settings(native=native))
-        settings = Settings(duration=0.3, limit=100.0)
-        rows = loop.run(loop.data(x, np.tile(x_o, 2)), loop.schedule(settings, 2e-3))
-        ends.append(rows)
-    np.testing.assert_allclose(ends[0].rows, ends[1].rows, atol=1e-12, rtol=1e-12)
-    assert len(ends[0].events) > 1 or not trigger
+    loop = close_loop(body, control, Settings())
+    record = loop.run(loop.data(x, np.tile(x_o, 2)), loop.schedule(Settings(duration=0.3, limit=100.0), 2e-3))
+    assert len(record.events) > 1 or not trigger
     # what the callbacks compute, from the equations of the paper
     model = compose(body, control, no_disturbance(2))
-    data = close_loop(body, control, Settings()).data(x, np.concatenate([x_o, 2 * x_o]))
+    data = loop.data(x, np.concatenate([x_o, 2 * x_o]))
     with installed(*callbacks()):
         mujoco.mj_forward(model, data)
     gains: Design = control.design

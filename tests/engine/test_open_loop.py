@@ -21,15 +21,14 @@ SETTINGS = Settings(duration=6.0, timestep=2e-3)
 PUSH = (Impulse("ankle_torque", 0.5, start=1.5003, duration=0.05), Step("hip_torque", 0.2, start=2.2))
 
 
-@pytest.mark.parametrize("which", ["linear", "native", "python"])
+@pytest.mark.parametrize("which", ["linear", "engine"])
 @pytest.mark.parametrize("disturbed", [False, True])
 @pytest.mark.parametrize("clock", [False, True])
 def test_a_run_is_a_chain_of_intervals(which: str, disturbed: bool, clock: bool) -> None:
     body, control = plant("three_link", 0.9), controller("three_link")
     if clock:
         control = replace(control, trigger=ClockTrigger(0.4))
-    settings = replace(SETTINGS, disturbance=PUSH if disturbed else (), duration=3.0 if which == "python" else 6.0)
-    settings = replace(settings, native=which != "python", limit=3.0)
+    settings = replace(SETTINGS, disturbance=PUSH if disturbed else (), duration=6.0, limit=3.0)
     x = 0.01 * np.ones(6)
     if which == "linear":
         linear = body.linearisation.plant

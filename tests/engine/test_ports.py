@@ -52,9 +52,8 @@ def test_a_muscle_of_less_gain_has_less_torque_for_each_unit_of_excitation(tmp_p
     np.testing.assert_array_equal(weak.A, plain.A)  # torque for activation and its dynamics are the muscle's own
 
 
-@pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize("actuator", [MOTOR, SERVO, BIASED])
-def test_a_lean_with_its_static_control_stays_in_balance_and_settles_as_predicted(tmp_path, actuator, native):
+def test_a_lean_with_its_static_control_stays_in_balance_and_settles_as_predicted(tmp_path, actuator):
     """The gain must leave the static torque alone; a gear would not, and the body would tip over."""
     # a torque forwards is positive, gravity's is, too: what holds is negative
     holding = {MOTOR: -HOLDING, SERVO: LEAN - HOLDING / 400, BIASED: (-HOLDING - 5 + 30 * LEAN) / 2}[actuator]
@@ -64,7 +63,7 @@ def test_a_lean_with_its_static_control_stays_in_balance_and_settles_as_predicte
     control = controlled(assumed, 2e-4)
     linear = predict(error_system(actual.linearisation.plant, control.design), control.trigger)
     assert linear.verdict == "attracting"
-    run = simulate(actual, control, Settings(duration=12.0, native=native), x0=[4e-4, 0.0])
+    run = simulate(actual, control, Settings(duration=12.0), x0=[4e-4, 0.0])
     # a lean has no odd symmetry: the departure from the linear interval is of the first order in the threshold
     assert run.events.interval[-1] == pytest.approx(linear.delta_crit, rel=2e-4)
 

@@ -2,17 +2,49 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
+import mujoco
+import numba
 import numpy as np
 import pytest
 
-from icmj.engine.tableau import METHODS, dense, error_norm, method_for, rounded, tableau, within
+from icmj.engine.native.adaptive import Stepper, densify, error_of, interpolate, stepper_of
+from icmj.engine.tableau import METHODS, Tableau, method_for, rounded, tableau
+
+SLIDE = """<mujoco><worldbody><body><joint type="slide"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+
+
+@cache
+def compiled() -> tuple[Any, Any]:
+    """The state within a step, and its estimated error, as functions of their own."""
+
+    @numba.njit
+    def within(stepper, step, theta):  # type: ignore[no-untyped-def]
+        densify(stepper, step)
+        interpolate(stepper, theta)
+
+    @numba.njit
+    def error(stepper, step, tolerance):  # type: ignore[no-untyped-def]
+        return error_of(stepper, step, tolerance)
+
+    return within, error
+
+
+def taken(table: Tableau, start: np.ndarray, K: np.ndarray, end: np.ndarray) -> Stepper:
+    """A step of two states that has been taken, with its rates."""
+    stepper = stepper_of(mujoco.MjModel.from_xml_string(SLIDE), np.zeros(1), table)
+    stepper.start[:], stepper.end[:], stepper.K[: len(K)] = start, end, K
+    return stepper
 
 
 @pytest.mark.parametrize(("order", "between"), [(3, 3), (4, 3), (5, 4), (8, 7)])
 def test_dense_output_meets_the_ends_and_converges_at_its_order(order: int, between: int) -> None:
     table = tableau(order)
 
-    def taken(h: float) -> tuple[float, float]:
+    def errors(h: float) -> tuple[float, float]:
         """Errors of the step's end and of its middle for y' = (y₂, −y₁)."""
         turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
         K, start = np.zeros((table.rates, 2)), np.array([0.0, 1.0])
@@ -21,15 +53,17 @@ def test_dense_output_meets_the_ends_and_converges_at_its_order(order: int, betw
             y = start + h * (table.A[stage, :stage] @ K[:stage])
             K[stage] = turn @ y
             end = y if stage == table.stages else end
-        F = dense(table, start, K, h, end)
-        np.testing.assert_allclose(within(start, F, 1.0), end, atol=1e-15)
+        stepper, within = taken(table, start, K, end), compiled()[0]
+        within(stepper, h, 1.0)
+        np.testing.assert_allclose(stepper.room, end, atol=1e-15)
+        within(stepper, h, 0.4)
+        middle = stepper.room.copy()
         powers = np.array([0.4**j for j in range(8)]) @ table.powers.T
-        np.testing.assert_allclose(start + powers @ F, within(start, F, 0.4), atol=1e-15)
-        middle = within(start, F, 0.4)
+        np.testing.assert_allclose(start + powers @ stepper.F, middle, atol=1e-15)
         return abs(end[0] - np.sin(h)), abs(middle[0] - np.sin(0.4 * h))
 
     # a step's error is of an order more than the method's
-    coarse, fine = taken(0.4), taken(0.2)
+    coarse, fine = errors(0.4), errors(0.2)
     assert np.log2(coarse[0] / fine[0]) > order + 0.5
     assert np.log2(coarse[1] / fine[1]) > between + 0.5
 
@@ -52,13 +86,16 @@ def test_the_coefficients_fulfil_the_conditions_of_their_order(order: int) -> No
 def test_the_estimated_error_is_of_the_method_s_order_and_not_below_the_true_one(order: int) -> None:
     """On y' = −y², whose solution from 1 is 1/(1 + t)."""
     table, errors, estimates = tableau(order), [], []
+    tolerance = 1e-3
     for h in (0.1, 0.05):
         K = np.zeros((table.stages + 1, 1))
         for stage in range(table.stages + 1):
             y = 1 + h * (table.A[stage, :stage] @ K[:stage])
             K[stage] = -(y**2)
         errors.append(abs(float(y[0]) - 1 / (1 + h)))
-        estimates.append(error_norm(table, K, h, np.ones(1)))
+        # two states alike, of which the error is told relative to the largest, 1, and in units of what is allowed
+        stepper = taken(table, np.ones(2), np.tile(K, 2), np.tile(y, 2))
+        estimates.append(compiled()[1](stepper, h, tolerance) * table.allowed * tolerance)
     assert order - 0.3 < np.log2(estimates[0] / estimates[1]) < order + 0.3
     assert errors[0] < estimates[0]
 

@@ -24,7 +24,7 @@ def test_without_changes_it_is_the_same_run_file(run):
         (" actual.gain = [0.9, 1, 1.1] ", "actual.gain", [0.9, 1, 1.1]),
         ("controller.hold=zero-order", "controller.hold", "zero-order"),
         ('controller.hold="zero-order"', "controller.hold", "zero-order"),
-        ("simulation.native=false", "simulation.native", False),
+        ("simulation.limit=0.5", "simulation.limit", 0.5),
         ("simulation.initial={ hip = 0.1 }", "simulation.initial", {"hip": 0.1}),
         ("simulation.initial.hip=0.1", "simulation.initial", {"ankle": 0.002, "hip": 0.1}),
         ('case.title="a = b"', "case.title", "a = b"),

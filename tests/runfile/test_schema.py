@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from icmj.errors import RunFileError
+from icmj.runfile.overrides import overridden
 from icmj.runfile.plant_tables import Actual
 from icmj.runfile.reading import load_run, parse_run
 from icmj.runfile.writing import to_toml
@@ -35,12 +36,32 @@ def test_values_of_every_kind_survive(root):
         "case.title": 'A "quoted" title, ζ = \\0.1',
         "actual.change": [{"what": "mass", "of": "trunk", "factor": 1.1}, {"what": "gravity", "value": [0, 0, -1.6]}],
         "simulation.disturbance": [{"kind": "step", "input": "hip_torque", "size": 1e-12}],
-        "simulation.native": False,
+        "simulation.integrator": "Euler",
         "controller.Q_t": [[1.0, 0.5], [0.5, 2.0]],
         "actual.gain": [0.9, 1.0, 1 / 3],
     })  # fmt: skip
     again = parse_run(run.text, run.path)
     assert again.model_dump() == run.model_dump()
+
+
+def test_files_of_older_versions_may_say_that_runs_are_compiled(root):
+    path = root / "runs" / "three-link-0.9.toml"
+    text = path.read_text(encoding="utf-8")
+    assert "native" not in text
+    older = text.replace("[simulation]\n", "[simulation]\nnative = true\n")
+    assert older != text
+    run = parse_run(older, path)
+    assert run.simulation == load_run(path).simulation
+    assert "native" not in run.with_(**{"simulation.duration": 1.0}).text
+    words = r"simulation: native = false is no key any more: set the environment variable ICMJ_INTERPRETED=1, with"
+    for wrong in (
+        lambda: parse_run(older.replace("native = true", "native = false"), path),
+        lambda: overridden(run, ["simulation.native=false"]),
+        lambda: run.with_(**{"simulation.native": False}),
+    ):
+        with pytest.raises(RunFileError, match=words) as caught:
+            wrong()
+        assert "\n" not in str(caught.value)
 
 
 PLAIN = st.recursive(

@@ -9,15 +9,14 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numba import types
 
 from icmj.base.array import Array
 from icmj.engine import tableau
-from icmj.engine.native.compilation import compiled, exact
+from icmj.engine.native.compilation import compiled, engine_function, exact
 from icmj.engine.native.field import flow, look
-from icmj.engine.native.memory import bare
+from icmj.engine.native.memory import address
 
-_normalize_quat = types.ExternalFunction("mj_normalizeQuat", types.void(types.intp, types.intp))
+_normalize_quat = engine_function("mj_normalizeQuat")
 
 # constants that compiled code freezes
 _POWER = tableau.POWER
@@ -86,16 +85,6 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) ->
 
 
 @exact
-def bare_stepper(s):  # type: ignore[no-untyped-def]
-    """The arrays without a reference count."""
-    return Stepper(
-        bare(s.A), bare(s.c), bare(s.E3), bare(s.E5), bare(s.D), bare(s.powers), s.last, s.rates, s.looks, s.exponent,
-        s.allowed, bare(s.scalars), bare(s.quaternions), bare(s.origin), bare(s.start), bare(s.end), bare(s.reach),
-        bare(s.room), bare(s.K), bare(s.F), bare(s.y),
-    )  # fmt: skip
-
-
-@exact
 def get(engine, state):  # type: ignore[no-untyped-def]
     """(qpos, qvel, act) where the engine is."""
     at = 0
@@ -140,7 +129,7 @@ def rates_at(engine, stepper, K):  # type: ignore[no-untyped-def]
 def normalise(engine, stepper):  # type: ignore[no-untyped-def]
     """Quaternions of unit length."""
     if len(stepper.quaternions) > 0:
-        _normalize_quat(engine.model, engine.qpos.ctypes.data)
+        _normalize_quat(engine.model, address(engine.qpos))
 
 
 @compiled
@@ -225,14 +214,19 @@ def densify(stepper, step):  # type: ignore[no-untyped-def]
 
 
 @exact
-def look_within(engine, stepper, theta, t):  # type: ignore[no-untyped-def]
-    """Put the engine at the fraction ``theta`` of the step, from its dense output, with its outputs."""
-    state, F = stepper.room, stepper.F
-    for i in range(len(state)):
+def interpolate(stepper, theta):  # type: ignore[no-untyped-def]
+    """The state at the fraction ``theta`` of the step, from its dense output, into ``stepper.room``."""
+    for i in range(len(stepper.room)):
         value = 0.0
         for k in range(_POWER - 1, -1, -1):
-            value = (value + F[k, i]) * (theta if k % 2 == 0 else 1 - theta)
-        state[i] = stepper.start[i] + value
-    put(engine, state, t)
+            value = (value + stepper.F[k, i]) * (theta if k % 2 == 0 else 1 - theta)
+        stepper.room[i] = stepper.start[i] + value
+
+
+@exact
+def look_within(engine, stepper, theta, t):  # type: ignore[no-untyped-def]
+    """Put the engine at the fraction ``theta`` of the step, with its outputs."""
+    interpolate(stepper, theta)
+    put(engine, stepper.room, t)
     normalise(engine, stepper)
     look(engine)

@@ -1,4 +1,4 @@
-"""The adaptive loop in compiled code; what :class:`icmj.engine.adaptive.AdaptiveLoop` does in plain Python."""
+"""The loop from event to event with steps as long as a tolerance allows, as one compiled function."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -15,7 +15,6 @@ from icmj.base.array import Array
 from icmj.engine import tableau
 from icmj.engine.native.adaptive import (
     accept,
-    bare_stepper,
     densify,
     error_of,
     get,
@@ -23,21 +22,21 @@ from icmj.engine.native.adaptive import (
     normalise,
     pass_at,
     put,
+    rates_at,
     stages,
     stepper_of,
 )
-from icmj.engine.native.compilation import compiled, entry, inlined, merged, sources
-from icmj.engine.native.ledger import apply, bare_engine, bare_plan, bare_record, bare_rule, next_action, note, standing
-from icmj.engine.native.loop import NativeLoop
+from icmj.engine.native.compilation import compiled, entry, inlined, merged, run_guarded, sources
+from icmj.engine.native.ledger import apply, conclude, note, planned, standing
+from icmj.engine.native.loop import FixedLoop
 from icmj.engine.native.memory import bare
-from icmj.engine.native.roots import bare_roots, event_in, roots
-from icmj.engine.native.search import active, evaluate
+from icmj.engine.native.roots import event_in, roots
+from icmj.engine.native.search import active, evaluate, reached
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 
 # constants that compiled code freezes
-_RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
-_REACHED, _COLLAPSED = int(Status.REACHED), int(Status.COLLAPSED)
+_RUNNING, _COLLAPSED = int(Status.RUNNING), int(Status.COLLAPSED)
 _GROWTH, _SHRINKAGE, _SAFETY = tableau.GROWTH, tableau.SHRINKAGE, tableau.SAFETY
 _rounded = compiled(tableau.rounded)
 _SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
@@ -165,70 +164,49 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
 
 
 @inlined
-def _due(rule):  # type: ignore[no-untyped-def]
+def _reached(rule):  # type: ignore[no-untyped-def]
     """Whether the event function has reached zero where the engine is."""
     evaluate(rule)
-    face = active(rule.now)
-    return face >= 0 and rule.now[face, 0] >= 0
+    return reached(rule.now)
 
 
 @merged
 def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, steps):  # type: ignore[no-untyped-def]
-    time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
-    least = max(plan.delta_min, plan.delay)
+    time, watched = engine.time, len(rule.now) > 0
     status = _RUNNING
+    if progress[0].steps == 0:  # the run begins, right after a forward pass
+        rates_at(engine, stepper, stepper.K[0])
     for _ in range(steps):
         if len(record.dense) - record.count[0] < len(record.dense) // 4 + stepper.looks + 2:
             break
         t = time[0]
-        arm = progress[0].last_event + least if watched else np.inf
-        clock = progress[0].clock * plan.clock if clocked else np.inf
-        edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
-        act = next_action(plan, progress)
+        due = planned(plan, progress, watched)
         # an action comes before a look at E at the same instant: it resets the hold
-        watched_from = arm if arm < act else np.inf
-        target = min(plan.t_end, clock, edge, act)
+        watched_from = due.rule if due.rule < due.action else np.inf
+        target = min(plan.t_end, due.clock, due.edge, due.action)
         progress[0].length = target - t
         fired = False
-        if progress[0].steps == 0 and arm <= t and _due(rule):
+        if progress[0].steps == 0 and due.rule <= t and _reached(rule):
             fired, progress[0].length = True, 0.0
         elif target > t:
             fired, status = _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, watched_from)
         progress[0].steps += 1
         lands = time[0] >= target
         status = standing(engine, plan) if status == _RUNNING else status
-        acts = status == _RUNNING and lands and time[0] >= act
+        acts = status == _RUNNING and lands and time[0] >= due.action
         if acts:
             apply(rule.G, rule)
             progress[0].acted += 1
             pass_at(engine, stepper)
-        if status == _RUNNING and lands:
-            if time[0] >= arm:
-                fired = fired or _due(rule)
-            if time[0] >= clock:
-                progress[0].clock += 1
-                fired = True
-            if time[0] >= plan.t_end:
-                status = _COMPLETED
+        if status == _RUNNING and lands and time[0] >= due.rule:
+            fired = fired or _reached(rule)
+        fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
         if fired:
-            progress[0].events += 1
-            if status == _RUNNING and progress[0].events >= plan.events:
-                status = _REACHED
-        due = acts or status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
-        note(engine, progress, plan.record_interval, record, fired, due)
-        if fired:
-            apply(rule.J, rule)
-            progress[0].last_event = time[0]
             progress[0].next_step, progress[0].fresh = progress[0].first_step, 1
             for i in range(len(stepper.reach)):
                 stepper.reach[i] = 0.0
-        passed = lands and time[0] >= edge
-        if passed:
-            progress[0].edge += 1
-            engine.phase[0] = plan.phases[progress[0].edge]
-        if fired or passed:
+        if jumped:
             pass_at(engine, stepper)
-        record.count[3] += 1
         if status != _RUNNING:
             break
     return status
@@ -243,15 +221,26 @@ def adaptive_loop() -> Any:
     def advance(engine, plan, rule, progress, stepper, room_for_roots, record, steps):  # type: ignore[no-untyped-def]
         progress[0].source = source
         return _advance(
-            bare_engine(engine), bare_plan(plan), bare_rule(rule), bare_stepper(stepper), bare_roots(room_for_roots),
-            bare(progress), bare_record(record), steps,
-        )  # fmt: skip
+            bare(engine),
+            bare(plan),
+            bare(rule),
+            bare(stepper),
+            bare(room_for_roots),
+            bare(progress),
+            bare(record),
+            steps,
+        )
 
     return advance
 
 
-class NativeAdaptiveLoop(NativeLoop):
-    """Steps a composed model from event to event in compiled code, with steps as long as the tolerance allows."""
+class AdaptiveLoop(FixedLoop):
+    """Steps whose length the tolerance decides, on the rates that the engine gives.
+
+    A step ends where something is planned: the run's end, an event of the clock, an action, an edge of a disturbance.
+    Events of the rule and recorded rows lie within steps: the first are found on the dense output and reached by a
+    step of their own, the others are read from it.
+    """
 
     adaptive = True
 
@@ -262,15 +251,9 @@ class NativeAdaptiveLoop(NativeLoop):
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
         super().begin()
-        data, K, turn = self._data, self._stepper.K[0], len(self._data.qpos)
         self._stepper.reach[:] = 0.0
-        for q, v in self._stepper.scalars:
-            K[q] = data.qvel[v]
-        for q, v in self._stepper.quaternions:
-            w, x, y, z = data.qpos[q : q + 4]
-            K[q : q + 4] = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) @ data.qvel[v : v + 3]
-        K[turn:] = np.concatenate([data.qacc, data.act_dot])
 
     def advance(self, record: Recording, steps: int) -> Status:
-        """Take up to ``steps`` steps, writing into ``record``."""
-        return self._guarded(adaptive_loop(), (*self._run, self._stepper, self._roots, record, steps))
+        """Take up to ``steps`` steps, fewer where the rows of one more might not fit into ``record``."""
+        arguments = (*self._run, self._stepper, self._roots, record, steps)
+        return Status(run_guarded(adaptive_loop(), arguments, self._faulty))

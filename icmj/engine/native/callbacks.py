@@ -1,4 +1,4 @@
-"""The controller as native callbacks; what :mod:`icmj.engine.reference` does in plain Python.
+"""The controller as MuJoCo's callbacks: outputs afresh, the command, and the rates of observer and hold.
 
 They hold no state of their own: everything is in the model that they are called on, so runs on different models may go
 on in different threads. They cannot raise.
@@ -10,37 +10,57 @@ on in different threads. They cannot raise.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba import carray, types
 
+from icmj.engine import actuator as actuators
 from icmj.engine import block
 from icmj.engine.block import Slot
-from icmj.engine.native import structs
-from icmj.engine.native.compilation import compiled, entry_cfunc, exact, inlined, load_engine, sources
-from icmj.engine.native.memory import pointer, word
+from icmj.engine.native.compilation import compiled, engine_function, entry_cfunc, exact, inlined, sources
+from icmj.engine.native.memory import doubles, field, integers, number, size
 from icmj.engine.native.pushing import push
 
-load_engine()
-
-# pointers travel as integers of their size: the same registers, and no type to convert
-_sensor_pos = types.ExternalFunction("mj_sensorPos", types.void(types.intp, types.intp))
-_sensor_vel = types.ExternalFunction("mj_sensorVel", types.void(types.intp, types.intp))
+_sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
 # Constants that compiled code freezes; MuJoCo's layout enters by closure variables instead (see callbacks). Code gone
 # stale is caught at start-up by icmj.engine.native.loop.
 _MAGIC, _VERSION, _HEADER = block.MAGIC, block.VERSION, block.HEADER
+_N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
+_VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+_lag = compiled(actuators.lag)
 
 
-@inlined
-def _numeric(m, n_numeric, numeric_size, numeric_adr, numeric_data):  # type: ignore[no-untyped-def]
-    """Address of the last numeric's data, or 0 where there is none as long as a header."""
-    k = word(m, n_numeric) - 1
-    if k < 0 or carray(pointer(word(m, numeric_size)), k + 1, np.int32)[k] < _HEADER:
-        return 0
-    return word(m, numeric_data) + 8 * carray(pointer(word(m, numeric_adr)), k + 1, np.int32)[k]
+class ModelFields(NamedTuple):
+    """Where the callbacks find what they read of a model; see :func:`icmj.engine.native.memory.field`."""
+
+    nu: Any
+    nv: Any
+    na: Any
+    nnumeric: Any
+    numeric_adr: Any
+    numeric_size: Any
+    numeric_data: Any
+    actuator_actadr: Any
+    actuator_actnum: Any
+    actuator_dyntype: Any
+    actuator_dynprm: Any
+
+
+class DataFields(NamedTuple):
+    """The same of its data."""
+
+    time: Any
+    ctrl: Any
+    act: Any
+    act_dot: Any
+    sensordata: Any
+    qfrc_applied: Any
+    moment_rownnz: Any
+    moment_rowadr: Any
+    moment_colind: Any
+    actuator_moment: Any
 
 
 @inlined
@@ -49,6 +69,16 @@ def _ours(b, controls, activations):  # type: ignore[no-untyped-def]
     if b[Slot.MAGIC] != _MAGIC or b[Slot.VERSION] != _VERSION:
         return False
     return controls == b[Slot.N_U] + 1 and activations == b[Slot.ACT] + b[Slot.SIZE]
+
+
+@inlined
+def _block(m, of):  # type: ignore[no-untyped-def]
+    """The numbers of the controller in a model; empty where it has none, as the compiler's temporary model."""
+    numbers, k = doubles(m, of.numeric_data), size(m, of.nnumeric) - 1
+    if k < 0 or integers(m, of.numeric_size)[k] < _HEADER:
+        return numbers[:0]
+    b = numbers[integers(m, of.numeric_adr)[k] :]
+    return b if _ours(b, size(m, of.nu), size(m, of.na)) else numbers[:0]
 
 
 @exact
@@ -144,81 +174,50 @@ def _waves(b, time):  # type: ignore[no-untyped-def]
 
 @cache
 def callbacks() -> tuple[Any, Any]:
-    """(control, act_dyn) as ctypes function objects for MuJoCo.
+    """(control, act_dyn) for MuJoCo: ctypes function objects, or Python functions where the code is interpreted.
 
     They act on composed models only; on others, the compiler's temporary model included, they do nothing.
     """
     # closure variables are part of numba's cache key, so another layout compiles anew
-    nu, n_numeric = structs.offset("mjModel", "nu"), structs.offset("mjModel", "nnumeric")
-    numeric_adr, numeric_size, numeric_data = (
-        structs.offset("mjModel", f"numeric_{part}") for part in ("adr", "size", "data")
-    )
-    na = structs.offset("mjModel", "na")
-    actadr, actnum, dyntype, dynprm = (
-        structs.offset("mjModel", f"actuator_{part}") for part in ("actadr", "actnum", "dyntype", "dynprm")
-    )
-    time, ctrl, act, act_dot, sensordata = (
-        structs.offset("mjData", part) for part in ("time", "ctrl", "act", "act_dot", "sensordata")
-    )
-    nv, applied = structs.offset("mjModel", "nv"), structs.offset("mjData", "qfrc_applied")
-    rownnz, rowadr, column, value = (
-        structs.offset("mjData", part)
-        for part in ("moment_rownnz", "moment_rowadr", "moment_colind", "actuator_moment")
-    )
-    n_dyn, user = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
-    velocity = int(mujoco.mjtStage.mjSTAGE_VEL)
-
+    of_model = ModelFields(*(field("mjModel", name) for name in ModelFields._fields))
+    of_data = DataFields(*(field("mjData", name) for name in DataFields._fields))
     source = sources()
 
-    @entry_cfunc(types.void(types.intp, types.intp))
+    @entry_cfunc("void(intp, intp)")
     def control(m, d):  # type: ignore[no-untyped-def]
-        at = _numeric(m, n_numeric, numeric_size, numeric_adr, numeric_data)
-        if at == 0 or source == 0:
-            return
-        b = carray(pointer(at), 1 << 40, np.float64)
-        if not _ours(b, word(m, nu), word(m, na)):
+        b = _block(m, of_model)
+        if len(b) == 0 or source == 0:
             return
         _sensor_pos(m, d)
-        if b[Slot.STAGE] >= velocity:
+        if b[Slot.STAGE] >= _VELOCITY:
             _sensor_vel(m, d)
-        a = carray(pointer(word(d, act) + 8 * int(b[Slot.ACT])), int(b[Slot.SIZE]), np.float64)
-        u = carray(pointer(word(d, ctrl)), int(b[Slot.N_U]), np.float64)
-        waves = _waves(b, carray(pointer(d + time), 1, np.float64)[0])
-        command(b, a, u, waves)
+        waves = _waves(b, number(d, of_data.time))
+        command(b, doubles(d, of_data.act)[int(b[Slot.ACT]) :], doubles(d, of_data.ctrl), waves)
         if b[Slot.PUSHES] > 0:
             moments = (
-                carray(pointer(word(d, rownnz)), 1 << 40, np.int32),
-                carray(pointer(word(d, rowadr)), 1 << 40, np.int32),
-                carray(pointer(word(d, column)), 1 << 40, np.int32),
-                carray(pointer(word(d, value)), 1 << 40, np.float64),
+                integers(d, of_data.moment_rownnz),
+                integers(d, of_data.moment_rowadr),
+                integers(d, of_data.moment_colind),
+                doubles(d, of_data.actuator_moment),
             )
-            push(b, m, d, moments, carray(pointer(word(d, applied)), word(m, nv), np.float64), waves)
+            push(b, m, d, moments, doubles(d, of_data.qfrc_applied)[: size(m, of_model.nv)], waves)
 
-    @entry_cfunc(types.float64(types.intp, types.intp, types.int32))
+    @entry_cfunc("float64(intp, intp, int32)")
     def act_dyn(m, d, actuator):  # type: ignore[no-untyped-def]
-        at = _numeric(m, n_numeric, numeric_size, numeric_adr, numeric_data)
-        if at == 0 or source == 0:
+        b = _block(m, of_model)
+        if len(b) == 0 or source == 0:
             return 0.0
-        b = carray(pointer(at), 1 << 40, np.float64)
-        if not _ours(b, word(m, nu), word(m, na)):
+        act, rate = doubles(d, of_data.act), doubles(d, of_data.act_dot)
+        if actuator == size(m, of_model.nu) - 1:
+            y, first = doubles(d, of_data.sensordata), int(b[Slot.ACT])
+            rates(b, act[first:], y, rate[first:], _waves(b, number(d, of_data.time)))
             return 0.0
-        start, total = int(b[Slot.ACT]), int(b[Slot.ACT]) + int(b[Slot.SIZE])
-        a = carray(pointer(word(d, act)), total, np.float64)
-        rate = carray(pointer(word(d, act_dot)), total, np.float64)
-        if actuator == word(m, nu) - 1:
-            y = carray(pointer(word(d, sensordata)), int(b[Slot.N_Y]), np.float64)
-            rates(b, a[start:], y, rate[start:], _waves(b, carray(pointer(d + time), 1, np.float64)[0]))
-            return 0.0
-        # one of the plant's own actuators: a second-order lag, or none of ours
-        count = carray(pointer(word(m, actnum)), actuator + 1, np.int32)[actuator]
-        kind = carray(pointer(word(m, dyntype)), actuator + 1, np.int32)[actuator]
-        parameters = carray(pointer(word(m, dynprm) + 8 * n_dyn * actuator), n_dyn, np.float64)
-        if kind == user and count == 2 and parameters[0] > 0:
-            first = carray(pointer(word(m, actadr)), actuator + 1, np.int32)[actuator]
-            u = carray(pointer(word(d, ctrl)), actuator + 1, np.float64)[actuator]
-            w = parameters[0]
-            rate[first] = w * w * (u - a[first + 1]) - 2 * parameters[1] * w * a[first]
-            rate[first + 1] = a[first]
+        # one of the plant's own actuators: a second-order lag, or one that moves as the engine has it
+        lags = integers(m, of_model.actuator_dyntype)[actuator] == _USER
+        parameters = doubles(m, of_model.actuator_dynprm)[_N_DYN * actuator :]
+        if lags and integers(m, of_model.actuator_actnum)[actuator] == 2 and parameters[0] > 0:
+            at, u = integers(m, of_model.actuator_actadr)[actuator], doubles(d, of_data.ctrl)[actuator]
+            rate[at], rate[at + 1] = _lag(u, act[at], act[at + 1], parameters[0], parameters[1])
         return 0.0
 
-    return control.ctypes, act_dyn.ctypes
+    return control, act_dyn

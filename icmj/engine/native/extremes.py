@@ -1,4 +1,4 @@
-"""Extremes of the outputs between events, compiled; what :func:`icmj.engine.extremes.extremes` does with numpy."""
+"""Extremes of smooth signals between their samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import called
-from icmj.engine.extremes import POINTS
 from icmj.engine.native.compilation import compiled, entry, sources
 
 
@@ -87,8 +86,13 @@ def _entry() -> Any:
     return find
 
 
-def extremes(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """:func:`icmj.engine.extremes.extremes`, compiled."""
+def extremes(t: Array, y: Array, points: int) -> tuple[Array, Array]:
+    """Largest and smallest value of each smooth signal y(t), between samples too.
+
+    Around every sample that is higher (lower) than its neighbours the polynomial through the ``points`` nearest
+    samples is maximised; the ends of the span count as they are. Samples much closer together than the others are
+    thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,).
+    """
     high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
     # contiguous: for every other layout numba would compile once more
     called(_entry(), np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)

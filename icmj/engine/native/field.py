@@ -6,36 +6,25 @@
 from __future__ import annotations
 
 import mujoco
-from numba import types
 
 from icmj.engine.block import Slot
 from icmj.engine.native.callbacks import command, rates, waves_at
-from icmj.engine.native.compilation import exact, load_engine
+from icmj.engine.native.compilation import engine_function, exact
+from icmj.engine.native.memory import address
 from icmj.engine.native.pushing import push
 from icmj.engine.stages import Stages
 
-load_engine()
-
-# pointers travel as integers of their size: the same registers, and no type to convert
-_m_d = types.void(types.intp, types.intp)
-forward = types.ExternalFunction("mj_forward", _m_d)
-_forward_skip = types.ExternalFunction("mj_forwardSkip", types.void(types.intp, types.intp, types.int32, types.int32))
-_kinematics = types.ExternalFunction("mj_kinematics", _m_d)
-_com_pos = types.ExternalFunction("mj_comPos", _m_d)
-_camlight = types.ExternalFunction("mj_camlight", _m_d)
-_tendon = types.ExternalFunction("mj_tendon", _m_d)
-_make_m = types.ExternalFunction("mj_makeM", _m_d)
-_factor_m = types.ExternalFunction("mj_factorM", _m_d)
-_transmission = types.ExternalFunction("mj_transmission", _m_d)
-_fwd_velocity = types.ExternalFunction("mj_fwdVelocity", _m_d)
-_fwd_actuation = types.ExternalFunction("mj_fwdActuation", _m_d)
-_fwd_acceleration = types.ExternalFunction("mj_fwdAcceleration", _m_d)
-_com_vel = types.ExternalFunction("mj_comVel", _m_d)
-_passive = types.ExternalFunction("mj_passive", _m_d)
-_rne = types.ExternalFunction("mj_rne", types.void(types.intp, types.intp, types.int32, types.intp))
-_solve_m = types.ExternalFunction("mj_solveM", types.void(types.intp, types.intp, types.intp, types.intp, types.int32))
-_sensor_pos = types.ExternalFunction("mj_sensorPos", _m_d)
-_sensor_vel = types.ExternalFunction("mj_sensorVel", _m_d)
+forward = engine_function("mj_forward")
+_forward_skip = engine_function("mj_forwardSkip", "void(intp, intp, int32, int32)")
+_kinematics, _com_pos = engine_function("mj_kinematics"), engine_function("mj_comPos")
+_camlight, _tendon = engine_function("mj_camlight"), engine_function("mj_tendon")
+_make_m, _factor_m = engine_function("mj_makeM"), engine_function("mj_factorM")
+_transmission, _fwd_velocity = engine_function("mj_transmission"), engine_function("mj_fwdVelocity")
+_fwd_actuation, _fwd_acceleration = engine_function("mj_fwdActuation"), engine_function("mj_fwdAcceleration")
+_com_vel, _passive = engine_function("mj_comVel"), engine_function("mj_passive")
+_rne = engine_function("mj_rne", "void(intp, intp, int32, intp)")
+_solve_m = engine_function("mj_solveM", "void(intp, intp, intp, intp, int32)")
+_sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
 _WHOLE, _PLAIN = int(Stages.WHOLE), int(Stages.PLAIN)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -51,7 +40,7 @@ def flow(engine):  # type: ignore[no-untyped-def]
     if engine.stages == _PLAIN:
         _com_vel(engine.model, engine.data)
         _passive(engine.model, engine.data)
-        _rne(engine.model, engine.data, 0, engine.bias.ctypes.data)
+        _rne(engine.model, engine.data, 0, address(engine.bias))
     else:
         _transmission(engine.model, engine.data)
         _fwd_velocity(engine.model, engine.data)
@@ -122,4 +111,4 @@ def drive(engine):  # type: ignore[no-untyped-def]
         force[engine.moment_at[k, 1]] += engine.moment[k] * (engine.gain[k] * engine.ctrl[engine.moment_at[k, 0]])
     for i in range(len(force)):
         force[i] = engine.passive[i] - engine.bias[i] + engine.applied[i] + force[i]
-    _solve_m(engine.model, engine.data, engine.qacc.ctypes.data, force.ctypes.data, 1)
+    _solve_m(engine.model, engine.data, address(engine.qacc), address(force), 1)

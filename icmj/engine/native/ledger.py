@@ -5,24 +5,20 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import types
 
-from icmj.engine.native.compilation import inlined
+from icmj.engine.native.compilation import engine_function, exact, inlined
 from icmj.engine.native.field import forward
-from icmj.engine.native.memory import bare
-from icmj.engine.native.state import Engine, Plan, Rule
-from icmj.engine.recording import Recording, Status
-from icmj.engine.stages import Stages
+from icmj.engine.native.memory import address
+from icmj.engine.recording import Status
 
-_differentiate_pos = types.ExternalFunction(
-    "mj_differentiatePos", types.void(types.intp, types.intp, types.float64, types.intp, types.intp)
-)
+_differentiate_pos = engine_function("mj_differentiatePos", "void(intp, intp, float64, intp, intp)")
 
 # constants that compiled code freezes
-_WHOLE = int(Stages.WHOLE)
-_RUNNING, _FELL = int(Status.RUNNING), int(Status.FELL)
-_DIVERGED, _WARNED = int(Status.DIVERGED), int(Status.WARNED)
+_RUNNING, _FELL, _COMPLETED = int(Status.RUNNING), int(Status.FELL), int(Status.COMPLETED)
+_DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Status.REACHED)
 
 
 @inlined
@@ -42,9 +38,7 @@ def standing(engine, plan):  # type: ignore[no-untyped-def]
             if abs(engine.qpos[i] - plan.qpos_0[i]) > plan.limits[i]:
                 return _FELL
     else:
-        _differentiate_pos(
-            engine.model, plan.departure.ctypes.data, 1.0, plan.qpos_0.ctypes.data, engine.qpos.ctypes.data
-        )
+        _differentiate_pos(engine.model, address(plan.departure), 1.0, address(plan.qpos_0), address(engine.qpos))
         for i in range(len(plan.departure)):
             if abs(plan.departure[i]) > plan.limits[i]:
                 return _FELL
@@ -95,9 +89,30 @@ def apply(map, rule):  # type: ignore[no-untyped-def]
         rule.a[i] = rule.scratch[i]
 
 
-@inlined
-def next_action(plan, progress):  # type: ignore[no-untyped-def]
-    """When the oldest event that has not acted yet will; infinity if there is none."""
+class Planned(NamedTuple):
+    """What a schedule has next, as times [s]; infinite where there is nothing.
+
+    ``rule`` is when the event function counts from, ``action`` when the oldest event acts that has not acted yet.
+    """
+
+    rule: float
+    clock: float
+    edge: float
+    action: float
+
+
+@exact
+def planned(plan, progress, watched):  # type: ignore[no-untyped-def]
+    """What is due next; ``watched`` says whether there is an event rule."""
+    rule = progress[0].last_event + max(plan.delta_min, plan.delay) if watched else np.inf
+    clock = progress[0].clock * plan.clock if np.isfinite(plan.clock) else np.inf
+    edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
+    return Planned(rule, clock, edge, _next_action(plan, progress))
+
+
+@exact
+def _next_action(plan, progress):  # type: ignore[no-untyped-def]
+    # to the last bit what Schedule.clock_action says, by which extremes are cut: product and sum are not fused
     if plan.delay == 0:
         return np.inf
     acted = progress[0].acted
@@ -108,38 +123,34 @@ def next_action(plan, progress):  # type: ignore[no-untyped-def]
     return progress[0].last_event + plan.delay if acted <= progress[0].events else np.inf
 
 
-@inlined
-def bare_engine(e):  # type: ignore[no-untyped-def]
-    """The engine's views, as arrays without a reference count."""
-    return Engine(
-        e.model, e.data, e.integrator, bare(e.timestep), bare(e.time), bare(e.qpos), bare(e.qvel), bare(e.act),
-        bare(e.sensordata), bare(e.warmstart), bare(e.warnings), bare(e.phase), bare(e.saved),
-        e.stages, e.cameras, e.tendons, e.rows_need_forward, bare(e.block), bare(e.ctrl), bare(e.qacc),
-        bare(e.qacc_smooth), bare(e.act_dot), bare(e.passive), bare(e.bias), bare(e.force), bare(e.moment),
-        bare(e.moment_at), bare(e.gain), bare(e.applied), bare(e.rownnz), bare(e.rowadr), bare(e.column),
-        bare(e.value), bare(e.waves), bare(e.k), bare(e.sum), e.first,
-    )  # fmt: skip
+@exact
+def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
+    """What a step ends with: the clock and the run's end if it ``lands`` on them, a row, a reset, an edge.
 
+    ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has.
 
-@inlined
-def bare_plan(p):  # type: ignore[no-untyped-def]
-    """Likewise."""
-    return Plan(
-        p.timestep, p.t_end, p.delta_min, p.clock, p.delay, p.ticks, bare(p.edges), bare(p.phases), p.record_interval,
-        bare(p.limits), p.rate, p.events, bare(p.qpos_0), bare(p.departure), p.hinges, p.tolerance,
-    )  # fmt: skip
-
-
-@inlined
-def bare_rule(r):  # type: ignore[no-untyped-def]
-    """Likewise."""
-    return Rule(
-        bare(r.a), bare(r.a_rate), bare(r.J), bare(r.G), bare(r.R), bare(r.cuts), bare(r.spans), bare(r.scratch),
-        bare(r.before), bare(r.left), bare(r.now), bare(r.top),
-    )  # fmt: skip
-
-
-@inlined
-def bare_record(r):  # type: ignore[no-untyped-def]
-    """Likewise."""
-    return Recording(bare(r.dense), bare(r.rows), bare(r.events), bare(r.event_at), bare(r.count))
+    Returns:
+        whether there is an event; whether the rates have jumped since; the status.
+    """
+    time = engine.time[0]
+    if status == _RUNNING and lands:
+        if time >= due.clock:
+            progress[0].clock += 1
+            fired = True
+        if time >= plan.t_end:
+            status = _COMPLETED
+    if fired:
+        progress[0].events += 1
+        if status == _RUNNING and progress[0].events >= plan.events:
+            status = _REACHED
+    wanted = acts or status != _RUNNING or time >= progress[0].next_row - 1e-9 * plan.timestep
+    note(engine, progress, plan.record_interval, record, fired, wanted)
+    record.count[3] += 1
+    if fired:
+        apply(rule.J, rule)
+        progress[0].last_event = time
+    passed = lands and time >= due.edge
+    if passed:
+        progress[0].edge += 1
+        engine.phase[0] = plan.phases[progress[0].edge]
+    return fired, fired or passed, status

@@ -1,7 +1,6 @@
 """The loop from event to event as one compiled function.
 
-It is :mod:`icmj.engine.reference` statement by statement. It runs without the GIL and cannot raise: a run that goes
-wrong comes back as a status.
+It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
 """
 
 # numba rewrites calls of types, which type checkers cannot see
@@ -17,23 +16,20 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import called
-from icmj.engine import reference
+from icmj.base.environment import SWITCH
 from icmj.engine.block import Block, Slot, block_of
-from icmj.engine.fault import can_fault, guarded
-from icmj.engine.native import structs
-from icmj.engine.native.compilation import entry, merged, sources
-from icmj.engine.native.ledger import apply, bare_engine, bare_plan, bare_record, bare_rule, next_action, note, standing
+from icmj.engine.fault import can_fault
+from icmj.engine.native.compilation import entry, exact, merged, run_guarded, sources
+from icmj.engine.native.ledger import apply, conclude, planned, standing
 from icmj.engine.native.memory import bare
-from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, search
-from icmj.engine.native.state import PROGRESS, engine_of, plan_of, progress_at, rule_of
+from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
+from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, rule_of
 from icmj.engine.native.step import refresh, save, step
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import Schedule
 from icmj.errors import ModelError
 
-# constants that compiled code freezes
-_RUNNING, _COMPLETED, _REACHED = int(Status.RUNNING), int(Status.COMPLETED), int(Status.REACHED)
+_RUNNING = int(Status.RUNNING)
 
 
 @merged
@@ -55,21 +51,24 @@ def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-unty
     return False
 
 
-@merged
-def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
-    time, watched, clocked = engine.time, len(rule.now) > 0, np.isfinite(plan.clock)
-    least = max(plan.delta_min, plan.delay)
-    armed = progress[0].armed != 0
-    status = _RUNNING
+@exact
+def _levels(rule):  # type: ignore[no-untyped-def]
+    """E and its rate where the engine is, as those that the next step begins with."""
     evaluate(rule)
     copy(rule.now, rule.before)
+
+
+@merged
+def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
+    time, watched = engine.time, len(rule.now) > 0
+    armed = progress[0].armed != 0
+    status = _RUNNING
+    _levels(rule)
     for _ in range(steps):
         t = time[0]
-        arm = progress[0].last_event + least if watched and not armed else np.inf
-        clock = progress[0].clock * plan.clock if clocked else np.inf
-        edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
-        act = next_action(plan, progress)
-        target = min(plan.t_end, arm, clock, edge, act)
+        due = planned(plan, progress, watched)
+        arm = np.inf if armed else due.rule
+        target = min(plan.t_end, arm, due.clock, due.edge, due.action)
         lands = target - t <= plan.timestep * (1 + 1e-9)
         length = target - t if lands else plan.timestep
         fired = False
@@ -80,50 +79,28 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
             step(engine, progress, length)
             fired = _fired(engine, progress, rule, plan.rate, length, armed)
-            if fired:
-                lands = lands and time[0] >= target
+            lands = lands and time[0] >= target
             copy(rule.now, rule.before)
         if fired or lands:
             progress[0].grid, progress[0].steps = time[0], 0
         else:
             progress[0].steps += 1
         status = standing(engine, plan)
-        acts = status == _RUNNING and lands and time[0] >= act
+        acts = status == _RUNNING and lands and time[0] >= due.action
         if acts:
             apply(rule.G, rule)
             progress[0].acted += 1
             refresh(engine)
-            evaluate(rule)
-            copy(rule.now, rule.before)
-        if status == _RUNNING and lands:
-            # what was planned for this time
-            if time[0] >= arm:
-                armed = True
-                fired = fired or rule.now[active(rule.now), 0] >= 0
-            if time[0] >= clock:
-                progress[0].clock += 1
-                fired = True
-            if time[0] >= plan.t_end:
-                status = _COMPLETED
+            _levels(rule)
+        if status == _RUNNING and lands and time[0] >= arm:
+            armed = True
+            fired = fired or reached(rule.now)
+        fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
         if fired:
-            progress[0].events += 1
-            if status == _RUNNING and progress[0].events >= plan.events:
-                status = _REACHED
-        due = acts or status != _RUNNING or time[0] >= progress[0].next_row - 1e-9 * plan.timestep
-        note(engine, progress, plan.record_interval, record, fired, due)
-        if fired:
-            apply(rule.J, rule)
-            progress[0].last_event = time[0]
-            armed = watched and least == 0
-        passed = lands and time[0] >= edge
-        if passed:
-            progress[0].edge += 1
-            engine.phase[0] = plan.phases[progress[0].edge]
-        if fired or passed:
+            armed = watched and max(plan.delta_min, plan.delay) == 0
+        if jumped:
             refresh(engine)
-            evaluate(rule)
-            copy(rule.now, rule.before)
-        record.count[3] += 1
+            _levels(rule)
         if status != _RUNNING:
             break
     progress[0].armed = 1 if armed else 0
@@ -138,38 +115,45 @@ def fixed_loop() -> Any:
     @entry
     def advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
         progress[0].source = source
-        return _advance(
-            bare_engine(engine), bare_plan(plan), bare_rule(rule), bare(progress), bare_record(record), steps
-        )
+        return _advance(bare(engine), bare(plan), bare(rule), bare(progress), bare(record), steps)
 
     return advance
 
 
-class NativeLoop:
-    """Steps a composed model from event to event in compiled code; see :class:`icmj.engine.reference.ReferenceLoop`."""
+class FixedLoop:
+    """Steps a composed model from event to event, by the timestep of its schedule.
+
+    Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the
+    activation rates, E and dE/dt at both ends. Their Hermite cubic decides whether E may have reached zero in
+    between, however shortly; the event is then located by repeating the step, shortened.
+    """
 
     adaptive = False
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
+        """Make ready to run, and begin.
+
+        Raises:
+            ModelError: if compiled code cannot work on this MuJoCo, or the callbacks are not of this code.
+        """
         block = block_of(model)
         assert block is not None
-        structs.check(model, data)
         self._model, self._data, self._block, self._schedule = model, data, block, schedule
         phase = block.header[Slot.PHASE : Slot.PHASE + 1]
         plan = plan_of(schedule, qpos_0, model)
-        self._progress = np.zeros(1, PROGRESS)
+        self._progress = new_progress()
         self._run = engine_of(model, data, phase, self.adaptive), plan, rule_of(block, data), self._progress
-        self._can_fault = can_fault(model)
+        self._faulty = can_fault(model)
         self.begin()
         _verify(data, block)
 
-    def rescheduled(self, schedule: Schedule, qpos_0: Array) -> NativeLoop:
+    def rescheduled(self, schedule: Schedule, qpos_0: Array) -> FixedLoop:
         """The same room for runs by another schedule of the same order; for the same thread."""
-        twin = copy_of(self)
+        other = copy_of(self)
         engine, _, *room = self._run
-        twin._schedule = schedule
-        twin._run = engine, plan_of(schedule, qpos_0, self._model), *room  # type: ignore[assignment]
-        return twin
+        other._schedule = schedule
+        other._run = engine, plan_of(schedule, qpos_0, self._model), *room
+        return other
 
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
@@ -178,27 +162,33 @@ class NativeLoop:
         mujoco.mj_forward(self._model, self._data)
 
     def advance(self, record: Recording, steps: int) -> Status:
-        """Take up to ``steps`` steps, writing into ``record``."""
-        return self._guarded(fixed_loop(), (*self._run, record, steps))
+        """Take up to ``steps`` steps, writing into ``record``.
 
-    def _guarded(self, advance: Any, arguments: tuple[Any, ...]) -> Status:
-        if self._can_fault:
-            return Status(guarded(lambda: called(advance, *arguments)))
-        return Status(called(advance, *arguments))
+        Raises:
+            EngineFault, mujoco.FatalError: if MuJoCo gives up.
+        """
+        return Status(run_guarded(fixed_loop(), (*self._run, record, steps), self._faulty))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:
-    """Compare what the installed callbacks have just written with the plain-Python ones.
+    """Compare what the installed callbacks have just written with the equations that they stand for, in matrices.
 
     Raises:
         ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.
     """
-    expected = reference.command(block, data), reference.rates(block, data)
-    found = data.ctrl[: len(block.ctrl_0)], data.act_dot[block.act]
-    for a, b in zip(found, expected, strict=True):
-        scale = 1e-9 * (1 + np.abs(b).max() + np.abs(block.M).max() * np.abs(data.act[block.act]).max())
-        if not np.all(np.abs(a - b) <= scale):
+
+    def waves(terms: Array, count: int) -> Array:
+        at, amplitude, omega, phi, start, end = terms.T
+        open_ = (start <= block.header[Slot.PHASE]) & (block.header[Slot.PHASE] < end)
+        return np.bincount(at.astype(int), open_ * amplitude * np.cos(omega * data.time + phi), count).astype(float)
+
+    a, y = data.act[block.act], data.sensordata[: len(block.y_0)]
+    command = block.ctrl_0 - block.K @ a + waves(block.terms, len(block.ctrl_0))
+    rates = block.M @ a + block.N @ (y - block.y_0 + waves(block.errors, len(block.y_0)))
+    for found, expected in ((data.ctrl[: len(command)], command), (data.act_dot[block.act], rates)):
+        scale = 1e-9 * (1 + np.abs(expected).max() + np.abs(block.M).max() * np.abs(a).max())
+        if not np.all(np.abs(found - expected) <= scale):
             raise ModelError(
-                "the native callbacks do not compute this controller; delete numba's cache (__pycache__ in "
-                "icmj/engine/native, or NUMBA_CACHE_DIR), or set native = false, which runs the plain-Python loop"
+                "the compiled callbacks do not compute this controller; delete numba's cache (__pycache__ in "
+                f"icmj/engine/native, or NUMBA_CACHE_DIR), or {SWITCH}"
             )

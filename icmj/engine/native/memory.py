@@ -1,49 +1,178 @@
-"""The engine's memory: addresses as numbers, and arrays where they point."""
+"""The engine's memory: its fields by name, and arrays without a reference count.
+
+Compiled code has addresses of models and data, and offsets of their fields; interpreted code has MuJoCo's own objects,
+and the fields' names. :func:`size`, :func:`number`, :func:`doubles` and :func:`integers` read both.
+"""
 
 # numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
-# mypy: disable-error-code="call-arg, call-overload"
+# mypy: disable-error-code="call-arg, call-overload, no-untyped-def, no-redef"
 
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
-from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
+from icmj.base.environment import INTERPRETED
 from icmj.engine.native.compilation import inlined
 
+if not INTERPRETED:  # a MuJoCo that does not declare its structs is interpreted
+    from icmj.engine.native import structs
 
-@intrinsic
-def pointer(typing_context: Any, address: Any) -> Any:
-    """An address as a ``voidptr``, in compiled code."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.intp), codegen
+LONG = 1 << 40  # elements of an array whose length nobody asks for
 
 
-@inlined
-def word(base, at):  # type: ignore[no-untyped-def]
-    """The 64-bit word (size or pointer) at ``base + at``, in compiled code."""
-    return carray(pointer(base + at), 1, np.int64)[0]
+class Cell:
+    """A number of a model or its data as an array of one element, where Python has it as an attribute."""
+
+    def __init__(self, owner: Any, name: str) -> None:
+        self._owner, self._name = owner, name
+
+    def __getitem__(self, index: int) -> float:
+        return float(getattr(self._owner, self._name))
+
+    def __setitem__(self, index: int, value: float) -> None:
+        setattr(self._owner, self._name, value)
 
 
-@inlined
-def bare(array):  # type: ignore[no-untyped-def]
-    """The same array without a reference count, in compiled code; whoever calls it keeps the memory alive.
+class Warnings:
+    """MuJoCo's warnings of a run as rows (last information, number of times), where Python has them as objects."""
 
-    Counting references is atomic, and a step would count a hundred of them.
+    def __init__(self, data: Any) -> None:
+        self._data = data
+
+    def __len__(self) -> int:
+        return len(self._data.warning)
+
+    def __getitem__(self, index: tuple[int, int]) -> int:
+        warning = self._data.warning[index[0]]
+        return int((warning.lastinfo, warning.number)[index[1]])
+
+
+def field(struct: str, name: str) -> Any:
+    """What the functions below know a field of ``mjModel`` or ``mjData`` by.
+
+    Raises:
+        ModelError: as :func:`icmj.engine.native.structs.offset`.
     """
-    return carray(pointer(array.ctypes.data), array.shape, array.dtype)
+    return name if INTERPRETED else structs.offset(struct, name)
 
 
-def view(address: int, kind: Any, size: int) -> np.ndarray:
-    """A numpy view of the engine's own memory."""
+class Handles(NamedTuple):
+    """What goes to the engine's functions as model and data, and numbers of both as arrays that can be written."""
+
+    model: Any
+    data: Any
+    timestep: Any
+    time: Any
+    warnings: Any
+
+
+def handles_of(model: mujoco.MjModel, data: mujoco.MjData) -> Handles:
+    """Of a model and its data, which must outlive them.
+
+    Raises:
+        ModelError: if MuJoCo's structs do not lie in memory as they are declared.
+    """
+    if INTERPRETED:
+        return Handles(model, data, Cell(model.opt, "timestep"), Cell(data, "time"), Warnings(data))
+    structs.check(model, data)
+    m, d = model._address, data._address
+    timestep = _view(m + structs.offset("mjModel", "opt.timestep"), ctypes.c_double, 1)
+    time = _view(d + structs.offset("mjData", "time"), ctypes.c_double, 1)
+    warnings = _view(d + structs.offset("mjData", "warning"), ctypes.c_int32, 2 * len(data.warning)).reshape(-1, 2)
+    return Handles(m, d, timestep, time, warnings)
+
+
+def _view(address: int, kind: Any, size: int) -> np.ndarray:
     return np.ctypeslib.as_array((kind * size).from_address(address))
 
 
-DOUBLE, INT = ctypes.c_double, ctypes.c_int32
+if INTERPRETED:
+
+    def bare(kept):
+        """Compiled code needs it without reference counts; here it stays as it is."""
+        return kept
+
+    def address(array):
+        """What the bindings take where C takes an address."""
+        return array
+
+    def size(owner, name):
+        """A size of a model."""
+        return getattr(owner, name)
+
+    number = size
+
+    def doubles(owner, name):
+        """An array of the engine's, row by row."""
+        return getattr(owner, name).reshape(-1)
+
+    integers = doubles
+
+else:
+    from numba import carray, types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def bare(typing_context: Any, kept: Any) -> Any:
+        """The same array, or named tuple of arrays and numbers, without reference counts.
+
+        Counting references is atomic, and a step would count a hundred of them. Whoever calls it keeps the memory
+        alive.
+        """
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return _uncounted(context, builder, kept, arguments[0])
+
+        return kept(kept), codegen
+
+    def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = cgutils.get_null_value(array.meminfo.type)
+            array.parent = cgutils.get_null_value(array.parent.type)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            inner: Any = kind
+            for i, each in enumerate(inner):
+                part = _uncounted(context, builder, each, builder.extract_value(value, i))
+                value = builder.insert_value(value, part, i)
+        return value
+
+    @intrinsic
+    def pointer(typing_context: Any, address: Any) -> Any:
+        """An address as a ``voidptr``."""
+
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+        return types.voidptr(types.intp), codegen
+
+    @inlined
+    def address(array):
+        """Where an array begins."""
+        return array.ctypes.data
+
+    @inlined
+    def size(base, offset):
+        """A size, or an address, of a struct."""
+        return carray(pointer(base + offset), 1, np.int64)[0]
+
+    @inlined
+    def number(base, offset):
+        """A floating-point number of a struct."""
+        return carray(pointer(base + offset), 1, np.float64)[0]
+
+    @inlined
+    def doubles(base, offset):
+        """An array of the engine's, row by row; its length is not known."""
+        return carray(pointer(size(base, offset)), LONG, np.float64)
+
+    @inlined
+    def integers(base, offset):
+        """An array of the engine's, row by row; its length is not known."""
+        return carray(pointer(size(base, offset)), LONG, np.int32)

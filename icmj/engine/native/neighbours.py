@@ -12,11 +12,9 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import called
 from icmj.engine.block import Slot, block_of
-from icmj.engine.native.compilation import entry, sources
+from icmj.engine.native.compilation import entry, run_guarded, sources
 from icmj.engine.native.field import drive, flow
-from icmj.engine.native.ledger import bare_engine
 from icmj.engine.native.memory import bare
 from icmj.engine.native.state import Engine, engine_of
 from icmj.engine.stages import Stages
@@ -38,7 +36,7 @@ def _entry() -> Any:
     @entry
     def visit(engine, rows, moves, still, rates):  # type: ignore[no-untyped-def]
         if source:
-            e, rows, moves, rates = bare_engine(engine), bare(rows), bare(moves), bare(rates)
+            e, rows, moves, rates = bare(engine), bare(rows), bare(moves), bare(rates)
             nq, nv, na = len(e.qpos), len(e.qvel), len(e.act)
             for i in range(len(rows)):
                 seen = False
@@ -63,13 +61,17 @@ def _entry() -> Any:
     return visit
 
 
-def rates_at(engine: Engine, rows: Array, moves: Array) -> Array:
+def rates_at(engine: Engine, rows: Array, moves: Array, faulty: bool = False) -> Array:
     """(qvel, qacc, act_dot) at all ``rows`` (qpos, qvel, act), moved by each of ``moves``.
 
-    Shapes (T, w), (m, w) → (T, m, 2 n_v + n_a).
+    Shapes (T, w), (m, w) → (T, m, 2 n_v + n_a). ``faulty`` says that MuJoCo may give up on the way.
+
+    Raises:
+        EngineFault: if it does.
     """
     engine.waves[:] = np.nan  # of another disturbance, perhaps
     still = ~moves[:, : len(engine.qpos) + len(engine.qvel)].any(axis=1)
     rates = np.empty((len(rows), len(moves), 2 * len(engine.qvel) + len(engine.act)))
-    called(_entry(), engine, np.ascontiguousarray(rows), np.ascontiguousarray(moves), still, rates)
+    arguments = engine, np.ascontiguousarray(rows), np.ascontiguousarray(moves), still, rates
+    run_guarded(_entry(), arguments, faulty)
     return rates

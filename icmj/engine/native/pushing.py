@@ -1,4 +1,4 @@
-"""Forces on the model itself, in compiled code; what :mod:`icmj.engine.pushing` does in plain Python."""
+"""Forces on the model itself, in the loops; what :mod:`icmj.engine.pushing` has for the analysis in numpy."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -6,23 +6,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 
 from icmj.engine import pushing
 from icmj.engine.block import Slot
-from icmj.engine.native.compilation import compiled, load_engine
+from icmj.engine.native.compilation import compiled, engine_function
+from icmj.engine.native.memory import address
 
-load_engine()
-
-# pointers travel as integers of their size: the same registers, and no type to convert
-_apply = types.ExternalFunction(
-    "mj_applyFT",
-    types.void(types.intp, types.intp, types.intp, types.intp, types.intp, types.int32, types.intp),
-)
-_global = types.ExternalFunction(
-    "mj_local2Global",
-    types.void(types.intp, types.intp, types.intp, types.intp, types.intp, types.int32, types.uint8),
-)
+_apply = engine_function("mj_applyFT", "void(intp, intp, intp, intp, intp, int32, intp)")
+_global = engine_function("mj_local2Global", "void(intp, intp, intp, intp, intp, int32, uint8)")
 
 # constants that compiled code freezes
 _FREEDOM, _ACTUATOR, _WIDTH = pushing.FREEDOM, pushing.ACTUATOR, pushing.WIDTH
@@ -37,7 +28,8 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
     for i in range(len(applied)):
         applied[i] = 0.0
     rownnz, rowadr, column, value = moments
-    vectors = np.empty(9)  # force, torque, point in the world
+    vectors = np.zeros(22)  # force, torque, point in the world; a rotation that nobody asks for, there and in the body
+    force, torque, there = vectors[:3], vectors[3:6], vectors[6:9]
     at, first = int(b[Slot.AT_SIZES]), int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
     for k in range(int(b[Slot.SIZES])):
         size, row = waves[first + k], int(b[Slot.AT_PUSHES]) + _WIDTH * int(b[at])
@@ -53,6 +45,6 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
         else:
             for i in range(6):
                 vectors[i] = size * b[row + 5 + i]
-            here = vectors.ctypes.data
-            _global(d, here + 48, 0, b.ctypes.data + 8 * (row + 2), 0, index, 0)
-            _apply(m, d, here, here + 24, here + 48, index, applied.ctypes.data)
+            point = b[row + 2 : row + 5]
+            _global(d, address(there), address(vectors[9:18]), address(point), address(vectors[18:]), index, 0)
+            _apply(m, d, address(force), address(torque), address(there), index, address(applied))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import INTERPRETED
 from icmj.engine.block import Block, Slot, span
-from icmj.engine.native import structs
-from icmj.engine.native.memory import DOUBLE, INT, view
+from icmj.engine.native.memory import handles_of
 from icmj.engine.schedule import Schedule
 from icmj.engine.stages import Stages, rows_need_forward, stages_of
 from icmj.engine.tableau import rounded
@@ -55,17 +56,17 @@ class Engine(NamedTuple):
     time they are. ``k`` holds (qvel, qacc, act_dot) at the stages of an integrator's step.
     """
 
-    model: int
-    data: int
-    integrator: int
+    model: Any
+    data: Any
     timestep: Array
     time: Array
+    warnings: np.ndarray
+    integrator: int
     qpos: Array
     qvel: Array
     act: Array
     sensordata: Array
     warmstart: Array
-    warnings: np.ndarray
     phase: Array
     saved: Array
     stages: int
@@ -140,25 +141,24 @@ class Rule(NamedTuple):
 
 
 def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive: bool = False) -> Engine:
-    """Views of a model and its data, which must outlive them."""
-    m, d = model._address, data._address
+    """Views of a model and its data, which must outlive them.
+
+    Raises:
+        ModelError: if MuJoCo's structs do not lie in memory as they are declared.
+    """
+    handles = handles_of(model, data)
     integrator = INTEGRATORS[int(model.opt.integrator)]
     motors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)[:-1]  # the last is the controller
     at = int(model.numeric_adr[-1])
     controller = model.numeric_data[at : at + int(model.numeric_size[-1])]
-    warnings = view(d + structs.offset("mjData", "warning"), INT, 2 * len(data.warning)).reshape(-1, 2)
     return Engine(
-        model=m,
-        data=d,
+        **handles._asdict(),
         integrator=integrator,
-        timestep=view(m + structs.offset("mjModel", "opt.timestep"), DOUBLE, 1),
-        time=view(d + structs.offset("mjData", "time"), DOUBLE, 1),
         qpos=data.qpos,
         qvel=data.qvel,
         act=data.act,
         sensordata=data.sensordata,
         warmstart=data.qacc_warmstart,
-        warnings=warnings,
         phase=phase,
         saved=np.empty(model.nq + 2 * model.nv + model.na),
         # the engine's other integrators read more of what a forward pass leaves, and turn quaternions their own way
@@ -230,17 +230,27 @@ def rule_of(block: Block, data: mujoco.MjData) -> Rule:
     )
 
 
-def progress_at(t: float, schedule: Schedule, progress: np.ndarray) -> None:
+def new_progress() -> Any:
+    """Room for how far a run has come."""
+    return [SimpleNamespace()] if INTERPRETED else np.zeros(1, PROGRESS)
+
+
+def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
     """Set the record to the beginning of a run, or a flight, right after an event at ``t``."""
-    progress[:] = 0
-    record = progress[0]
-    for name in ("grid", "last_event", "begin", "end"):
-        record[name] = t
-    record["clock"], record["edge"] = schedule.first_clock(t), schedule.first_edge(t)
-    record["acted"] = record["clock"] - 1 if np.isfinite(schedule.clock) else 0
-    record["next_row"] = t + schedule.record_interval
-    record["next_step"] = record["first_step"] = rounded(schedule.first_step)
-    record["fresh"] = 1
+    clock, step = schedule.first_clock(t), rounded(schedule.first_step)
+    values = dict.fromkeys(PROGRESS.names or (), 0) | {
+        **dict.fromkeys(("grid", "last_event", "begin", "end"), t),
+        "clock": clock,
+        "acted": clock - 1 if np.isfinite(schedule.clock) else 0,
+        "edge": schedule.first_edge(t),
+        "next_row": t + schedule.record_interval,
+        **dict.fromkeys(("next_step", "first_step"), step),
+        "fresh": 1,
+    }
+    if INTERPRETED:
+        vars(progress[0]).update(values)
+    else:
+        progress[0] = tuple(values.values())
 
 
 def _ticks(schedule: Schedule) -> int:

@@ -5,20 +5,13 @@
 
 from __future__ import annotations
 
-from numba import types
-
-from icmj.engine.native.compilation import compiled, exact, load_engine
+from icmj.engine.native.compilation import compiled, engine_function, exact
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.state import EULER, IMPLICIT, RK4
 from icmj.engine.stages import Stages
 
-load_engine()
-
-_m_d = types.void(types.intp, types.intp)
-_euler = types.ExternalFunction("mj_Euler", _m_d)
-_implicit = types.ExternalFunction("mj_implicit", _m_d)
-_mj_step = types.ExternalFunction("mj_step", _m_d)
-_runge_kutta = types.ExternalFunction("mj_RungeKutta", types.void(types.intp, types.intp, types.int32))
+_euler, _implicit, _mj_step = (engine_function(f"mj_{name}") for name in ("Euler", "implicit", "step"))
+_runge_kutta = engine_function("mj_RungeKutta", "void(intp, intp, int32)")
 
 _WHOLE = int(Stages.WHOLE)
 

@@ -14,6 +14,7 @@ import mujoco
 from mujoco.introspect import ast_nodes, enums
 from mujoco.introspect.structs import STRUCTS
 
+from icmj.base.environment import SWITCH
 from icmj.errors import ModelError
 
 POINTER = 8
@@ -42,7 +43,7 @@ def offset(struct: str, field: str) -> int:
         return offsets(struct)[field]
     except KeyError:
         raise ModelError(
-            f"MuJoCo {mujoco.__version__} declares no usable {struct}.{field}; icmj needs mujoco 4.0"
+            f"MuJoCo {mujoco.__version__} declares no usable {struct}.{field}; icmj needs mujoco 4.0, or {SWITCH}"
         ) from None
 
 
@@ -75,8 +76,7 @@ def check(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     wrong = [name for name, found, expected in pairs if found != expected]
     if wrong:
         raise ModelError(
-            f"MuJoCo {mujoco.__version__} does not lie in memory as it declares ({', '.join(wrong)}); "
-            "use the plain-Python loop (native=False)"
+            f"MuJoCo {mujoco.__version__} does not lie in memory as it declares ({', '.join(wrong)}); {SWITCH}"
         )
 
 
