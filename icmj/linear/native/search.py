@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.compilation import compiled, inlined
+from icmj.base.roots import first_root, largest, to_bernstein
 from icmj.linear.native.motion import times
-from icmj.linear.native.polynomial import first_root, largest, to_bernstein
 
 _LARGE, _TINY, _NORMAL = 1e8, 1e-290, 2.3e-308
 NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step

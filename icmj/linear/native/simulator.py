@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
+from icmj.base.roots import DEEPEST
 from icmj.linear.native.motion import begin_waves, copy, dot, expand, move, times, turn_waves, within
-from icmj.linear.native.polynomial import DEEPEST
 from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extremes, first_end
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
