@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from engine_cases import MODELS, controller, plant
-from model_cases import CROWDED, MUSCLE, RICH, SERVO, pendulum, written
+from model_cases import CROWDED, HOOKED, MUSCLE, RICH, SERVO, pendulum, written
 
 import icmj
 from icmj.controller.controller import Controller
@@ -27,7 +27,7 @@ from icmj.engine.open_loop import EngineOpenLoop, open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Impulse, Noise, Settings
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.simulation import Simulation
 
 Recorded = dict[str, np.ndarray]
@@ -38,6 +38,21 @@ DISTURBED = (
     Impulse("torque", 0.02, start=0.5003, duration=0.0371),
 )
 NOISY = (Noise("ankle_torque", 1.0, bandwidth=6.0, seed=1), Noise(output="trunk", size=1e-3, bandwidth=20.0, seed=2))
+
+# on bodies, what joints move and what tendons do, beside commands and errors
+ON_TRUNK = Impulse(body="trunk", force=(40.0, 0.0, -15.0), torque=(0.0, 3.0, 0.0), point=(0.02, 0.0, 0.4),
+                   size=2e-3, start=0.3003, duration=0.0717)  # fmt: skip
+PUSHED = (
+    ON_TRUNK, Step("knee_torque", 0.1, 0.5), Noise(body="shank", force=(1.0, 0, 0), size=0.2, bandwidth=3.0, seed=2),
+    Noise("ankle_torque", 0.1, corner=1.0, seed=1), Bias("trunk", 1e-3, 0.2),
+)  # fmt: skip
+RICHLY = (
+    Step(body="c", force=(0.1, 0.2, -0.1), torque=(0.01, 0, 0.02), point=(0, 0.1, 0)),
+    Impulse("low", 0.02, 0.01, 0.02),
+)
+TUGGED = (Step("ankle", 0.5, 0.1),)
+CALF = """<tendon><fixed name="calf"><joint joint="lean" coef="0.9"/></fixed></tendon><actuator>
+  <motor name="ankle" tendon="calf" gear="20"/></actuator>"""
 
 
 def recorded(run: Simulation) -> Recorded:
@@ -90,12 +105,12 @@ def rich(settings: Settings, trigger: Trigger) -> Recorded:
     return recorded(run)
 
 
-def driven(actuator: str, settings: Settings) -> Recorded:
-    """A pendulum on an actuator of its own kind."""
-    body = brought(pendulum(actuator), "stand")
+def driven(text: str, settings: Settings, keyframe: str = "stand", q_t: float = 0.02) -> Recorded:
+    """A model of a user's that leans at the start."""
+    body = brought(text, keyframe)
     gains = design_lq(body.linearisation.plant)
     n = gains.plant.n
-    control = Controller(gains, system_matched(gains), EventTrigger(np.eye(n), 0.02))
+    control = Controller(gains, system_matched(gains), EventTrigger(np.eye(n), q_t))
     return recorded(simulate(body, control, settings, x0=np.r_[0.01, np.zeros(n - 1)], error_estimate=False))
 
 
@@ -200,8 +215,14 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     "box": partial(leaning, *THREE, by_steps(), BOX),
     "box on states": partial(leaning, *THREE, by_steps(), BoxTrigger(np.linspace(1, 3, 6) * 1e-2, "state")),
     "rich": partial(rich, by_steps(duration=0.3, timestep=2e-3, limit=100.0), EventTrigger(np.eye(3), 0.02)),
-    "servo": partial(driven, SERVO, by_steps(duration=1.0)),
-    "muscle": partial(driven, MUSCLE, by_steps(duration=1.0)),
+    "servo": partial(driven, pendulum(SERVO), by_steps(duration=1.0)),
+    "muscle": partial(driven, pendulum(MUSCLE), by_steps(duration=1.0)),
+    "pushed body": partial(leaning, *THREE, by_steps(disturbance=PUSHED)),
+    "pushed rich": partial(
+        rich, by_steps(duration=0.3, timestep=2e-3, limit=100.0, disturbance=RICHLY), EventTrigger(np.eye(3), 0.02)
+    ),
+    "pushed tendon": partial(driven, pendulum("").replace("<actuator></actuator>", CALF), by_steps(disturbance=TUGGED)),
+    "hooked": partial(driven, HOOKED, by_steps(), "aside", 2e-4),
     "touching": touching,
     "diverging": diverging,
 }
@@ -215,6 +236,8 @@ ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted, pushed neglected": partial(leaning, *NEGLECTED, adapted(1e-7, disturbance=DISTURBED)),
     "adapted, pushed and delayed": partial(leaning, *PENDULUM, adapted(1e-7, disturbance=DISTURBED), None, Delay(0.2)),
     "adapted, continuous": partial(leaning, *PENDULUM, adapted(1e-7), Continuous()),
+    "adapted, pushed body": partial(leaning, *THREE, adapted(1e-7, disturbance=PUSHED)),
+    "adapted, hooked": partial(driven, HOOKED, adapted(1e-6), "aside", 2e-4),
     "balls": partial(rich, Settings(duration=0.2, tolerance=1e-5, limit=100.0), Continuous()),
     "due at once": due_at_once,
     "flights": flights,

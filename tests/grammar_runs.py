@@ -244,7 +244,6 @@ def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
         {
             "observer": lambda: {rng.choice(names.states): number(rng, 0.02)},
             "integrator": lambda: rng.choice(("RK4", "Euler", "implicit", "implicitfast", "discrete")),
-            "native": lambda: False,
         },
     )
     found.setdefault("initial", {names.states[0]: 0.02})

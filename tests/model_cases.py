@@ -80,6 +80,27 @@ RICH = """
 </mujoco>
 """
 
+# a rod on a rope to a hook that a keyframe lifts and turns; the rope is at rest where the hook is in the file
+HOOKED = """
+<mujoco model="hooked">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <frame pos="0.1 0 0"><body name="hook" mocap="true" pos="0 0 1.2" euler="0 0.3 0">
+      <site name="tip" pos="0.1 0 0"/></body></frame>
+    <body name="rod"><joint name="lean" axis="0 1 0" damping="2"/><joint name="roll" axis="1 0 0" damping="3"/>
+      <inertial pos="0 0 0.5" mass="5" diaginertia="0.5 0.5 0.1"/>
+      <site name="top" pos="0 0 1"/></body>
+  </worldbody>
+  <tendon><spatial name="rope" stiffness="300" damping="1"><site site="tip"/><site site="top"/></spatial></tendon>
+  <actuator><motor name="ankle" joint="lean"/><motor name="side" joint="roll"/></actuator>
+  <sensor>
+    <jointpos name="lean" joint="lean"/><jointpos name="roll" joint="roll"/>
+    <framepos name="seen" objtype="site" objname="top" reftype="xbody" refname="hook"/>
+  </sensor>
+  <keyframe><key name="aside" mpos="0.05 0 1.5" mquat="0.9 0.1 -0.3 0.2" ctrl="3 -1"/></keyframe>
+</mujoco>"""
+
 _SHIPPED = (Path(__file__).parents[1] / "models" / "pendulum.xml").read_text(encoding="utf-8")
 CROWDED = (
     _SHIPPED.replace("<worldbody>", '<size memory="{memory}"/>\n<worldbody>')

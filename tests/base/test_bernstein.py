@@ -1,116 +1,22 @@
-"""Certified roots and extremes of polynomials, against polynomials built from their roots."""
+"""Bernstein coefficients against SciPy's own basis."""
 
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
-from scipy.optimize import brentq
+from scipy.interpolate import BPoly
 
-from icmj.base.bernstein import beginning, evaluate, first_root, from_powers, largest
+from icmj.base.bernstein import from_powers, halves
 
-
-def powers(*roots, sign=1.0):
-    return sign * Polynomial.fromroots(roots).coef
+a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
 
 
-def test_first_of_several_roots():
-    p = powers(0.3, 0.6, 0.9)
-    assert p[0] < 0
-    assert first_root(p) == pytest.approx(0.3, abs=1e-14)
-
-
-@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_a_pair_of_close_roots_is_found(gap):
-    # −(θ − c)² + gap²: positive only on an interval of length 2 gap
-    root = first_root(np.array([-(0.4371**2) + gap**2, 2 * 0.4371, -1.0]))
-    assert root is not None
-    assert root == pytest.approx(0.4371 - gap, abs=1e-15 / gap)
-
-
-@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_a_near_miss_is_no_root(gap):
-    assert first_root(np.array([-(0.4371**2) - gap**2, 2 * 0.4371, -1.0])) is None
-
-
-def test_an_exact_touch_counts():
-    # (θ − ½)² is exact in binary
-    assert first_root(np.array([-0.25, 1.0, -1.0])) == pytest.approx(0.5, abs=1e-7)
-
-
-def test_positive_start_is_the_root():
-    assert first_root(np.array([0.0, -1.0])) == 0.0
-    assert first_root(np.array([2.0, 1.0])) == 0.0
-
-
-def test_root_at_the_end():
-    assert first_root(np.array([-1.0, 1.0])) == pytest.approx(1.0, abs=1e-15)
-
-
-def test_random_polynomials_agree_with_their_roots():
-    random = np.random.default_rng(1)
-    found = 0
-    for _ in range(400):
-        roots = random.uniform(-0.5, 1.5, random.integers(1, 7))
-        p = powers(*roots)
-        if p[0] >= 0:
-            p = -p
-        inside = roots[(roots > 0) & (roots <= 1)]
-        first = first_root(p)
-        if len(inside) == 0:
-            assert first is None
-        else:
-            found += 1
-            assert first == pytest.approx(inside.min(), abs=1e-8)
-    assert found > 200
-
-
-def test_bernstein_coefficients_are_those_of_the_basis():
-    from scipy.interpolate import BPoly
-
-    a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
+@pytest.mark.parametrize("theta", [0.0, 0.13, 0.5, 1.0])
+def test_bernstein_coefficients_are_those_of_the_basis(theta):
     curve = BPoly((from_powers(4) @ a)[:, None], [0, 1])
-    for theta in (0.0, 0.13, 0.5, 1.0):
-        assert evaluate(a, theta) == pytest.approx(np.polyval(a[::-1], theta), abs=1e-15)
+    assert curve(theta) == pytest.approx(np.polyval(a[::-1], theta), abs=1e-15)
+
+
+@pytest.mark.parametrize(("half", "ends"), [(0, [0, 0.5]), (1, [0.5, 1])])
+def test_halves_are_the_same_polynomial_on_each(half, ends):
+    curve = BPoly((halves(4)[half] @ from_powers(4) @ a)[:, None], ends)
+    for theta in np.linspace(*ends, 7):
         assert curve(theta) == pytest.approx(np.polyval(a[::-1], theta), abs=1e-15)
-
-
-def test_largest_is_that_of_a_dense_scan():
-    random = np.random.default_rng(2)
-    theta = np.linspace(0, 1, 20001)
-    for _ in range(200):
-        a = random.standard_normal(9) / np.cumprod(np.r_[1, np.arange(1, 9)])
-        for end in (1.0, 0.37):
-            scan = np.polyval(a[::-1], theta * end).max()
-            exact = largest(a, end)
-            assert scan - 1e-15 <= exact <= scan + 1e-7
-
-
-def test_a_root_is_brents_to_round_off():
-    random, rounding = np.random.default_rng(3), np.finfo(float).eps
-    for _ in range(200):
-        steep, at = 10 ** random.uniform(-3, 2), random.uniform(0, 1)
-        p = Polynomial([-at, 1.0]) * Polynomial([steep, *random.uniform(0, 1, 12)])  # rises through its only root
-        root = brentq(p, 0.0, 1.0, xtol=1e-16, rtol=4 * rounding)
-        assert first_root(p.coef) == pytest.approx(root, abs=8 * rounding * np.abs(p.coef).max() / p.deriv()(at))
-
-
-def test_largest_is_that_of_the_slope_s_roots():
-    random = np.random.default_rng(5)
-    for _ in range(500):
-        degree, end = int(random.integers(1, 24)), float(random.uniform(0.05, 1))
-        p = Polynomial(random.normal(size=degree + 1) * random.choice([1.0, 0.5, 0.2]) ** np.arange(degree + 1))
-        roots = p.deriv().roots() if degree > 1 else np.zeros(0)
-        inside = roots.real[(np.abs(roots.imag) < 1e-6) & (roots.real > 0) & (roots.real < end)]
-        expected = max(p(theta) for theta in (0.0, end, *inside))
-        assert largest(p.coef, end) == pytest.approx(expected, abs=1e-14 * np.abs(p.coef).sum())
-    assert largest(np.array([3.0])) == 3.0
-    assert largest(np.zeros(5)) == 0.0
-
-
-def test_the_beginning_of_a_polynomial_has_the_coefficients_of_the_same_one_scaled() -> None:
-    random = np.random.default_rng(2)
-    for degree in (1, 5, 18):
-        powers = random.standard_normal(degree + 1)
-        for end in (0.0, 0.3, 1.0):
-            expected = from_powers(degree) @ (powers * end ** np.arange(degree + 1))
-            found = beginning(degree, end) @ from_powers(degree) @ powers
-            np.testing.assert_allclose(found, expected, atol=1e-14)

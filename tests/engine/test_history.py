@@ -74,8 +74,7 @@ def moved(path: Path, settings: Settings) -> Simulation:
 
 
 @pytest.mark.parametrize("timestep", [None, 0.002])
-@pytest.mark.parametrize("native", [True, False])
-def test_a_memory_that_only_looks_on_changes_nothing(tmp_path: Path, timestep: float | None, native: bool) -> None:
+def test_a_memory_that_only_looks_on_changes_nothing(tmp_path: Path, timestep: float | None) -> None:
     motor = '<motor name="ankle" joint="lean" nsample="7" interp="cubic"/>'
     keen = pendulum(motor, sensor=RATE.format(' nsample="4"')).replace("<jointpos ", '<jointpos nsample="3" ')
     plain, other = written(tmp_path, PLAIN, "plain.xml"), written(tmp_path, keen, "keen.xml")
@@ -83,7 +82,7 @@ def test_a_memory_that_only_looks_on_changes_nothing(tmp_path: Path, timestep: f
     for letter in "ABC":
         here, there = (getattr(plant.linearisation.plant, letter) for plant in (mine, theirs))
         np.testing.assert_array_equal(here, there)
-    settings = Settings(duration=4.0, timestep=timestep, native=native)
+    settings = Settings(duration=4.0, timestep=timestep)
     one, two = moved(plain, settings), moved(other, settings)
     assert len(one.events) > 1
     for field in ("t", "x", "y", "u", "x_o", "x_h", "E"):

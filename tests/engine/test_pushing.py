@@ -13,13 +13,17 @@ from scipy.integrate import solve_ivp
 
 from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq
+from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
-from icmj.controller.trigger import Continuous, EventTrigger, output_weight
+from icmj.controller.trigger import Continuous
 from icmj.cycle.jacobian import jacobian
 from icmj.cycle.return_map import ReturnMap
 from icmj.cycle.variation import course, derivative
+from icmj.engine.block import block_of
+from icmj.engine.callbacks import installed
+from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
+from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
 from icmj.engine.pressure import centre_of_pressure
 from icmj.engine.pushing import effects, forces, places
@@ -30,7 +34,7 @@ from icmj.plant.push import Push
 from icmj.runfile.reading import load_run
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 
-HOW = [{"native": native, **steps} for native in (True, False) for steps in ({"tolerance": 1e-9}, {"timestep": 2e-4})]
+HOW = [{"tolerance": 1e-9}, {"timestep": 2e-4}]
 SHORT = 1e-6  # s: nothing moves meanwhile, so that an impulse is a change of momentum and nothing else
 ON_TRUNK = {"body": "trunk", "force": (40.0, 0.0, -15.0), "torque": (0.0, 3.0, 0.0), "point": (0.02, 0.0, 0.4)}
 
@@ -71,9 +75,8 @@ def test_an_impulse_on_an_input_is_a_change_of_momentum_whatever_gain_and_gear(t
     """1 N m s on a rod of J = 70 · 0.9² + 6 kg m²; by a muscle that pulls the other way it is the other way."""
     body = load_plant(written(tmp_path, pendulum(actuator)), Deviation(b))
     sign, J = -1.0 if actuator == MUSCLE else 1.0, 70 * 0.81 + 6
-    for how in ({}, {"native": False}):
-        jump = kicked(body, Impulse("ankle", 1.0, 0.0, SHORT), **how)
-        assert jump[0] == pytest.approx(sign / J, rel=1e-6)
+    jump = kicked(body, Impulse("ankle", 1.0, 0.0, SHORT))
+    assert jump[0] == pytest.approx(sign / J, rel=1e-6)
     linear = body.linearisation.plant
     run = simulate_linear(
         linear, idle(body), Settings(duration=SHORT, disturbance=(Impulse("ankle", 1.0, 0.0, SHORT),))
@@ -177,24 +180,21 @@ SOURCES = (
 )
 
 
-def test_all_ways_of_stepping_agree_and_the_linear_plant_to_second_order_in_size():
+def test_both_ways_of_stepping_agree_and_the_linear_plant_to_second_order_in_size():
     """Events, states and pushes of both engines' loops; the difference to the linear plant falls with the square."""
     body, errors = plant("three_link", 0.9), []
     for size in (1.0, 0.5):
         control = controller("three_link", 1e-3 * size)
         sources = tuple(replace(source, size=size * source.size) for source in SOURCES)
         settings = Settings(duration=1.5, record_interval=0.05, disturbance=sources)
-        ways = [{"tolerance": 1e-11}, {"timestep": 1e-3}] + (
-            [{"tolerance": 1e-9, "native": False}] if size == 1 else []
-        )
+        ways = ({"tolerance": 1e-11}, {"timestep": 1e-3})
         x0 = size * 1e-3 * np.eye(6)[0]
         runs = [simulate(body, control, replace(settings, **way), x0=x0, error_estimate=False) for way in ways]
         linear = simulate_linear(body.pushed(settings.pushes), control, settings, x0=x0)
         assert len(linear.events) >= 2
-        for run in runs[1:]:
-            assert len(run.events) == len(runs[0].events)
-            np.testing.assert_allclose(run.events.t, runs[0].events.t, atol=1e-7)
-            np.testing.assert_allclose(run.x[-1], runs[0].x[-1], atol=1e-8 * size)
+        assert len(runs[1].events) == len(runs[0].events)
+        np.testing.assert_allclose(runs[1].events.t, runs[0].events.t, atol=1e-7)
+        np.testing.assert_allclose(runs[1].x[-1], runs[0].x[-1], atol=1e-8 * size)
         at = np.isin(linear.t.round(9), runs[0].t.round(9)), np.isin(runs[0].t.round(9), linear.t.round(9))
         np.testing.assert_allclose(linear.push_values[at[0]], runs[0].push_values[at[1]], atol=1e-12)
         assert linear.push_names == ("trunk", "knee_torque", "shank")
@@ -298,18 +298,29 @@ def test_effects_of_a_body_that_stands_go_through_its_contacts(root):
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_a_rich_model_steps_alike_in_both_languages(tmp_path):
-    body = load_plant(written(tmp_path, RICH), keyframe="up")
+def test_the_loops_push_as_the_analysis_does(tmp_path):
+    """A turned and moving frame, an input on a tendon, several at a place; and none where nothing is due."""
+    calf = '<fixed name="calf"><joint joint="lean" coef="0.3"/><joint joint="turn" coef="-2"/></fixed>'
+    pull = f'<tendon>{calf}</tendon><actuator><motor name="pull" tendon="calf" gear="-4"/>'
+    text = RICH.replace("<actuator>", pull)
+    body = load_plant(written(tmp_path, text.replace('ctrl="1 2"', 'ctrl="0 1 2"')), keyframe="up")
+    on_c = {"body": "c", "force": (0.1, 0.2, -0.1), "torque": (0.01, 0, 0.02), "point": (0, 0.1, 0)}
     sources = (
-        Step(body="c", force=(0.1, 0.2, -0.1), torque=(0.01, 0, 0.02), point=(0, 0.1, 0)),
-        Impulse("low", 0.02, 0.01, 0.02),
+        Step(**on_c, start=0.1),
+        Noise(**on_c, size=0.4, bandwidth=2.0),
+        Step(body="b", force=(1.0, 0, 0)),
+        Impulse("low", 0.02, 0.2, 0.2),
+        Step("pull", 0.7),
     )
-    settings = Settings(duration=0.05, timestep=2e-3, disturbance=sources, limit=10.0)
-    linear = body.linearisation.plant
-    still = Design(linear, np.zeros((linear.n_u, linear.n)), np.zeros((linear.n, linear.n_y)))
-    control = Controller(still, system_matched(still), EventTrigger(output_weight(still), 1.0))
-    native, python = (
-        simulate(body, control, replace(settings, native=flag), error_estimate=False) for flag in (True, False)
-    )
-    np.testing.assert_allclose(native.x, python.x, atol=1e-12)
-    assert np.abs(native.x[-1]).max() > 1e-4
+    loop = close_loop(body, idle(body), Settings(duration=1.0, disturbance=sources))
+    model, random = loop.model, np.random.default_rng(4)
+    data, table = mujoco.MjData(model), block_of(model).pushes
+    assert sorted(table[:, 0]) == [0, 1, 2, 2]
+    with installed(*callbacks()):
+        for t in (0.05, 0.15, 0.25, 0.5):
+            data.time, data.qvel[:] = t, random.normal(size=model.nv)
+            mujoco.mj_integratePos(model, data.qpos, random.normal(size=model.nv), 0.5)
+            mujoco.mj_forward(model, data)
+            expected = forces(model, data, table, loop.pushes.size(np.array([t]))[0])
+            np.testing.assert_allclose(data.qfrc_applied, expected, atol=1e-15)
+            assert np.abs(expected).min() > 0 or t < 0.1

@@ -398,9 +398,8 @@ def test_an_interruption_before_anything_was_simulated_ends_it(monkeypatch: pyte
         simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=1.0), x0=[0.1, 0.0])
 
 
-@pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize("how", [{"timestep": 2e-3}, {"tolerance": 1e-8}], ids=str)
-def test_each_position_has_its_own_limit(how: dict[str, float], native: bool) -> None:
+def test_each_position_has_its_own_limit(how: dict[str, float]) -> None:
     actual, control = plant("three_link", -1.0), controller("three_link", 1e-2)
     x0 = 0.02 * np.eye(6)[0]
     for limit, name, size in (
@@ -408,7 +407,7 @@ def test_each_position_has_its_own_limit(how: dict[str, float], native: bool) ->
         ({"hip": 0.04}, "hip", 0.04),
         ({"knee": 9.0}, None, 1.0),
     ):
-        settings = Settings(duration=3.0, limit=limit, native=native, **how)
+        settings = Settings(duration=3.0, limit=limit, **how)
         run = simulate(actual, control, settings, x0=x0, error_estimate=False)
         at = 2 if name == "hip" else 0
         assert run.outcome.kind == "fell"

@@ -319,16 +319,15 @@ def in_units(unit, factor):
     return LinearPlant(A, B, C, ("hinge", "hinge_rate"), ("torque",), ("angle",), units, ("N m",), (unit,))
 
 
-@pytest.mark.parametrize("native", [True, False])
 @pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), ("rad", 1.0), ("mm", 1e3)])
 @pytest.mark.parametrize("limit", [None, 1.0, {}, {"hinge": 0.3}], ids=str)
-def test_a_limit_does_not_depend_on_the_unit(unit, factor, limit, native):
+def test_a_limit_does_not_depend_on_the_unit(unit, factor, limit):
     """One motion in three units falls at one time, at 1 rad or 1 m unless another limit is given in the unit."""
     plant = in_units(unit, factor)
     design = design_lq(plant, R_c=0.1 * factor**2, R_o=0.01 * factor**2)
     controller = Controller(design, system_matched(design), EventTrigger(as_weight("output", design), 0.01 * factor))
     there = {name: size * factor for name, size in limit.items()} if isinstance(limit, dict) else limit
-    chosen = Settings(duration=20.0, initial={"hinge": 0.02 * factor}, limit=there, native=native)
+    chosen = Settings(duration=20.0, initial={"hinge": 0.02 * factor}, limit=there)
     run = simulate(plant.scaled(-1.0), controller, chosen)
     at = 0.3 if limit == {"hinge": 0.3} else 1.0
     assert run.outcome.kind == "fell"
