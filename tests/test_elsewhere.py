@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from sweep_cases import GRID, THRESHOLDS, sweep_file
 
-from icmj.engine.soundness import _TRIAL
+from icmj.engine.fault import library
+from icmj.engine.rehearsal import _PROGRAM
 
 # before anything else is imported; libraries have their own ways elsewhere, so it is icmj that finds all this absent
 BARE = """
@@ -102,6 +103,7 @@ def test_a_model_is_tried_where_no_limits_can_be_set(tmp_path: Path) -> None:
     fails = "import resource\ndef no(*_):\n  raise ValueError('current limit exceeds maximum limit')\n"
     fails += "resource.setrlimit = no\n"
     for before in (none, fails):
-        command = [sys.executable, "-c", before + _TRIAL, str(model), "1000000000", "10"]
+        limits = "3", "1000000000", "10", "1000000", "0"
+        command = [sys.executable, "-c", before + _PROGRAM, str(library()), str(model), *limits]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr

@@ -1,10 +1,10 @@
 """The equilibrium near a pose: controls, and joints that may move, at which nothing accelerates.
 
-At rest the force that each degree of freedom needs, by inverse dynamics with contacts and passive forces, is the force
-that the actuators give, and activations stand still. Newton's method solves these equations for control, activation and
-free joints; where they leave a choice, effort is least: the sum of squares of what the actuators give, less what the
-controls given do, as a share of the range of each or, where it has none, as torque beside the weight. Contacts carry a
-weight by giving way, so a body on a floor is first set down until they bear it.
+At rest the force that each degree of freedom needs, by inverse dynamics, is what the actuators give, and activations
+stand still. Newton's method solves these equations for control, activation and free joints; where they leave a choice,
+effort is least: the sum of squares of what the actuators give, less what the controls given do, as a share of the
+range of each or, without one, as torque beside the weight. Contacts carry a weight by giving way: a body is first set
+down until they bear it.
 """
 
 from __future__ import annotations

@@ -27,12 +27,18 @@ _PROGRAM = """
 import ctypes, os, signal, sys
 try:
     import resource
-    for what, most in zip(("AS", "CPU", "STACK", "CORE"), map(int, sys.argv[4:8])):
+except ImportError:
+    resource = None
+for what, most in zip(("AS", "CPU", "STACK", "CORE"), map(int, sys.argv[4:8])):
+    try:  # each that the system has: macOS cannot limit memory
         what = getattr(resource, "RLIMIT_" + what)
         hard = resource.getrlimit(what)[1]
         resource.setrlimit(what, (most if hard < 0 else min(most, hard), hard))
+    except (OSError, AttributeError, ValueError):
+        pass
+try:
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-except (ImportError, OSError, AttributeError, TypeError):
+except (OSError, AttributeError, TypeError):
     pass
 engine = ctypes.CDLL(sys.argv[1])
 plugins = [ctypes.CDLL(path) for path in sys.argv[8:]]

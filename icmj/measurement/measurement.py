@@ -122,6 +122,7 @@ def measure(
 def _at_rest(simulation: Simulation) -> bool:
     """Whether the run starts at the operating point and nothing drives it away."""
     driven = simulation.applied.size and not np.array_equal(simulation.applied, simulation.u)
+    driven = driven or simulation.pushed.any()
     return not (simulation.x[:1].any() or simulation.x_o[:1].any() or driven)
 
 
