@@ -3,8 +3,7 @@
 At rest the force that each degree of freedom needs, by inverse dynamics, is what the actuators give, and activations
 stand still. Newton's method solves these equations for control, activation and free joints; where they leave a choice,
 effort is least: the sum of squares of what the actuators give, less what the controls given do, as a share of the
-range of each or, without one, as torque beside the weight. Contacts carry a weight by giving way: a body is first set
-down until they bear it.
+range of each or, without one, as torque beside the weight. A body on a floor is first set down until contacts bear it.
 """
 
 from __future__ import annotations

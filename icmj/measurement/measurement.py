@@ -121,9 +121,8 @@ def measure(
 
 def _at_rest(simulation: Simulation) -> bool:
     """Whether the run starts at the operating point and nothing drives it away."""
-    driven = simulation.applied.size and not np.array_equal(simulation.applied, simulation.u)
-    driven = driven or simulation.pushed.any()
-    return not (simulation.x[:1].any() or simulation.x_o[:1].any() or driven)
+    beside = simulation.applied.size and not np.array_equal(simulation.applied, simulation.u)
+    return not (simulation.x[:1].any() or simulation.x_o[:1].any() or beside or simulation.pushed.any())
 
 
 def reduced_states(x: Array, x_o: Array, T_hat: Array, x_h: Array | None = None) -> Array:
