@@ -18,7 +18,7 @@ SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
 # a stiff system has so many Taylor cells that their polynomials no longer fit: states times cells
-_MOST_CELLS = 2_500_000
+_MOST_CELLS = 1_800_000  # times states: each takes some 800 bytes, all together less than 1.5 GB
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +131,10 @@ def orbit(
         drift = phi @ v - sign * v
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
-    if points * len(phi_t.A_C) > _MOST_CELLS:
+    cells = 2 ** int(np.ceil(np.log2(points))) * (2 if t_d else 1)
+    if cells * len(phi_t.A_C) > _MOST_CELLS:
         raise AnalysisError(
-            f"not analysable: the orbit of {delta:.4g} s would need {points} Taylor cells; the fastest mode of the "
+            f"not analysable: the orbit of {delta:.4g} s would need {cells} Taylor cells; the fastest mode of the "
             "error system is out of proportion"
         )
     t, X = phi_t.trajectory(system.entry @ v, delta - t_d, points)
