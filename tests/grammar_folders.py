@@ -56,6 +56,8 @@ def damaged_folder(rng: random.Random, folder: Path, mutate_bytes: Mutate) -> li
 
 
 def _damage(rng: random.Random, place: Path, folder: Path, mutate_bytes: Mutate) -> None:
+    if not place.parent.is_dir():  # what came before took its folder
+        return None
     regular = place.is_file() and not place.is_symlink()
     if regular and place.name == "sweep.json" and rng.random() < 0.6:
         return _other_facts(rng, place)
