@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,10 @@ from icmj.theory.reduction import Reduction, reduction
 SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
-# a stiff system has so many Taylor cells that their polynomials no longer fit: states times cells
-_MOST_CELLS = 1_800_000  # times states: each takes some 800 bytes, all together less than 1.5 GB
+# a stiff system has so many Taylor cells that its motion no longer fits into half a gigabyte: cells times states
+_MOST_CELLS = 5_000_000
+# polynomials are made for a part of the cells at a time (cells times states), so that they take tens of megabytes
+_CELLS_AT_ONCE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,16 +151,23 @@ def orbit(
     gamma = np.inf if unseen else 1 / np.sqrt(seen)
     factor = 1.0 if unseen else gamma
     X = X * factor
-    polynomials = phi_t.polynomials(X[:-1], t[1])
-    levels = faces.polynomials(polynomials @ (faces.R @ system.T_t).T)
+    rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
+    highest = np.full(2 * len(rows), -np.inf)
     if t_d:
         # until the action, events are not watched; outputs may peak there all the same
-        before = phi_t.polynomials(X_waiting[:-1] * factor, waiting[1])
-        polynomials = np.concatenate([before, polynomials], axis=1)
-        X = np.concatenate([X_waiting * factor, X])
+        X_waiting = X_waiting * factor
+        for polynomials in _polynomials(phi_t, X_waiting, waiting[1]):
+            highest = np.maximum(highest, _highest(polynomials, rows))
+    watched = []
+    for polynomials in _polynomials(phi_t, X, t[1]):
+        highest = np.maximum(highest, _highest(polynomials, rows))
+        watched.append(faces.polynomials(polynomials @ (faces.R @ system.T_t).T))
+    levels = np.concatenate(watched, axis=1)
+    X = np.concatenate([X_waiting, X])
     E = faces.E(X @ system.T_t.T)
-    rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
-    peak, spread = _extremes(polynomials, rows, sign)
+    up, down = np.split(highest, 2)
+    peak = np.maximum(up, down)
+    spread = up + down if sign > 0 else 2 * peak
     if reduced.dropped.shape[1]:
         after = rows @ system.T_bar
         peak = np.where(reduced.shown_by(after), np.nan, peak)
@@ -195,13 +205,17 @@ def orbit(
     )
 
 
-def _extremes(polynomials: Array, rows: Array, sign: int) -> tuple[Array, Array]:
-    """Peak magnitude and peak to peak of each row over the whole orbit, mirrored half included."""
+def _polynomials(prepared: Flow, X: Array, h: float) -> Iterator[Array]:
+    """The cells between the states ``X`` as polynomials, a part of the cells at a time, each shape (19, cells, N)."""
+    at_once = max(1, _CELLS_AT_ONCE // X.shape[1])
+    for first in range(0, len(X) - 1, at_once):
+        yield prepared.polynomials(X[first : min(first + at_once, len(X) - 1)], h)
+
+
+def _highest(polynomials: Array, rows: Array) -> Array:
+    """Highest value of each row, then of each row's negative, shape (2 rows,)."""
     signals = polynomials @ rows.T
-    both = maxima(np.concatenate([signals, -signals], axis=2)).value
-    up, down = both[: len(rows)], both[len(rows) :]
-    peak = np.maximum(up, down)
-    return peak, (up + down if sign > 0 else 2 * peak)
+    return maxima(np.concatenate([signals, -signals], axis=2)).value
 
 
 def _obstacle(levels: Array, face: int, delta_min: float, t: Array, t_d: float) -> str:
