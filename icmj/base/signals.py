@@ -104,6 +104,25 @@ class Heard:
 
 
 @contextmanager
+def unhurried() -> Iterator[None]:
+    """Within the block, which is short, Ctrl-C waits until its end: what belongs together is kept together.
+
+    In another thread than the main one it changes nothing.
+    """
+    before, late = signal.getsignal(signal.SIGINT), list[tuple[int, FrameType | None]]()
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda signum, frame: late.append((signum, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if late:
+        before(*late[-1])
+
+
+@contextmanager
 def heard_once() -> Iterator[Heard]:
     """Within the block Ctrl-C raises KeyboardInterrupt once, for what catches it, keeps what there is and goes on.
 

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from icmj.base.environment import LEAST_ROOM, narrow, one_thread, seldom_collected
+from icmj.base.environment import LEAST_ROOM, narrow, one_thread, seldom_collected, sparing
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line, spelt
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # no pictures are drawn by MuJoCo here; else it loads a window library, in a process that a signal finds talking
     os.environ.setdefault("MUJOCO_GL", "disable")
     one_thread()
+    sparing()
     seldom_collected()
     asked = Asked()
     try:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.signals import unhurried
 from icmj.controller.controller import Controller, layout_of
 from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.callbacks import installed
@@ -172,25 +173,36 @@ class ComposedLoop:
             first = np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])
             rows, events = [first[None, :]], [np.empty((0, width))]
             tracker = self.tracker(data, schedule)
-            while status == Status.RUNNING and not stopped and crowded is None:
-                record.clear()
-                try:
-                    status = loop.advance(record, CHUNK)
+
+            def keep() -> None:
+                """Take over what the last steps recorded; of steps taken over there is nothing left to take."""
+                nonlocal steps, t, crowded
+                with unhurried():
+                    n_dense, n_rows, n_events, taken = (int(n) for n in record.count)
+                    steps += taken
+                    rows.append(record.rows[:n_rows].copy())
+                    events.append(record.events[:n_events].copy())
+                    dense = record.dense[:n_dense]
+                    tracker.add(dense[:, 0], self.y(dense[:, 1:]), record.event_at[:n_events])
+                    t = float(dense[-1, 0]) if n_dense else t
+                    crowded = pace.stalled(*record.events[:n_events, 0].tolist())
+                    record.clear()
+
+            try:
+                while status == Status.RUNNING and crowded is None:
+                    try:
+                        status = loop.advance(record, CHUNK)
+                    except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
+                        fault = str(error) if isinstance(error, EngineFault) else words(error)
+                        status = Status.DIVERGED
+                    keep()
                     if progress is not None:
                         progress(min(data.time / schedule.t_end, 1.0))
-                except KeyboardInterrupt:
-                    if not (stopped := bool(steps or record.count[3])):  # nothing to keep; it may have been compiling
-                        raise
-                except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
-                    status, fault = Status.DIVERGED, str(error) if isinstance(error, EngineFault) else words(error)
-                n_dense, n_rows, n_events, taken = (int(n) for n in record.count)
-                steps += taken
-                rows.append(record.rows[:n_rows].copy())
-                events.append(record.events[:n_events].copy())
-                dense = record.dense[:n_dense]
-                tracker.add(dense[:, 0], self.y(dense[:, 1:]), record.event_at[:n_events])
-                t = float(dense[-1, 0]) if n_dense else t
-                crowded = pace.stalled(*record.events[:n_events, 0].tolist())
+            except KeyboardInterrupt:
+                stopped = True
+                keep()
+                if not steps:  # there is nothing to keep; it may have been compiling
+                    raise
         at_events = np.concatenate(events)
         y_max, y_min = tracker.result()
         outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, at_events[:, 0])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.signals import unhurried
 from icmj.controller.controller import Controller
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
 from icmj.linear.native.state import FRESH, Count, Now, Run, Status, Tables
@@ -123,12 +124,22 @@ class Simulator:
         events: list[Array] = [self._run.events[:0].copy()]
         self.begin(w, 0.0)
         outcome = None
+
+        def keep() -> Array:
+            """Take over what was recorded since the last time; the times of the events."""
+            counts = self._run.counts
+            with unhurried():
+                n_rows, n_events = counts[Count.ROWS], counts[Count.EVENTS]
+                rows.append((self._run.rows_t[:n_rows].copy(), self._run.rows_z[:n_rows].copy()))
+                events.append(self._run.events[:n_events].copy())
+                counts[Count.ROWS] = counts[Count.EVENTS] = 0
+                return events[-1][:, 0]
+
         try:
             while outcome is None:
                 # who follows the run hears of every event
-                status, n_rows, n_events = self.advance(1 << 40 if progress is None else 1)
-                rows.append((self._run.rows_t[:n_rows].copy(), self._run.rows_z[:n_rows].copy()))
-                events.append(self._run.events[:n_events].copy())
+                status, *_ = self.advance(1 << 40 if progress is None else 1)
+                times = keep()
                 if progress is not None:
                     progress(self.t / duration)
                 if status is Status.ENDED:
@@ -136,9 +147,10 @@ class Simulator:
                     outcome = ending.ran(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
                 elif status in (Status.FELL, Status.DIVERGED):
                     outcome = self.outcome(status)
-                elif (took := pace.stalled(*events[-1][:, 0])) is not None:
+                elif (took := pace.stalled(*times)) is not None:
                     outcome = ending.stalled(self.t, took)
         except KeyboardInterrupt:
+            keep()
             if self.t == 0:  # there is nothing to keep; it may have been compiling
                 raise
             outcome = ending.interrupted(self.t, duration)
