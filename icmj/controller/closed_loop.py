@@ -10,7 +10,7 @@ w := J w, its action w := G w, and the event rule's faces are |R_j w| = 1.
 *Coordinates.* The states are x and the segments of the controller's state, each as it is or counted from another:
 :data:`ORIGINAL` is (x, x_o, x_h), :data:`ERRORS` the paper's (x, x_o − T̂x, x_h − T̂x), and :data:`CHAIN` is
 (x, x_o − T̂x, x_h − x_o), in which the reset x_h := x_o is e := 0 and an exact model leaves the observer's error alone.
-Such zeros are exact: differences are taken of the parts of a rate (:class:`icmj.controller.controller.Rates`) before
+Such zeros are exact: differences are taken of the parts of a rate (:class:`icmj.controller.realisation.Rates`) before
 anything is multiplied out, so that what is equal cancels and leaves no rounding.
 """
 
@@ -85,7 +85,7 @@ class ClosedLoop:
         D, E: shapes (N, n_u), (N, n_y).
         K: shape (n_u, N).
         J, G: shape (N, N).
-        R: shape (r, N); ``cuts`` as in :class:`icmj.controller.controller.Realisation`.
+        R: shape (r, N); ``cuts`` as in :class:`icmj.controller.realisation.Realisation`.
     """
 
     plant: LinearPlant

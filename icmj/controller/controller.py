@@ -7,9 +7,11 @@ an instant at which the controller takes up new feedback, whether an event rule,
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +19,18 @@ from icmj.base.array import Array
 from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
+from icmj.controller.law import Law
 from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Rates, Realisation
 from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Trigger
+from icmj.controller.trigger.trigger import Kind
 from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
 
 
 @dataclass(frozen=True, eq=False)
-class Controller:
-    """Everything that the closed loop needs besides the plant.
+class Controller(Law):
+    """The intermittent controller: everything that the closed loop needs besides the plant.
 
     Raises:
         AnalysisError: on construction, if a part is not of its class, the hold is of another size than the design, or
@@ -54,6 +60,20 @@ class Controller:
             )
 
     @property
+    def plant(self) -> LinearPlant:
+        """The plant of its design."""
+        return self.design.plant
+
+    @property
+    def kind(self) -> Kind:
+        """Of its trigger: ``event``, ``clock`` or ``continuous``."""
+        return self.trigger.kind
+
+    def facts(self) -> Mapping[str, Any]:
+        """Those of its trigger, and the delay."""
+        return {**self.trigger.facts(), "delay": self.delay.t_d}
+
+    @property
     def least(self) -> float:
         """The least time between two events of a rule [s]: Δ_min, the refractory period, or a delay that is longer."""
         return max(self.trigger.delta_min, self.delay.t_d)
@@ -71,51 +91,6 @@ class Controller:
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger."""
         return replace(self, trigger=trigger)
-
-
-@dataclass(frozen=True, eq=False)
-class Rates:
-    """What the controller's rates are made of: ȧ = A a + B u + N (y − H a), with u its own command.
-
-    Attributes:
-        A: what its models do by themselves, shape (N_a, N_a).
-        B: what the command does to them, shape (N_a, n_u).
-        N: what it makes of an innovation, shape (N_a, n_y).
-        H: what it expects to read, shape (n_y, N_a).
-    """
-
-    A: Array
-    B: Array
-    N: Array
-    H: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Realisation:
-    """A controller as one linear system with resets in its state a, which a simulator runs without knowing its parts.
-
-    Attributes:
-        layout: the segments of a.
-        M, N: ȧ = M a + N y between events, shapes (N_a, N_a) and (N_a, n_y) (eqs. obs, hold).
-        K: u = −K a, shape (n_u, N_a) (eq. u).
-        J: a := J a at an event, shape (N_a, N_a) (eq. imp).
-        G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
-        R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
-        cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
-        delay: t_d [s].
-        rates: what M and N are made of: M = A − N H − B K.
-    """
-
-    layout: Layout
-    M: Array
-    N: Array
-    K: Array
-    J: Array
-    G: Array
-    R: Array
-    cuts: np.ndarray
-    delay: float
-    rates: Rates
 
 
 def layout_of(controller: Controller) -> Layout:
@@ -185,7 +160,8 @@ def _realised(controller: Controller) -> Realisation:
     faces = controller.faces
     R = np.zeros((len(faces.R), layout.size))
     R[:, o], R[:, h] = -faces.R, faces.R
-    return Realisation(layout, M, N, K, J, G, R, faces.cuts, controller.delay.t_d, Rates(A, B, N, H))
+    mode = Mode(trigger.kind, M, N, K, np.zeros((design.plant.n_u, design.plant.n_y)), Rates(A, B, N, H))
+    return Realisation(layout, (mode,), J, G, R, faces.cuts, controller.delay.t_d)
 
 
 def _expected(controller: Controller) -> list[float]:

@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Realisation
+from icmj.controller.realisation import Realisation
 from icmj.engine.pushing import WIDTH
 from icmj.simulation.disturbance import Disturbance
 

@@ -23,7 +23,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, Realisation, realise
+from icmj.controller.controller import Controller, realise
+from icmj.controller.realisation import Realisation
 from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import compiled, model_name
 from icmj.engine.plant import MujocoPlant
@@ -141,7 +142,8 @@ def _packed(
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
-    return pack(replace(controls, K=K, N=N), y_0, point.ctrl, acting, reading, where, pushes.size, na, stage)
+    scaled = replace(controls, modes=(replace(controls.modes[0], K=K, N=N),))
+    return pack(scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

@@ -1,0 +1,163 @@
+"""How a controller moves: the one description that every simulation and every analysis reads.
+
+A controller has a state a and is at any time in one of its *modes*. In a mode
+
+    ȧ = M a + N v + …,      u = −K a − S v
+
+where v are its *readings*: the outputs, or outputs of a while ago (its taps). What happens at instants is said by maps
+and by functions whose sign matters:
+
+* an *event* sets a := J a, and its *action*, a delay later, a := G a. It comes when the state reaches a face
+  |R_j a| = 1 of an event rule, or with a clock;
+* *guards* g_j(v) = vᵀQ_j v + c_j choose the mode: a table says for each mode and each pattern of signs which mode
+  follows.
+
+Observer, hold and event rule are one instance of it (:mod:`icmj.controller.controller`): a single mode that reads the
+outputs as they are. A feedback of delayed outputs that is switched on and off is another
+(:mod:`icmj.controller.switching`): two modes, no state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.layout import Layout
+from icmj.errors import AnalysisError
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """What a mode's rates are made of: ȧ = A a + B u + N (v − H a), with u the controller's own command.
+
+    Attributes:
+        A: what its models do by themselves, shape (N_a, N_a).
+        B: what the command does to them, shape (N_a, n_u).
+        N: what it makes of an innovation, shape (N_a, n_v).
+        H: what it expects to read, shape (n_v, N_a).
+    """
+
+    A: Array
+    B: Array
+    N: Array
+    H: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """What a controller does while it is in this mode: ȧ = M a + N v, u = −K a − S v.
+
+    Attributes:
+        name: of the mode.
+        M, N: shapes (N_a, N_a), (N_a, n_v) (for observer and hold eqs. obs, hold).
+        K, S: shapes (n_u, N_a), (n_u, n_v) (eq. u).
+        rates: what M and N are made of, where that is known: M = A − N H − B K.
+    """
+
+    name: str
+    M: Array
+    N: Array
+    K: Array
+    S: Array
+    rates: Rates | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Guard:
+    """A quadratic function of the readings whose sign has a say in which mode is on: g(v) = vᵀQ v + c.
+
+    Attributes:
+        Q: symmetric, shape (n_v, n_v).
+        c: the constant.
+    """
+
+    Q: Array
+    c: float = 0.0
+
+    def __call__(self, v: Array) -> Array:
+        """g(v), shape (..., n_v) → (...)."""
+        return np.asarray(np.einsum("...i,ij,...j->...", v, self.Q, v) + self.c)
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """A controller as linear modes with resets in its state a, which a simulation runs without knowing its parts.
+
+    Attributes:
+        layout: the segments of a.
+        modes: at least one; a run begins in the one that :meth:`following` gives for mode 0 at its start.
+        J: a := J a at an event, shape (N_a, N_a) (eq. imp).
+        G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
+        R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
+        cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
+        delay: t_d from an event to its action [s].
+        taps: how old what it reads is [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), rising; (0,) for the outputs as
+            they are.
+        guards: whose signs choose the mode; they read taps that are delayed.
+        table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
+
+    Raises:
+        AnalysisError: on construction, if taps are not as they should be, or guards have no delayed tap to read.
+    """
+
+    layout: Layout
+    modes: tuple[Mode, ...]
+    J: Array
+    G: Array
+    R: Array
+    cuts: np.ndarray
+    delay: float = 0.0
+    taps: tuple[float, ...] = (0.0,)
+    guards: tuple[Guard, ...] = ()
+    table: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if not self.taps or min(self.taps) < 0 or any(a >= b for a, b in zip(self.taps, self.taps[1:], strict=False)):
+            raise AnalysisError(f"the taps of a controller must be rising delays of at least 0 s, got {self.taps}")
+        if self.taps[0] == 0 and len(self.taps) > 1:
+            raise AnalysisError("a controller reads outputs either as they are or delayed; give a tap of 0 s alone")
+        if self.guards and not self.tapped:
+            raise AnalysisError("guards choose a mode by delayed readings, and there is no delayed tap")
+
+    @property
+    def tapped(self) -> bool:
+        """Whether it reads outputs of a while ago only, so that its command is known that long ahead."""
+        return self.taps[0] > 0
+
+    @property
+    def M(self) -> Array:
+        """Of the first mode, which for a single one is all there is."""
+        return self.modes[0].M
+
+    @property
+    def N(self) -> Array:
+        """Of the first mode."""
+        return self.modes[0].N
+
+    @property
+    def K(self) -> Array:
+        """Of the first mode."""
+        return self.modes[0].K
+
+    @property
+    def rates(self) -> Rates:
+        """Of the first mode.
+
+        Raises:
+            AnalysisError: if it does not say what its rates are made of.
+        """
+        if self.modes[0].rates is None:
+            raise AnalysisError("the controller does not say what its rates are made of, which this analysis needs")
+        return self.modes[0].rates
+
+    def following(self, mode: int, v: Array) -> int:
+        """The mode that follows ``mode`` where these are the readings, shape (n_v,)."""
+        return self.chosen(mode, tuple(float(guard(v)) > 0 for guard in self.guards))
+
+    def chosen(self, mode: int, positive: tuple[bool, ...]) -> int:
+        """The mode that follows ``mode`` where the guards have these signs."""
+        if self.table is None:
+            return mode
+        return int(self.table[mode, sum(1 << j for j, sign in enumerate(positive) if sign)])

@@ -1,0 +1,115 @@
+"""Feedback of delayed outputs that is switched on and off in their plane: no observer, no hold, two modes.
+
+From readings of t_d ago, a position θ_Δ and a rate θ'_Δ,
+
+    u = −(P θ_Δ + D θ'_Δ)     where θ_Δ (θ'_Δ − a θ_Δ) > 0 and θ_Δ² + θ'_Δ² > r²
+    u = 0                     elsewhere
+
+(Asai et al. 2009, after Bottaro et al. 2008). Where feedback is off, the plant falls along its own stable
+manifold towards the upright, and that brings it nearer. With ``switches`` false it is on throughout, which is the
+continuous delayed controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+
+ON, OFF = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingPD(Law):
+    """Delayed proportional and derivative feedback, switched by where the delayed outputs are.
+
+    Attributes:
+        assumed: the plant, of which inputs and outputs are named.
+        position, rate: names of the outputs θ and θ'.
+        P, D: gains of each input [input per position, input per rate], shape (n_u,), or one number for all.
+        delay: t_d [s].
+        slope: a, of the line that bounds the region where feedback is off [1/s]; negative for the second and fourth
+            quadrant and a little more.
+        dead_zone: r, size of (θ, θ') within which feedback is off.
+        switches: whether it is switched at all.
+
+    Raises:
+        AnalysisError: on construction, if an output is not there, a number is not finite, the delay not positive, or
+            the dead zone negative.
+    """
+
+    assumed: LinearPlant
+    position: str
+    rate: str
+    P: ArrayLike
+    D: ArrayLike
+    delay: float
+    slope: float = 0.0
+    dead_zone: float = 0.0
+    switches: bool = True
+
+    def __post_init__(self) -> None:
+        n_u, outputs = self.assumed.n_u, self.assumed.outputs
+        for what, name in (("position", self.position), ("rate", self.rate)):
+            if name not in outputs:
+                raise AnalysisError(f"the {what} is the output {name!r}; the plant's outputs are {', '.join(outputs)}")
+        for letter in ("P", "D"):
+            gain = np.asarray(getattr(self, letter), dtype=float)
+            if gain.ndim > 1 or (gain.ndim == 1 and len(gain) != n_u) or not np.isfinite(gain).all():
+                raise AnalysisError(f"{letter} must be a finite number, or one for each of the {n_u} inputs")
+            object.__setattr__(self, letter, np.broadcast_to(gain, (n_u,)).copy())
+        if not (np.isfinite(self.delay) and self.delay > 0):
+            raise AnalysisError(f"the delay of the switching controller must be positive, got {self.delay} s")
+        if not np.isfinite(self.slope):
+            raise AnalysisError(f"the slope of the switching line must be finite, got {self.slope}")
+        if not (np.isfinite(self.dead_zone) and self.dead_zone >= 0):
+            raise AnalysisError(f"the dead zone must be at least 0, got {self.dead_zone}")
+
+    @property
+    def plant(self) -> LinearPlant:
+        return self.assumed
+
+    @property
+    def kind(self) -> Literal["switching"]:
+        return "switching"
+
+    def facts(self) -> Mapping[str, Any]:
+        return {
+            "P": self.P, "D": self.D, "delay": self.delay, "slope": self.slope, "dead_zone": self.dead_zone,
+            "position": self.position, "rate": self.rate, "switches": self.switches,
+        }  # fmt: skip
+
+    @cached_property
+    def realisation(self) -> Realisation:
+        n_u, n_y = self.assumed.n_u, self.assumed.n_y
+        at, moves = self.assumed.outputs.index(self.position), self.assumed.outputs.index(self.rate)
+        S = np.zeros((n_u, n_y))
+        S[:, at], S[:, moves] = self.P, self.D
+        none = np.zeros((0, 0)), np.zeros((0, n_y)), np.zeros((n_u, 0))
+        modes: tuple[Mode, ...] = (Mode("on", *none, S),)
+        guards: tuple[Guard, ...] = ()
+        table = None
+        if self.switches:
+            # θ (θ' − a θ), and how far out; on where both are positive
+            away, Q = np.zeros((n_y, n_y)), np.zeros((n_y, n_y))
+            Q[at, moves] = Q[moves, at] = 0.5
+            Q[at, at] = -self.slope
+            away[at, at] = away[moves, moves] = 1.0
+            modes = (*modes, Mode("off", *none, np.zeros_like(S)))
+            guards = (Guard(Q), Guard(away, -(self.dead_zone**2)))
+            table = np.full((2, 4), OFF)
+            table[:, 3] = ON
+        return Realisation(
+            Layout.of(), modes, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(1, dtype=int),
+            taps=(float(self.delay),), guards=guards, table=table,
+        )  # fmt: skip

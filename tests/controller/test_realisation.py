@@ -1,0 +1,54 @@
+"""The contract refuses what no simulation could read, and picks modes by its table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation
+from icmj.errors import AnalysisError
+
+NONE = np.zeros((0, 0))
+MODES = tuple(
+    Mode(name, NONE, np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]])) for name, gain in (("a", 1.0), ("b", 2.0))
+)
+
+
+def realisation(**changes: object) -> Realisation:
+    given = {"taps": (0.1,), "guards": (Guard(np.eye(1), -1.0),), "table": np.array([[0, 1], [0, 1]])} | changes
+    return Realisation(Layout.of(), MODES, NONE, NONE, NONE, np.zeros(1, dtype=int), **given)  # type: ignore[arg-type]
+
+
+def test_the_table_is_asked_for_the_signs_of_the_guards() -> None:
+    real = realisation()
+    assert real.following(0, np.array([0.5])) == 0
+    assert real.following(0, np.array([-1.5])) == 1
+
+
+def test_a_table_may_remember_the_mode() -> None:
+    """Hysteresis: on from one bound, off from another, and between the two as it was."""
+    guards = Guard(np.eye(1), -1.0), Guard(np.eye(1), -4.0)
+    real = realisation(guards=guards, table=np.array([[0, 0, 1, 1], [0, 1, 1, 1]]))
+    for size, before, after in ((0.5, 0, 0), (1.5, 0, 0), (2.5, 0, 1), (1.5, 1, 1), (0.5, 1, 0)):
+        assert real.following(before, np.array([size])) == after
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"taps": ()}, "rising delays"),
+        ({"taps": (0.2, 0.1)}, "rising delays"),
+        ({"taps": (-0.1,)}, "at least 0 s"),
+        ({"taps": (0.0, 0.1)}, "either as they are or delayed"),
+        ({"taps": (0.0,)}, "no delayed tap"),
+    ],
+)
+def test_taps_and_guards_fit(changes: dict, words: str) -> None:
+    with pytest.raises(AnalysisError, match=words):
+        realisation(**changes)
+
+
+def test_rates_that_are_not_told_are_an_error() -> None:
+    with pytest.raises(AnalysisError, match="does not say what its rates are made of"):
+        _ = realisation().rates
