@@ -8,6 +8,10 @@ so that compiled code skips the others.
 The *phase time* says which disturbance windows are open: a loop that splits its steps at the windows' edges sets it
 to a time between two edges, so that a step ending on an edge still sees the value before it in its last stage. While
 it is negative the windows follow the model's own time.
+
+What acts from outside is looked up in *cells* (:mod:`icmj.engine.signals`), which a loop fills here as it comes to
+them. They hold nothing but what follows from the terms, and nobody reads them while the phase time is negative: then
+the model may be in other hands, in several threads.
 """
 
 from __future__ import annotations
@@ -21,10 +25,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.realisation import Realisation
 from icmj.engine.pushing import WIDTH
+from icmj.engine.signals import CELL, SIGNAL, WEIGHTS, cells_of, signals_of, sorted_terms, weights_of
 from icmj.simulation.disturbance import Disturbance
 
 MAGIC = 20170508228.0
-VERSION = 4.0
+VERSION = 5.0
 FOREVER = 1e30
 
 
@@ -61,9 +66,16 @@ class Slot(IntEnum):
     AT_PUSHES = 27
     SIZES = 28  # terms of how large it is there
     AT_SIZES = 29
+    SIGNALS = 30  # sums of the terms that act in one place at one time: first beside commands, then errors, then sizes
+    AT_SIGNALS = 31
+    COMMANDED = 32  # of the signals, those that act beside commands
+    READ = 33  # those that are errors of outputs
+    WAVES = 34  # terms of all
+    AT_WEIGHTS = 35
+    AT_CELLS = 36
 
 
-HEADER = 30
+HEADER = 37
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -77,10 +89,13 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_SPAN_K, "span_K", (2,)),
     (Slot.AT_Y_0, "y_0", (Slot.N_Y,)),
     (Slot.AT_CTRL_0, "ctrl_0", (Slot.N_U,)),
-    (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),
-    (Slot.AT_ERRORS, "errors", (Slot.ERRORS, 6)),
     (Slot.AT_PUSHES, "pushes", (Slot.PUSHES, WIDTH)),
+    (Slot.AT_TERMS, "terms", (Slot.TERMS, 6)),  # these three one after the other: signals count their terms throughout
+    (Slot.AT_ERRORS, "errors", (Slot.ERRORS, 6)),
     (Slot.AT_SIZES, "sizes", (Slot.SIZES, 6)),
+    (Slot.AT_SIGNALS, "signals", (Slot.SIGNALS, SIGNAL)),
+    (Slot.AT_WEIGHTS, "weights", (Slot.WAVES, WEIGHTS)),
+    (Slot.AT_CELLS, "cells", (Slot.SIGNALS, CELL)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -90,7 +105,7 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (30,).
+        header: by :class:`Slot`, shape (37,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_y).
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
@@ -103,6 +118,8 @@ class Block:
         errors: errors n(t) of the outputs as the observer reads them: output, and as in ``terms``; shape (M_n, 6).
         pushes: where something acts on the plant itself (:mod:`icmj.engine.pushing`), shape (K, 11).
         sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
+        signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
+            28), (S, 201).
     """
 
     header: Array
@@ -121,6 +138,9 @@ class Block:
     errors: Array
     pushes: Array
     sizes: Array
+    signals: Array
+    weights: Array
+    cells: Array
 
     @property
     def act(self) -> slice:
@@ -157,6 +177,9 @@ def pack(
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
     """
+    tables = [sorted_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
+    signals = [signals_of(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
+    flat, waves = np.concatenate(signals), np.concatenate(tables)
     parts = {
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
         "cuts": realisation.cuts[:-1],
@@ -164,17 +187,19 @@ def pack(
         "span_K": span(realisation.K),
         "y_0": y_0,
         "ctrl_0": ctrl_0,
-        "terms": _table(disturbance),
-        "errors": _table(errors),
+        **dict(zip(("terms", "errors", "sizes"), tables, strict=True)),
         "pushes": pushes,
-        "sizes": _table(sizes),
+        "signals": flat,
+        "weights": weights_of(waves, flat),
+        "cells": cells_of(flat),
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
     header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
     header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
-    header[[Slot.PUSHES, Slot.SIZES]] = len(pushes), len(sizes)
+    header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(sizes), len(waves)
+    header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at

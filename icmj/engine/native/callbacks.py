@@ -16,17 +16,18 @@ import mujoco
 import numpy as np
 
 from icmj.engine import actuator as actuators
-from icmj.engine import block
+from icmj.engine import block, signals
 from icmj.engine.block import Slot
 from icmj.engine.native.compilation import compiled, engine_function, entry_cfunc, exact, inlined, sources
 from icmj.engine.native.memory import doubles, field, integers, number, size
 from icmj.engine.native.pushing import push
+from icmj.engine.native.waves import waves_at
 
 _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
 # Constants that compiled code freezes; MuJoCo's layout enters by closure variables instead (see callbacks). Code gone
 # stale is caught at start-up by icmj.engine.native.loop.
-_MAGIC, _VERSION, _HEADER = block.MAGIC, block.VERSION, block.HEADER
+_MAGIC, _VERSION, _HEADER, _SIGNAL = block.MAGIC, block.VERSION, block.HEADER, signals.SIGNAL
 _N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 _lag = compiled(actuators.lag)
@@ -96,35 +97,6 @@ def _dot(b, at, vector, first, count):  # type: ignore[no-untyped-def]
     return (s_0 + s_1) + (s_2 + s_3)
 
 
-@exact
-def _term(b, at, time):  # type: ignore[no-untyped-def]
-    """a·cos(ω t + φ) within its window, else zero."""
-    phase = b[Slot.PHASE]
-    if phase < 0:
-        phase = time
-    if b[at + 4] <= phase < b[at + 5]:
-        return b[at + 1] * np.cos(b[at + 2] * time + b[at + 3])
-    return 0.0
-
-
-@compiled
-def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
-    """The terms of disturbance, errors and pushes at a time, kept with it: a step asks twice for every time."""
-    terms, errors = int(b[Slot.TERMS]), int(b[Slot.ERRORS])
-    count = terms + errors + int(b[Slot.SIZES])
-    if waves[count] == time and waves[count + 1] == b[Slot.PHASE]:
-        return
-    for k in range(count):
-        if k < terms:
-            at = int(b[Slot.AT_TERMS]) + 6 * k
-        elif k < terms + errors:
-            at = int(b[Slot.AT_ERRORS]) + 6 * (k - terms)
-        else:
-            at = int(b[Slot.AT_SIZES]) + 6 * (k - terms - errors)
-        waves[k] = _term(b, at, time)
-    waves[count], waves[count + 1] = time, b[Slot.PHASE]
-
-
 @compiled
 def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
@@ -133,16 +105,16 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     count = int(b[at_span + 1]) - first
     for i in range(int(b[Slot.N_U])):
         ctrl[i] = b[at_0 + i] - _dot(b, at + i * size + first, a, first, count)
-    at = int(b[Slot.AT_TERMS])
-    for k in range(int(b[Slot.TERMS])):
+    at = int(b[Slot.AT_SIGNALS])
+    for k in range(int(b[Slot.COMMANDED])):
         ctrl[int(b[at])] += waves[k]
-        at += 6
+        at += _SIGNAL
 
 
 @compiled
 def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
     """ȧ = M a + N (y + n(t) − y_0)."""
-    size, n_y, at_0, terms = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0]), int(b[Slot.TERMS])
+    size, n_y, at_0, commanded = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0]), int(b[Slot.COMMANDED])
     at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
     for _ in range(int(b[Slot.SEGMENTS])):
         start, end, first = int(b[at]), int(b[at + 1]), int(b[at + 2])
@@ -154,18 +126,18 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
                 departure = y[j] - b[at_0 + j]
                 for i in range(start, end):
                     rate[i] += b[at_N + i * n_y + j] * departure
-            at_error = int(b[Slot.AT_ERRORS])
-            for k in range(int(b[Slot.ERRORS])):
-                error, column = waves[terms + k], at_N + int(b[at_error])
+            signal = int(b[Slot.AT_SIGNALS]) + _SIGNAL * commanded
+            for k in range(commanded, commanded + int(b[Slot.READ])):
+                column = at_N + int(b[signal])
                 for i in range(start, end):
-                    rate[i] += b[column + i * n_y] * error
-                at_error += 6
+                    rate[i] += b[column + i * n_y] * waves[k]
+                signal += _SIGNAL
         at += 5
 
 
 @exact
 def _waves(b, time):  # type: ignore[no-untyped-def]
-    count = int(b[Slot.TERMS]) + int(b[Slot.ERRORS]) + int(b[Slot.SIZES])
+    count = int(b[Slot.SIGNALS])
     waves = np.empty(count + 2)
     waves[count] = np.nan
     waves_at(b, waves, time)

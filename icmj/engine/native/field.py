@@ -8,10 +8,11 @@ from __future__ import annotations
 import mujoco
 
 from icmj.engine.block import Slot
-from icmj.engine.native.callbacks import command, rates, waves_at
+from icmj.engine.native.callbacks import command, rates
 from icmj.engine.native.compilation import engine_function, exact
 from icmj.engine.native.memory import address
 from icmj.engine.native.pushing import push
+from icmj.engine.native.waves import waves_at
 from icmj.engine.stages import Stages
 
 forward = engine_function("mj_forward")

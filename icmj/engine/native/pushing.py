@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.engine import pushing
+from icmj.engine import pushing, signals
 from icmj.engine.block import Slot
 from icmj.engine.native.compilation import compiled, engine_function
 from icmj.engine.native.memory import address
@@ -16,7 +16,7 @@ _apply = engine_function("mj_applyFT", "void(intp, intp, intp, intp, intp, int32
 _global = engine_function("mj_local2Global", "void(intp, intp, intp, intp, intp, int32, uint8)")
 
 # constants that compiled code freezes
-_FREEDOM, _ACTUATOR, _WIDTH = pushing.FREEDOM, pushing.ACTUATOR, pushing.WIDTH
+_FREEDOM, _ACTUATOR, _WIDTH, _SIGNAL = pushing.FREEDOM, pushing.ACTUATOR, pushing.WIDTH, signals.SIGNAL
 
 
 @compiled
@@ -30,10 +30,11 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
     rownnz, rowadr, column, value = moments
     vectors = np.zeros(22)  # force, torque, point in the world; a rotation that nobody asks for, there and in the body
     force, torque, there = vectors[:3], vectors[3:6], vectors[6:9]
-    at, first = int(b[Slot.AT_SIZES]), int(b[Slot.TERMS]) + int(b[Slot.ERRORS])
-    for k in range(int(b[Slot.SIZES])):
-        size, row = waves[first + k], int(b[Slot.AT_PUSHES]) + _WIDTH * int(b[at])
-        at += 6
+    first = int(b[Slot.COMMANDED]) + int(b[Slot.READ])
+    at = int(b[Slot.AT_SIGNALS]) + _SIGNAL * first
+    for k in range(first, int(b[Slot.SIGNALS])):
+        size, row = waves[k], int(b[Slot.AT_PUSHES]) + _WIDTH * int(b[at])
+        at += _SIGNAL
         if size == 0:
             continue
         index = int(b[row + 1])

@@ -52,7 +52,7 @@ class Engine(NamedTuple):
     ``stages`` says what gives the rates (:mod:`icmj.engine.stages`). Of the motors of a plain model ``moment`` holds
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
     gains. ``applied`` are the generalised forces of pushes, ``rownnz``, ``rowadr``, ``column`` and ``value`` the
-    moments of all actuators. ``waves`` holds the terms of disturbance, errors and pushes, and of what time and phase
+    moments of all actuators. ``waves`` holds the signals of disturbance, errors and pushes, and of what time and phase
     time they are. ``k`` holds (qvel, qacc, act_dot) at the stages of an integrator's step.
     """
 
@@ -182,7 +182,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
         rowadr=data.moment_rowadr,
         column=data.moment_colind,
         value=data.actuator_moment,
-        waves=np.full(int(controller[[Slot.TERMS, Slot.ERRORS, Slot.SIZES]].sum()) + 2, np.nan),
+        waves=np.full(int(controller[Slot.SIGNALS]) + 2, np.nan),
         k=np.empty((4, 2 * model.nv + model.na)),
         sum=np.empty(2 * model.nv + model.na),
         first=int(controller[Slot.ACT]),
