@@ -137,8 +137,8 @@ def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) ->
         DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
     """
     design = design or designed(assumed.linearisation.plant, run.design)
-    rule = run.controller.trigger(design)
-    return Controller(design, run.controller.made_hold(design), rule, _delay(run)), rule
+    rule = run.controller.trigger(design, run.code)
+    return Controller(design, run.controller.made_hold(design, run.code), rule, _delay(run)), rule
 
 
 def revised(case: Case, run: RunFile) -> Case:
@@ -155,7 +155,7 @@ def revised(case: Case, run: RunFile) -> Case:
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
     _check_names(run, case.assumed.linearisation.plant, case.actual)
-    rule = run.controller.trigger(case.controller.design)
+    rule = run.controller.trigger(case.controller.design, run.code)
     prediction = case.prediction
     if rule.size != case.rule.size:
         prediction = scaled(prediction, rule.size / case.rule.size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -98,7 +99,9 @@ def linear_plant(actual: AnyPlant, settings: Settings) -> LinearPlant:
 def deviation_of(run: RunFile) -> Deviation:
     """What the run file says is wrong with the controller's model."""
     table = run.actual
-    return Deviation(table.gain, table.dynprm, table.rho, tuple(entry.change() for entry in table.change))
+    changes = tuple(entry.change() for entry in table.change)
+    edit = None if table.edit is None else partial(run.code.named(table.edit), **table.edit_parameters)
+    return Deviation(table.gain, table.dynprm, table.rho, changes, edit)
 
 
 def keyframe_of(run: RunFile) -> str | None:

@@ -44,7 +44,7 @@ def study(command: arguments.Study) -> None:
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")
-    runs = find_runs(command.runs, command.set)
+    runs = find_runs(command.runs, command.set, allow_code=command.allow_code)
     with Working("study", ERR) as working:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
@@ -64,7 +64,7 @@ def analyse(command: arguments.Analyse) -> None:
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
 
-    run = overridden(load_run(command.run), command.set)
+    run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     with Working(label := f"analysing {run.case.name}", ERR) as working:
         case = prepare(run, progress=lambda done: working.tell(label, done))
     prediction, plant = case.prediction, case.assumed.linearisation.plant
@@ -121,7 +121,7 @@ def run(command: arguments.Run) -> None:
     from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
     from icmj.study.study import open_folder, plants_of, run_case
 
-    run_file = overridden(load_run(command.run), command.set)
+    run_file = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     plant = command.plant or plants_of(run_file)[-1]
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)

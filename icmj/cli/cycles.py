@@ -30,7 +30,7 @@ def cycle(command: arguments.Cycle) -> None:
     from icmj.runfile.reading import load_run
     from icmj.study.study import plants_of
 
-    run = overridden(load_run(command.run), command.set)
+    run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     plant = command.plant or plants_of(run)[-1]
     with Working(f"cycle of {run.case.name}", ERR) as working:
         case = prepare(run)
@@ -55,7 +55,7 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.runfile.reading import load_run
     from icmj.study.study import open_folder, plants_of
 
-    run = overridden(load_run(command.run), command.set)
+    run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     main_plant = command.plant or plants_of(run)[-1]
     name = f"{run.case.name}.{command.parameter.replace(':', '-')}"
     kinds = ("parquet", "rrd", "pdf", "svg")

@@ -48,7 +48,9 @@ def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
 
-    given = None if command.run is None else overridden(load_run(command.run), command.set)
+    given = (
+        None if command.run is None else overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    )
     if path.suffix == ".rrd":
         result = read_log(path)
         run = given or overridden(result.run, command.set)

@@ -14,3 +14,5 @@ class Overrides:
 
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
     """A value in place of the run file's, its key dotted: --set actual.gain=0.85. May be given again and again."""
+    allow_code: bool = False
+    """Run Python code that the run file names as module:name. Read it first."""

@@ -84,6 +84,7 @@ class Comparison(Shown):
         notices: what to tell of plants and run.
         pressure: of a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; else empty.
         outputs, output_units: names and units of the outputs.
+        measures: numbers by name that measures of one's own gave.
     """
 
     case: str
@@ -96,6 +97,7 @@ class Comparison(Shown):
     pressure: Mapping[str, float] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    measures: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
@@ -161,6 +163,7 @@ def compare(result: Result) -> Comparison:
         {} if result.simulation.pressure is None else result.simulation.pressure.facts,
         result.actual.outputs,
         result.actual.output_units,
+        result.measures,
     )
 
 
@@ -187,7 +190,9 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "relative_error": plain(vars(comparison.relative_error)),
         "words": comparison.words,
         "notices": list(comparison.notices),
-    } | ({"pressure": plain(dict(comparison.pressure))} if comparison.pressure else {})
+        **({"pressure": plain(dict(comparison.pressure))} if comparison.pressure else {}),
+        **({"measures": plain(dict(comparison.measures))} if comparison.measures else {}),
+    }
 
 
 def finite(value: float | None) -> float | None:

@@ -17,6 +17,9 @@ _OUTSIDE = ("input_gain", "sensor_gain", "sensor_bias")  # not in the model but 
 _INERTIAL = ("mass", "inertia", "centre_of_mass", "length")
 _PASSIVE = ("stiffness", "damping", "armature")
 
+Edit = Callable[[mujoco.MjSpec, float], object]
+"""A change of a model in code: of its spec, by ρ: 0 none of it, 1 all."""
+
 
 @dataclass(frozen=True)
 class Deviation:
@@ -28,12 +31,14 @@ class Deviation:
         dynprm: in place of ``dynprm`` of the named actuators; short for changes of ``dynprm``.
         rho: ρ, how much of every change there is: 0 none, 1 all of it.
         changes: the others, by name.
+        edit: whatever else is changed in the model: a function of its spec and ρ, called last.
     """
 
     gain: float | Sequence[float] = 1.0
     dynprm: Mapping[str, Sequence[float]] = field(default_factory=dict)
     rho: float = 1.0
     changes: tuple[Change, ...] = ()
+    edit: Edit | None = None
 
     def apply(self, spec: mujoco.MjSpec, name: str) -> None:
         """Change the model; what belongs to the plant's ports is left to them.
@@ -52,7 +57,13 @@ class Deviation:
                 raise ModelError(f"{name}: change of {change.what}: {' '.join(str(error).split())}") from error
             except ModelError as error:
                 raise ModelError(f"{name}: {error}") from error
-        if inside:
+        if self.edit is not None:
+            frozen(spec)
+            try:
+                self.edit(spec, self.rho)
+            except Exception as error:  # whatever the user's code raises
+                raise ModelError(f"{name}: edit: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        if inside or self.edit is not None:
             try:
                 spec.compile()
             except (ValueError, mujoco.FatalError) as error:

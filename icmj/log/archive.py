@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
-from icmj.controller.trigger import TRIGGERS
+from icmj.controller.trigger import TRIGGERS, recorded
 from icmj.errors import IcmjError, LogError
 from icmj.log.validation import validate
 from icmj.measurement.blocks import Estimate
@@ -67,6 +67,9 @@ def pack(result: Result) -> tuple[str, Flat]:
         LogError: if the result holds something that has no place in a log.
     """
     arrays: Flat = {}
+    controller = result.controller
+    # of a rule of somebody's own a log carries the numbers, and says where the code is
+    result = replace(result, controller=controller.triggered_by(recorded(controller.trigger, controller.design)))
     return json.dumps(_encode(result, "", arrays), ensure_ascii=False), arrays
 
 

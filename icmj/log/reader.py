@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from icmj.base.text import one_line
-from icmj.errors import IcmjError, LogError
+from icmj.controller.trigger import RecordedRule
+from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
 from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
 from icmj.result.result import Result
+from icmj.work.own_code import Code, digest_of
 
 
 class DamagedLog(LogError):
     """The file is not a whole recording; part of it may still be salvaged."""
 
 
-def read_log(path: Path | str) -> Result:
+def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
     """The result that a log was written from, every number bit for bit; ``scene`` is ``None``.
+
+    An event rule of somebody's own is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`).
+
+    Args:
+        path: the log.
+        allow_code: whether the rule's own class may be imported, from the run file's folder or where it is installed,
+            and made again of its parameters; where it is not there, or its source is another, the numbers stay.
 
     Raises:
         LogError: if the file is missing, not a log of icmj, cut short, or its archive has changed since it was
@@ -42,9 +52,25 @@ def read_log(path: Path | str) -> Result:
     if archive.digest(tree, arrays) != digest:
         raise LogError(f"{path}: the archive has changed since it was written (SHA-256 differs); take another copy")
     try:
-        return archive.unpack(tree, arrays)
+        result = archive.unpack(tree, arrays)
     except IcmjError as error:
         raise LogError(f"{path}: {one_line(error)}") from error
+    return _own(result) if allow_code else result
+
+
+def _own(result: Result) -> Result:
+    """With the event rule made by its own code, where that is there and as it was."""
+    rule = result.controller.trigger
+    if not isinstance(rule, RecordedRule):
+        return result
+    code = Code(result.run.path.parent, allowed=True)
+    try:
+        if digest_of(code.named(rule.reference)) != rule.sha256:
+            return result
+        made = code.made(rule.reference, **rule.parameters)
+    except RunFileError:  # it is not there
+        return result
+    return replace(result, controller=result.controller.triggered_by(made))
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:

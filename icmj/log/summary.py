@@ -66,6 +66,7 @@ def properties(result: Result, compared: Comparison) -> Properties:
         "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
         | _each("amplitude", outputs, error.amplitude),
         "statistics": _statistics(result),
+        "measures": dict(result.measures),
         "precision": dict(simulation.precision),
         "pressure": {} if simulation.pressure is None else dict(simulation.pressure.facts),
         "provenance": dict(result.provenance),
@@ -116,6 +117,7 @@ def markdown(result: Result, compared: Comparison) -> str:
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
         *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),
         *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
+        *(f"- {name}: {_plain(value)}" for name, value in result.measures.items()),
         "",
         "## Provenance",
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),

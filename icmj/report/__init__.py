@@ -1,5 +1,7 @@
 """The comparison report: figures, sections, page. Built from logs alone."""
 
-from icmj.report.builder import build_report
+import lazy_loader
 
-__all__ = ["build_report"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__, submodules=["plots"], submod_attrs={"builder": ["build_report"]}
+)

@@ -75,6 +75,7 @@ class Result(Shown):
         attractors: motions found from random starts of the linear plant; empty if not searched.
         notices: what to tell of plants and run, each once.
         statistics: distributions of the run under noise; ``None`` without noise, or where it has none.
+        measures: numbers by name that measures of one's own gave.
     """
 
     run: RunFile
@@ -92,6 +93,7 @@ class Result(Shown):
     attractors: tuple[Attractor, ...] = ()
     notices: tuple[str, ...] = ()
     statistics: Statistics | None = None
+    measures: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from pydantic import model_validator
 
+from icmj.base.array import real
 from icmj.controller.design import Design
 from icmj.controller.hold import HOLDS, Hold
-from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight
+from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_rule
 from icmj.errors import AnalysisError
 from icmj.plant.notice import Kind
 from icmj.runfile.table import (
@@ -17,11 +18,16 @@ from icmj.runfile.table import (
     Matrix,
     NonNegative,
     Numbers,
+    Parameters,
     Positive,
     Positives,
+    Reference,
     TomlTable,
     Weight,
 )
+from icmj.work.own_code import Code, accepted
+
+_RULES = ("quadratic", "box")
 
 
 class Weights(TomlTable):
@@ -55,12 +61,17 @@ class Control(TomlTable):
     ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
     """
 
-    hold: Literal["system-matched", "zero-order", "own"] = "system-matched"
-    """What drives the plant between events: the model under feedback, the last control, held, or A_h."""
+    hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
+    """What drives the plant between events: the model under feedback, the last control, held, or A_h; or the
+    ``module:name`` of a function that makes a hold, or its matrix, of the design."""
     A_h: Matrix | None = None
     """Matrix of a hold of one's own, ẋ_h = A_h x_h, row by row."""
-    rule: Literal["quadratic", "box"] = "quadratic"
-    """Which event rule."""
+    rule: Literal["quadratic", "box"] | Reference = "quadratic"
+    """Which event rule; or the ``module:name`` of a class of event rules of one's own."""
+    parameters: Parameters = {}
+    """Of a rule of one's own, by name."""
+    hold_parameters: Parameters = {}
+    """Of a hold of one's own, by name."""
     Q_t: Weight = "output"
     """Weight of the hold error in the quadratic rule: as ``design.Q_c``."""
     q_t: Positive | None = None
@@ -72,24 +83,34 @@ class Control(TomlTable):
     delta_min: NonNegative = 1e-3
     """Least interval between two events [s]: the refractory period."""
 
-    def trigger(self, design: Design) -> EventRule:
-        """The event rule for a controller of this design.
+    def trigger(self, design: Design, code: Code) -> EventRule:
+        """The event rule for a controller of this design; a rule of one's own is made by ``code``.
 
         Raises:
-            AnalysisError: if it does not fit the design.
+            AnalysisError: if it does not fit the design, or what is made of a rule of one's own is none.
+            RunFileError: if a rule of one's own may not be made, or cannot be.
         """
+        if self.rule not in _RULES:
+            given = accepted(code.named(self.rule), {"delta_min": self.delta_min})
+            rule = code.made(self.rule, **{**given, **self.parameters})
+            expect_rule(rule)
+            return cast(EventRule, rule)
         if self.rule == "box":
             assert self.threshold is not None
             return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
         assert self.q_t is not None
         return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
 
-    def made_hold(self, design: Design) -> Hold:
-        """The hold for a controller of this design.
+    def made_hold(self, design: Design, code: Code) -> Hold:
+        """The hold for a controller of this design; a hold of one's own is made by ``code``.
 
         Raises:
             AnalysisError: if it does not fit the design.
+            RunFileError: if a hold of one's own may not be made, or cannot be.
         """
+        if ":" in self.hold:
+            made = code.made(self.hold, design, **self.hold_parameters)
+            return made if isinstance(made, Hold) else Hold(self.hold, real(made, self.hold, AnalysisError))
         if self.A_h is None:
             return HOLDS[self.hold](design)
         n = design.plant.n
@@ -99,12 +120,21 @@ class Control(TomlTable):
 
     @model_validator(mode="after")
     def _own_hold_has_its_matrix(self) -> Control:
+        if self.hold_parameters and ":" not in self.hold:
+            raise ValueError(f"the {self.hold} hold has no parameters; they are for one of your own, module:name")
         if (self.hold == "own") != (self.A_h is not None):
             raise ValueError('A_h is the matrix of hold = "own", which needs it')
         return self
 
     @model_validator(mode="after")
     def _keys_are_those_of_the_rule(self) -> Control:
+        if self.rule not in _RULES:
+            theirs = [name for name in ("Q_t", "q_t", "on", "threshold") if name in self.model_fields_set]
+            if theirs:
+                raise ValueError(f"a rule of one's own has no {theirs[0]}; its numbers are its parameters")
+            return self
+        if self.parameters:
+            raise ValueError(f"the {self.rule} rule has no parameters; they are for a rule of one's own, module:name")
         needed, others = ("threshold", ("Q_t", "q_t")) if self.rule == "box" else ("q_t", ("on", "threshold"))
         if getattr(self, needed) is None:
             raise ValueError(f"the {self.rule} rule needs {needed}")

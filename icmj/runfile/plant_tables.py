@@ -17,10 +17,12 @@ from icmj.runfile.table import (
     Finite,
     NonNegative,
     Numbers,
+    Parameters,
+    Reference,
     TomlTable,
 )
 
-ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "dynprm", "change")
+ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "dynprm", "change", "edit")
 """Keys of a plant that only a model has."""
 
 
@@ -141,6 +143,10 @@ class Actual(PlantTable):
     """First parameters of the dynamics of actuators, by name."""
     change: list[ChangeTable] = []
     """Whatever else is wrong with the assumed model."""
+    edit: Reference | None = None
+    """The ``module:name`` of a function that changes the model itself: it is given the ``mujoco.MjSpec`` and ρ."""
+    edit_parameters: Parameters = {}
+    """Of that function, by name."""
     rho: Finite = 1.0
     """Share ρ of all changes that is applied: 0 none, 1 the whole."""
     delay: NonNegative | None = None

@@ -14,14 +14,20 @@ from icmj.runfile.shipped import RUNS, Shelf
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 
 
-def load_run(path: Path | str) -> RunFile:
+def load_run(path: Path | str, *, allow_code: bool = False) -> RunFile:
     """Read and validate a run file; the bare name of a shipped case, such as three-link-0.9, stands for its run file.
+
+    Args:
+        path: the file, or the name.
+        allow_code: whether Python code that it names (``module:name``) may be run once the case is prepared.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
     where, text = read_text(Path(path), RUNS)
-    return parse_run(text, where)
+    run = parse_run(text, where)
+    run._allows_code = allow_code
+    return run
 
 
 def read_text(path: Path, shelf: Shelf) -> tuple[Path, str]:

@@ -26,6 +26,7 @@ from icmj.runfile.table import (
     TomlTable,
 )
 from icmj.runfile.writing import to_toml
+from icmj.work.own_code import Code
 
 
 class Paper(TomlTable):
@@ -85,6 +86,7 @@ class RunFile(TomlTable):
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("run.toml"))
     _disowned: bool = PrivateAttr(default=False)
+    _allows_code: bool = PrivateAttr(default=False)
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
@@ -115,7 +117,9 @@ class RunFile(TomlTable):
                 put(data, key, deepcopy(value))
             except RunFileError as error:
                 raise RunFileError(f"{self._path}: {error}") from error
-        return type(self).validated(data, self._path)
+        changed = type(self).validated(data, self._path)
+        changed._allows_code = self._allows_code
+        return changed
 
     def _data(self) -> dict[str, Any]:
         """What it says, as plain data without defaults."""
@@ -159,6 +163,11 @@ class RunFile(TomlTable):
         if len(self.study.law_q_t) == 1:
             raise ValueError("study.law_q_t needs at least two thresholds to fit a slope")
         return self
+
+    @property
+    def code(self) -> Code:
+        """Where code that it names is looked for, and whether it may be run."""
+        return Code(self._path.parent, self._allows_code)
 
     @property
     def text(self) -> str:

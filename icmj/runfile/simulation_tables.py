@@ -14,6 +14,7 @@ from icmj.runfile.table import (
     Finite,
     NonNegative,
     Positive,
+    Reference,
     TomlTable,
 )
 from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, On, Settings, Source, Step
@@ -210,3 +211,5 @@ class StudyTable(TomlTable):
     """Of these starts."""
     magnification: Positive = 10.0
     """Of the sway in the second figure of the viewer."""
+    measures: Annotated[list[Reference], Field(max_length=MOST)] = []
+    """Measures of one's own: the ``module:name`` of functions of a simulation that give numbers by name."""

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from icmj.work.own_code import REFERENCE
+
 # far beyond anything physical, and near enough to 1 for squares and products to be numbers
 SMALLEST, LARGEST = 1e-15, 1e12
 MOST = 200  # entries of a list: more states, inputs or thresholds than can be computed with
@@ -17,6 +19,8 @@ Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST)]
 Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST)]
 Weight = Literal["output", "identity"] | Numbers | Matrix
 Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
+Reference = Annotated[str, Field(pattern=REFERENCE, max_length=200)]
+Parameters = dict[str, bool | Finite | str | Numbers | Matrix]
 Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.files import clear_leftovers, ready
+from icmj.base.text import one_line
 from icmj.errors import LogError, RunFileError, SimulationError
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
@@ -47,12 +48,13 @@ class Outputs:
     comparisons: tuple[Comparison, ...]
 
 
-def find_runs(paths: Sequence[Path], changes: Sequence[str] = ()) -> tuple[RunFile, ...]:
+def find_runs(paths: Sequence[Path], changes: Sequence[str] = (), *, allow_code: bool = False) -> tuple[RunFile, ...]:
     """Load run files; a folder stands for all ``*.toml`` in it, a bare name for a shipped case.
 
     Args:
         paths: files, folders and names; none stand for the folder ``runs``, or for all shipped cases where it has none.
         changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.overrides.overridden`.
+        allow_code: whether Python code that they name may be run.
 
     Raises:
         RunFileError: if there is none, one is not valid, or two have the same case name.
@@ -63,7 +65,7 @@ def find_runs(paths: Sequence[Path], changes: Sequence[str] = ()) -> tuple[RunFi
         if not found:
             raise RunFileError(f"{path}: no run file (*.toml) in this folder")
         files += found
-    runs = tuple(overridden(load_run(file), changes) for file in files)
+    runs = tuple(overridden(load_run(file, allow_code=allow_code), changes) for file in files)
     seen: dict[str, Path] = {}
     for run in runs:
         if run.case.name in seen:
@@ -136,7 +138,22 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
         statistics=statistics(simulation) if simulation.noisy else None,
+        measures=_measures(run, simulation),
     )
+
+
+def _measures(run: RunFile, simulation: Simulation) -> dict[str, float]:
+    """What measures of the user's own say of the run."""
+    found: dict[str, float] = {}
+    for reference in run.study.measures:
+        told = run.code.made(reference, simulation)
+        try:
+            found |= {str(name): float(value) for name, value in dict(told).items()}
+        except (TypeError, ValueError) as error:
+            raise RunFileError(
+                f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
+            ) from error
+    return found
 
 
 def _continuous_duration(case: Case, simulation: Simulation) -> float | None:

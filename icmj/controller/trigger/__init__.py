@@ -6,9 +6,10 @@ A rule of one's own is a module here: a frozen dataclass that is an :class:`Even
 from icmj.controller.trigger.box import BoxTrigger
 from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.quadratic import EventTrigger, as_weight, output_weight
+from icmj.controller.trigger.recorded import RecordedRule, recorded
 from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Trigger, expect_rule
 
-TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous)
+TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous, RecordedRule)
 """Every kind of trigger, as logs and command line know them."""
 
 __all__ = [
@@ -19,8 +20,10 @@ __all__ = [
     "EventRule",
     "EventTrigger",
     "Faces",
+    "RecordedRule",
     "Trigger",
     "as_weight",
     "expect_rule",
     "output_weight",
+    "recorded",
 ]

@@ -1,0 +1,129 @@
+"""Code of the user's own, named ``module:name`` in a run file or a log, and run only where that was asked for.
+
+The module is a file in the folder of the run file, or one that is installed. Reading a file never runs code; who calls
+says so, by ``--allow-code`` or in Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from icmj.base.text import one_line
+from icmj.errors import IcmjError, RunFileError
+
+REFERENCE = r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$"
+"""What names code: a module, a colon, and a name in it."""
+_ORIGIN = "__icmj_module__"  # of a module from a folder: its name there
+
+
+@dataclass(frozen=True)
+class Code:
+    """Where code is looked for, and whether it may be run.
+
+    Attributes:
+        folder: that of the run file; modules there come before installed ones.
+        allowed: whether whoever reads the file has asked for it.
+    """
+
+    folder: Path
+    allowed: bool = False
+
+    def named(self, reference: str) -> Any:
+        """What ``module:name`` stands for.
+
+        Raises:
+            RunFileError: if code is not allowed, or there is no such module or name, or importing it fails.
+        """
+        if not self.allowed:
+            raise RunFileError(
+                f"{reference} names Python code, which is not run unasked; read it, then add --allow-code (in Python, "
+                "allow_code=True)"
+            )
+        name, _, attribute = reference.partition(":")
+        try:
+            module = self._module(name)
+        except IcmjError:
+            raise
+        except Exception as error:  # whatever the user's module raises
+            raise RunFileError(f"{reference}: importing it fails ({_words(error)})") from error
+        if not hasattr(module, attribute):
+            raise RunFileError(f"{reference}: the module has no {attribute!r}")
+        return getattr(module, attribute)
+
+    def made(self, reference: str, *arguments: Any, **parameters: Any) -> Any:
+        """What ``module:name`` makes of these arguments and parameters.
+
+        Raises:
+            RunFileError: as :meth:`named`, or if it fails.
+        """
+        make = self.named(reference)
+        try:
+            return make(*arguments, **parameters)
+        except IcmjError:
+            raise
+        except Exception as error:  # whatever the user's code raises
+            raise RunFileError(f"{reference} fails ({_words(error)})") from error
+
+    def _module(self, name: str) -> ModuleType:
+        path = self.folder.joinpath(*name.split(".")).with_suffix(".py")
+        if not path.is_file():
+            return importlib.import_module(name)
+        content = path.read_bytes()
+        # one name for one content: a file that was changed is another module, and two folders do not mix
+        own = f"icmj_own_{hashlib.sha256(str(path.resolve()).encode() + content).hexdigest()[:16]}"
+        if own in sys.modules:
+            return sys.modules[own]
+        spec = importlib.util.spec_from_file_location(own, path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        setattr(module, _ORIGIN, name)
+        sys.modules[own] = module
+        sys.path.insert(0, str(self.folder))  # it may import what lies beside it
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[own]
+            raise
+        finally:
+            sys.path.remove(str(self.folder))
+        return module
+
+
+def reference_of(thing: Any) -> str:
+    """``module:name`` of a class, a function, or what a class has made."""
+    kind = thing if isinstance(thing, type) or inspect.isroutine(thing) else type(thing)
+    module = sys.modules.get(kind.__module__)
+    return f"{getattr(module, _ORIGIN, kind.__module__)}:{kind.__qualname__}"
+
+
+def digest_of(thing: Any) -> str:
+    """SHA-256 of the source file of a class, a function, or what a class has made; "" if there is none."""
+    kind = thing if isinstance(thing, type) or inspect.isroutine(thing) else type(thing)
+    try:
+        source = inspect.getsourcefile(kind)
+        return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""
+    except (OSError, TypeError):
+        return ""
+
+
+def accepted(make: Callable[..., Any], parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of ``parameters`` that ``make`` takes by name."""
+    try:
+        known = inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return {}
+    return {name: value for name, value in parameters.items() if name in known}
+
+
+def _words(error: BaseException) -> str:
+    return one_line(f"{type(error).__name__}: {error}", 200)

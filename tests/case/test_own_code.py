@@ -1,0 +1,223 @@
+"""Code of the user's own: from the run file to the log, the report and the replay, and never run unasked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from icmj.case.case import prepare, simulate
+from icmj.cli.main import main
+from icmj.controller.trigger import EventTrigger, RecordedRule
+from icmj.errors import ModelError, RunFileError
+from icmj.log.reader import read_log, read_summary
+from icmj.log.writer import write_log
+from icmj.runfile.reading import load_run
+from icmj.study.study import run_case
+from icmj.work.own_code import Code, digest_of, reference_of
+
+RULES = '''
+"""Rules of somebody's own."""
+from __future__ import annotations
+from dataclasses import dataclass, replace
+import numpy as np
+from icmj import EventRule, Faces
+
+@dataclass(frozen=True, eq=False)
+class Diamond(EventRule):
+    """|e_1|/a + |e_2|/b reaches 1: two pairs of parallel faces."""
+    a: float
+    b: float
+    delta_min: float = 0.0
+
+    @property
+    def size(self):
+        return self.a
+
+    def resized(self, size):
+        return replace(self, a=size, b=self.b * size / self.a)
+
+    def faces(self, design):
+        R = np.zeros((2, design.plant.n))
+        R[:, 0], R[:, 1] = 1 / self.a, [1 / self.b, -1 / self.b]
+        return Faces(R, np.arange(3))
+
+    def facts(self):
+        return {"a": self.a, "b": self.b}
+
+def halved(design, share=0.5):
+    return share * design.A_c
+
+def heavier(spec, rho, factor=2.0):
+    for body in spec.bodies:
+        if body.name != "world":
+            body.mass *= 1 + rho * (factor - 1)
+            body.inertia = np.asarray(body.inertia) * (1 + rho * (factor - 1))
+
+def longest(simulation):
+    return {"longest interval [s]": simulation.events.interval.max(initial=0.0)}
+
+def nothing(simulation):
+    return "nothing"
+
+def broken(*given, **named):
+    raise KeyError("a mistake of mine")
+'''
+RUN = """
+[case]
+name = "own"
+title = "Own"
+[assumed]
+model = "{model}"
+keyframe = "upright"
+[actual]
+gain = 0.8
+[design]
+R_c = 0.1
+R_o = 0.01
+[controller]
+rule = "rules:Diamond"
+parameters = {{ a = 0.01, b = 0.05 }}
+delta_min = 0.02
+[simulation]
+duration = 6.0
+initial = {{ hinge = 0.02 }}
+[study]
+growth_points = 2
+measures = ["rules:longest"]
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path, root: Path) -> Path:
+    (tmp_path / "rules.py").write_text(RULES, encoding="utf-8")
+    path = tmp_path / "own.toml"
+    path.write_text(RUN.format(model=(root / "models" / "pendulum.xml").as_posix()), encoding="utf-8")
+    return path
+
+
+def test_a_rule_goes_from_run_file_to_log_report_and_replay(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = own.parent / "out"
+    assert main(["run", str(own), "--out", str(out)]) == 2
+    assert "rules:Diamond names Python code, which is not run unasked" in capsys.readouterr().err
+    for plant in ("linear", "mujoco"):
+        assert main(["run", str(own), "--out", str(out), "--allow-code", "--plant", plant]) == 0
+    logs = [out / f"own.{plant}.rrd" for plant in ("linear", "mujoco")]
+    assert main(["report", *map(str, logs), "--out", str(out / "report.html")]) == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "rules:Diamond" in page
+    result = read_log(logs[1])
+    assert read_summary(logs[1])["measures"]["longest interval [s]"] == result.simulation.events.interval.max()
+    # what is drawn for a replay is made of the log alone
+    write_log(result, out / "again.rrd")
+    rule = read_log(out / "again.rrd").controller.trigger
+    assert isinstance(rule, RecordedRule)
+
+
+def test_the_rule_decides(own: Path) -> None:
+    """Every event is where |e_1|/a + |e_2|/b is 1, and nowhere before it is more."""
+    case = prepare(load_run(own, allow_code=True))
+    run = simulate(case, "linear")
+    e = run.events.x_h - run.events.x_o
+    assert len(run.events) > 5
+    np.testing.assert_allclose(np.abs(e[:, 0]) / 0.01 + np.abs(e[:, 1]) / 0.05, 1, rtol=1e-9)
+    e = run.x_h - run.x_o
+    assert (np.abs(e[:, 0]) / 0.01 + np.abs(e[:, 1]) / 0.05).max() < 1 + 1e-9
+    assert case.rule.delta_min == 0.02
+
+
+def test_a_log_is_read_where_the_code_is_not(own: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    result = run_case(load_run(own, allow_code=True), "linear")
+    rule, log = result.controller.trigger, own.parent / "own.rrd"
+    write_log(result, log)
+    faces = rule.faces(result.controller.design)  # type: ignore[attr-defined]
+    for allowed in (False, True):
+        found = read_log(log, allow_code=allowed).controller.trigger
+        assert isinstance(found, RecordedRule) is not allowed
+        assert found.faces(result.controller.design).R.tobytes() == faces.R.tobytes()
+    again = read_log(log, allow_code=True).controller.trigger
+    assert reference_of(again) == "rules:Diamond"
+    assert (again.a, again.b, again.delta_min) == (0.01, 0.05, 0.02)  # type: ignore[attr-defined]
+    # of another source, it is another rule
+    (own.parent / "rules.py").write_text(RULES.replace("1 / self.a", "2 / self.a"), encoding="utf-8")
+    assert isinstance(read_log(log, allow_code=True).controller.trigger, RecordedRule)
+    (own.parent / "rules.py").unlink()
+    kept = read_log(log, allow_code=True).controller.trigger
+    assert isinstance(kept, RecordedRule)
+    assert (kept.reference, kept.sha256) == ("rules:Diamond", read_log(log).controller.trigger.sha256)  # type: ignore[attr-defined]
+    assert kept.parameters == {"a": 0.01, "b": 0.05, "delta_min": 0.02}
+    np.testing.assert_allclose(kept.resized(0.02).faces(result.controller.design).R, faces.R / 2, rtol=1e-15)
+
+
+def test_a_hold_of_ones_own(own: Path) -> None:
+    run = load_run(own, allow_code=True).with_(**{"controller.hold": "rules:halved"})
+    controller = prepare(run).controller
+    np.testing.assert_array_equal(controller.hold.A_h, 0.5 * controller.design.A_c)
+    assert controller.hold.name == "rules:halved"
+    whole = prepare(run.with_(**{"controller.hold_parameters": {"share": 1.0}})).controller
+    np.testing.assert_array_equal(whole.hold.A_h, whole.design.A_c)
+
+
+def test_a_change_in_code_is_the_change_in_words(own: Path) -> None:
+    plain = load_run(own, allow_code=True)
+    in_words = prepare(plain.with_(**{"actual.change": [{"what": "mass", "factor": 2.0}], "actual.rho": 0.5}))
+    in_code = prepare(plain.with_(**{"actual.edit": "rules:heavier", "actual.rho": 0.5}))
+    np.testing.assert_allclose(
+        in_code.actual.linearisation.plant.B_d, in_words.actual.linearisation.plant.B_d, rtol=1e-12, atol=1e-12
+    )
+    assert not np.allclose(in_code.actual.linearisation.plant.B_d, prepare(plain).actual.linearisation.plant.B_d)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"controller.rule": "absent:Rule"}, RunFileError, "importing it fails"),
+        ({"controller.rule": "rules:Absent"}, RunFileError, "the module has no 'Absent'"),
+        ({"controller.rule": "rules:halved"}, RunFileError, "fails"),
+        ({"controller.rule": "rules:broken"}, RunFileError, "a mistake of mine"),
+        ({"controller.parameters": {"c": 1.0}}, RunFileError, "fails"),
+        ({"controller.q_t": 0.1}, RunFileError, "has no q_t"),
+        ({"controller.rule": "box", "controller.threshold": 0.1}, RunFileError, "the box rule has no parameters"),
+        ({"controller.hold": "rules:broken"}, RunFileError, "a mistake of mine"),
+        ({"controller.hold_parameters": {"a": 1}}, RunFileError, "hold has no parameters"),
+        ({"actual.edit": "rules:broken"}, ModelError, "a mistake of mine"),
+    ],
+)
+def test_what_is_wrong_is_one_line(own: Path, changes: dict, error: type, words: str) -> None:
+    with pytest.raises(error, match=words) as told:
+        prepare(load_run(own, allow_code=True).with_(**changes))
+    assert "\n" not in str(told.value)
+
+
+def test_a_measure_that_gives_no_numbers_is_told(own: Path) -> None:
+    run = load_run(own, allow_code=True).with_(**{"study.measures": ["rules:nothing"]})
+    with pytest.raises(RunFileError, match="expected numbers by name, got 'nothing'"):
+        run_case(run, "linear")
+
+
+def test_reading_runs_nothing(own: Path) -> None:
+    (own.parent / "rules.py").write_text("raise SystemExit('it was run')", encoding="utf-8")
+    run = load_run(own)
+    with pytest.raises(RunFileError, match="not run unasked"):
+        prepare(run)
+    with pytest.raises(RunFileError, match="not run unasked"):
+        Code(own.parent).named("rules:Diamond")
+
+
+def test_an_object_is_taken_by_the_api(own: Path) -> None:
+    """What a run file names, a script passes."""
+    case = prepare(load_run(own, allow_code=True))
+    run = simulate(case, "linear", trigger=EventTrigger(np.eye(2), 0.01, 0.02))
+    assert len(run.events) > 0
+    assert digest_of(case.rule) == digest_of(Code(own.parent, True).named("rules:Diamond"))
+
+
+def test_summary_has_what_measures_say(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = own.parent / "study"
+    assert main(["study", str(own), "--out", str(out), "--allow-code", "--jobs", "2"]) == 0
+    capsys.readouterr()
+    records = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    rows = records if isinstance(records, list) else records["cases"]
+    assert {row["measures"]["longest interval [s]"] > 0 for row in rows} == {True}
