@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -55,11 +57,22 @@ def _tell_where(gallery_conf: dict, script: dict) -> list[str]:
     return []
 
 
+def _lacking(example: Path) -> list[str]:
+    """Libraries that an example looks for and that are not installed; such an example is shown, and not run."""
+    wanted = re.findall(r'find_spec\("(\w+)"\)', example.read_text(encoding="utf-8"))
+    return [name for name in wanted if importlib.util.find_spec(name) is None]
+
+
+NOT_RUN = {example.stem: _lacking(example) for example in sorted((HERE.parent / "examples").glob("*.py"))}
+for example, lacking in NOT_RUN.items():
+    if lacking:
+        print(f"examples/{example}.py is shown without being run: {' and '.join(lacking)} not installed")
+
 sphinx_gallery_conf = {
     "reset_argv": _tell_where,
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"/\w+\.py",
+    "filename_pattern": rf"/(?!(?:{'|'.join(name for name, lacking in NOT_RUN.items() if lacking)})\.py)\w+\.py",
     "within_subsection_order": "FileNameSortKey",
     "download_all_examples": False,
     "show_memory": False,
