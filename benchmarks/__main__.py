@@ -21,11 +21,19 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from benchmarks import analysis, cycles, linear, precision, startup, stepping, threads
 from benchmarks.row import Row
+from icmj.cli.tables import Column, show_table
+from icmj.cli.terminal import Terminal
+
+MEASURED = (
+    Column("group"),
+    Column("measured"),
+    Column("value", "right"),
+    Column("bound", "right"),
+    Column("note", rank=1),
+)
+COMPARED = (Column("group"), Column("measured"), Column("A", "right"), Column("B", "right"), Column("B / A", "right"))
 
 
 def _analysis() -> list[Row]:
@@ -55,39 +63,34 @@ def main() -> int:
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="keep the numbers")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"), help="compare two saved results")
     arguments = parser.parse_args()
-    console = Console()
+    console = Terminal()
     if arguments.compare:
-        console.print(comparison(*(load(path) for path in arguments.compare)))
+        show_compared(*(load(path) for path in arguments.compare), console)
         return 0
     measured: list[Row] = []
     for name in arguments.only or GROUPS:
         with console.status(f"measuring {name} …"):
             measured += GROUPS[name]()
-    console.print(table(measured))
+    show_measured(measured, console)
     if arguments.save:
         facts = {"python": platform.python_version(), "machine": platform.machine(), "cpu": platform.processor()}
         text = json.dumps({"platform": facts, "rows": [asdict(row) for row in measured]}, indent=1)
         arguments.save.write_text(text, encoding="utf-8")
     missed = [row.name for row in measured if row.met is False]
     if missed:
-        console.print(f"[red]missed: {'; '.join(missed)}")
+        console.say(f"missed: {'; '.join(missed)}", style="red")
     return 1 if missed else 0
 
 
-def table(measured: list[Row]) -> Table:
+def show_measured(measured: list[Row], out: Terminal) -> None:
     """The measured rows as a table for people."""
-    out = Table("", "measured", "value", "bound", "note", title="icmj benchmarks")
-    for column in (out.columns[2], out.columns[3]):
-        column.justify = "right"
-    group = ""
+    rows = []
     for row in measured:
         bound = "" if row.bound is None else f"{'≤' if row.at_most else '≥'} {row.bound:g}"
-        mark = {True: " [green]✓", False: " [red]✗", None: ""}[row.met]
-        if row.group != group:
-            out.add_section()
-        out.add_row(row.group if row.group != group else "", row.name, shown(row), bound + mark, row.note)
-        group = row.group
-    return out
+        mark = {True: " ✓", False: " ✗", None: ""}[row.met]
+        rows.append((row.group, row.name, shown(row), bound + mark, row.note))
+    ends = [i for i, row in enumerate(measured[:-1]) if row.group != measured[i + 1].group]
+    show_table(MEASURED, rows, out, title="icmj benchmarks", keys=2, sections=ends)
 
 
 def shown(row: Row) -> str:
@@ -101,14 +104,14 @@ def load(path: Path) -> dict[tuple[str, str], Row]:
     return {(row["group"], row["name"]): Row(**row) for row in data["rows"]}
 
 
-def comparison(old: dict[tuple[str, str], Row], new: dict[tuple[str, str], Row]) -> Table:
+def show_compared(old: dict[tuple[str, str], Row], new: dict[tuple[str, str], Row], out: Terminal) -> None:
     """Two saved results side by side."""
-    out = Table("", "measured", "A", "B", "B / A", title="icmj benchmarks, compared")
+    rows = []
     for key in dict.fromkeys([*old, *new]):
         a, b = old.get(key), new.get(key)
         ratio = b.value / a.value if a and b and a.value and b.value else None
-        out.add_row(*key, shown(a) if a else "–", shown(b) if b else "–", "–" if ratio is None else f"{ratio:.3f}")
-    return out
+        rows.append((*key, shown(a) if a else "–", shown(b) if b else "–", "–" if ratio is None else f"{ratio:.3f}"))
+    show_table(COMPARED, rows, out, title="icmj benchmarks, compared", keys=2)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 """The examples run, and find what they promise."""
 
+import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
@@ -35,3 +37,11 @@ def test_example_runs(root, command, words):
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stderr
     assert words in done.stdout
+
+
+def test_the_documentation_s_extra_brings_what_examples_look_for(root):
+    """It did not, so that the documentation could be built only where the tests were installed."""
+    extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    for example in (root / "examples").glob("*.py"):
+        for name in re.findall(r'find_spec\("(\w+)"\)', example.read_text(encoding="utf-8")):
+            assert any(re.match(rf"{name}\b", wanted) for wanted in extras["docs"]), example

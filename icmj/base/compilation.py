@@ -19,10 +19,12 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
+from icmj.base import compiling
 from icmj.base.environment import INTERPRETED
 
 if not INTERPRETED:
     import numba
+    from numba.core import event
 
 try:
     import fcntl
@@ -30,6 +32,20 @@ except ImportError:  # no such locks here: each process compiles
     fcntl = None  # type: ignore[assignment]
 
 TESTED = "0.68."  # numba, with icmj.base.linking
+
+
+if not INTERPRETED:
+
+    class _Noted(event.Listener):
+        """Tells :mod:`icmj.base.compiling` what numba compiles, which it does where nothing on disk fits."""
+
+        def on_start(self, what: Any) -> None:
+            compiling.begin()
+
+        def on_end(self, what: Any) -> None:
+            compiling.end()
+
+    event.register("numba:compile", _Noted())
 
 
 def contents(folder: Path, *more: str) -> int:
@@ -93,6 +109,8 @@ def _one_process(dispatcher: Any) -> Iterator[None]:
     with ExitStack() as held:
         if fcntl is not None and not _on_disk(dispatcher):
             lock = Path(dispatcher.stats.cache_path) / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.lock"
+            compiling.begin()  # waiting for another process is waiting for its compiler
+            held.callback(compiling.end)
             with suppress(OSError):  # no right, or a file system without locks: each process compiles
                 fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
         yield

@@ -7,21 +7,30 @@ from functools import singledispatch
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from icmj.base.files import replaceable, write_text
+from icmj.base.plain import plain
 from icmj.base.signals import heard_once
-from icmj.cli import arguments, series_commands, starting
+from icmj.cli import arguments, series_commands, starting, starting_arguments
+from icmj.cli.comparison_table import show_comparisons
+from icmj.cli.records import plain_comparisons
+from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
 
-    from icmj.comparison.comparison import Comparison
+    from icmj.result.result import Result
 
+CROSSINGS = (
+    Column("Δ (s)"),
+    Column("eigenvalue"),
+    Column("kind", rank=2),
+    Column("direction", rank=1),
+    Column("largest other |λ|"),
+)
 TOLD = 10.0  # s of estimated work that is announced
 
 
@@ -32,6 +41,7 @@ def execute(command: object) -> None:
 
 
 execute.register(starting.new)
+execute.register(starting.schema)
 execute.register(series_commands.export)
 execute.register(series_commands.measure)
 
@@ -48,12 +58,16 @@ def study(command: arguments.Study) -> None:
     with Working("study", ERR) as working:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
-    _show(outputs.comparisons)
+    if command.json:
+        files = {"logs": outputs.logs, "report": outputs.report, "summary": outputs.summary}
+        OUT.show(plain_comparisons(outputs.comparisons, **files))
+        return
+    show_comparisons(outputs.comparisons, OUT)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
-    OUT.say(f"{count} in {command.out}")
-    OUT.say(f"report   {outputs.report}")
-    OUT.say(f"summary  {outputs.summary}")
+    OUT.say(f"{count} in {command.out}", wrap=False)
+    OUT.say(f"report   {outputs.report}", wrap=False)
+    OUT.say(f"summary  {outputs.summary}", wrap=False)
 
 
 @execute.register
@@ -72,7 +86,6 @@ def analyse(command: arguments.Analyse) -> None:
     if command.json:
         OUT.show(plain_prediction(prediction, outputs, case.notices))
         return
-    table = Table("", "", title=run.case.title, title_justify="left", box=SIMPLE_HEAD, show_header=False)
     rows: list[tuple[str, str]] = [
         ("critical interval Δ_crit", _number(prediction.delta_crit, "s")),
         ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
@@ -92,21 +105,21 @@ def analyse(command: arguments.Analyse) -> None:
         ("continuous state feedback on the actual plant", _stable(prediction.state_feedback_stable)),
         ("continuous observer feedback on the actual plant", _stable(prediction.observer_feedback_stable)),
     ]
-    for row in rows:
-        table.add_row(*row)
-    OUT.print(table)
-    crossings = Table(
-        "Δ (s)", "eigenvalue", "kind", "direction", "largest other |λ|", title_justify="left", box=SIMPLE_HEAD
-    )
-    crossings.title = f"Unit-circle crossings up to {prediction.delta_max:g} s"
-    for c in prediction.crossings:
-        crossings.add_row(f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
-    OUT.print(crossings if prediction.crossings else f"No unit-circle crossing up to {prediction.delta_max:g} s.")
+    show_table((Column(""), Column("")), rows, OUT, title=run.case.title)
+    found = [
+        (f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
+        for c in prediction.crossings
+    ]
+    if found:
+        show_table(CROSSINGS, found, OUT, title=f"Unit-circle crossings up to {prediction.delta_max:g} s")
+    else:
+        OUT.say(f"No unit-circle crossing up to {prediction.delta_max:g} s.")
     if prediction.beyond is not None:
         OUT.say(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
     for words in prediction.remarks:
         OUT.say(words[0].upper() + words[1:] + ".")
-    _tell(case.notices)
+    for notice in case.notices:
+        OUT.note(notice)
 
 
 @execute.register
@@ -117,7 +130,6 @@ def run(command: arguments.Run) -> None:
     from icmj.log import write_log
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
-    from icmj.simulation.remarks import relative_error
     from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
     from icmj.study.study import open_folder, plants_of, run_case
 
@@ -137,16 +149,28 @@ def run(command: arguments.Run) -> None:
             working.tell("writing the log", 0.95)
             with heard.postponed():
                 write_log(result, log)
-    _show([compare(result)])
+    if command.json:
+        outcome = {"kind": result.simulation.outcome.kind, "t": result.simulation.outcome.t}
+        OUT.show(plain_comparisons([compare(result)], logs=(log,)) | {"outcome": plain(outcome)})
+    else:
+        _tell_run(result, log)
+    if result.simulation.outcome.kind == "interrupted":
+        raise KeyboardInterrupt
+
+
+def _tell_run(result: Result, log: Path) -> None:
+    """What a run did, in a table and in words."""
+    from icmj.comparison.comparison import compare
+    from icmj.simulation.remarks import relative_error
+
+    show_comparisons([compare(result)], OUT)
     OUT.say(f"The run {result.simulation.outcome.message}.")
     OUT.say(result.measurement.words)
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         OUT.say(f"{words[0].upper()}{words[1:]}.")
     if (error := relative_error(result.simulation)) > 0:
         OUT.say(f"Relative error by the step: {error:.1g}.")
-    OUT.say(f"log  {log}")
-    if result.simulation.outcome.kind == "interrupted":
-        raise KeyboardInterrupt
+    OUT.say(f"log  {log}", wrap=False)
 
 
 @execute.register
@@ -166,9 +190,12 @@ def report(command: arguments.Report) -> None:
             sweeps = [read_sweep(folder) for folder in folders]
         branches, logs = branches_among([path for path in command.logs if path not in folders])
         comparisons = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
+    if command.json:
+        OUT.show(plain_comparisons(comparisons, report=command.out))
+        return
     if comparisons:
-        _show(comparisons)
-    OUT.say(f"report  {command.out}")
+        show_comparisons(comparisons, OUT)
+    OUT.say(f"report  {command.out}", wrap=False)
 
 
 @execute.register
@@ -180,7 +207,7 @@ def replay(command: arguments.Replay) -> None:
 
 
 @execute.register
-def person(command: arguments.Person) -> None:
+def person(command: starting_arguments.Person) -> None:
     """Write a person's model and say what it is."""
     from icmj.engine.plant import shaped
     from icmj.plant.person import Person
@@ -195,7 +222,7 @@ def person(command: arguments.Person) -> None:
 
 
 @execute.register
-def linearise(command: arguments.Linearise) -> None:
+def linearise(command: starting_arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.cli.matrices import save_plant, show_plant
     from icmj.cli.records import plain_linearisation
@@ -223,7 +250,8 @@ def linearise(command: arguments.Linearise) -> None:
         OUT.show(plain_linearisation(linearisation, loaded.quality, loaded.told), indent=None)
         return
     show_plant(plant, OUT, full=command.full)
-    _tell((*loaded.told, *loaded.quality.notices))
+    for notice in (*loaded.told, *loaded.quality.notices):
+        OUT.note(notice)
     if command.out is not None:
         OUT.say(f"matrices  {command.out}")
 
@@ -244,46 +272,6 @@ def identify(command: arguments.Identify) -> None:
     carry_out(command, OUT, ERR)
 
 
-def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:
-    """What to tell of the runs, each thing once: of a case, where all its runs have it, else of a run."""
-    runs = {c.case: [other for other in comparisons if other.case == c.case] for c in comparisons}
-    for case, same in runs.items():
-        for notice in dict.fromkeys(notice for c in same for notice in c.notices):
-            having = [c.plant for c in same if notice in c.notices]
-            yield f"{case}: {notice}" if len(having) == len(same) > 1 else f"{case} ({having[0]}): {notice}"
-
-
-def _show(comparisons: Sequence[Comparison]) -> None:
-    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
-    title = "Predicted and measured open-loop interval, in seconds"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in ("case", "plant"):
-        table.add_column(column, no_wrap=True)
-    for column in ("Δ_crit", "measured", "error", "peak error"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("cycle", justify="center", no_wrap=True)
-    for c in comparisons:
-        table.add_row(
-            c.case,
-            c.plant,
-            _number(c.predicted.delta_crit),
-            _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
-            _error(c.relative_error.interval if c.measured.converged else None),
-            _error(c.relative_error.largest_amplitude if c.measured.converged else None),
-            "yes" if c.measured.converged else "no",
-        )
-    OUT.print(table)
-    _tell(noted(comparisons))
-    for c in comparisons:
-        if not c.measured.converged:
-            OUT.say(f"{c.case} ({c.plant}): {c.words}")
-
-
-def _tell(notices: Iterable[object]) -> None:
-    for notice in notices:
-        OUT.say(f"note: {notice}", style="yellow")
-
-
 def _number(value: float | None, unit: str = "") -> str:
     return "–" if value is None else f"{value:.6f} {unit}".rstrip()
 
@@ -292,10 +280,6 @@ def _amount(value: float, unit: str) -> str:
     value += 0.0  # not −0
     shown = f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.4g}°)" if unit == "rad" else "")
     return shown if np.isfinite(value) else "–"
-
-
-def _error(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.1e}"
 
 
 def _complex(value: complex) -> str:

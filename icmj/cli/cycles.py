@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from icmj.base.plain import plain
 from icmj.cli import arguments
 from icmj.cli.commands import execute
+from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 
@@ -34,7 +33,9 @@ def cycle(command: arguments.Cycle) -> None:
     plant = command.plant or plants_of(run)[-1]
     with Working(f"cycle of {run.case.name}", ERR) as working:
         case = prepare(run)
-        found = find_cycle(case, plant, start=command.start, progress=lambda done: working.tell("simulating", done))
+        found = find_cycle(
+            case, plant, start=command.start, progress=lambda done: working.tell(f"cycle of {run.case.name}", done)
+        )
     if command.json:
         OUT.show(plain_cycle(found, case))
         return
@@ -98,7 +99,7 @@ def continue_(command: arguments.Continue) -> None:
     for branch in found:
         _show_branch(branch)
     for words in off:
-        OUT.say(f"note: {words}", style="yellow")
+        OUT.note(words)
     for file in files:
         OUT.say(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {file}")
 
@@ -106,29 +107,26 @@ def continue_(command: arguments.Continue) -> None:
 def _show_branch(branch: Branch) -> None:
     from icmj.cycle.parameter import with_unit
 
-    table = Table(title=f"{branch.run.case.title}: {branch.name} ({branch.plant})", title_justify="left")
-    table.box = SIMPLE_HEAD
-    for column in (
-        with_unit(branch.parameter),
-        "interval (s)",
-        "period (s)",
-        *(f"peak of {n}" for n in branch.outputs),
-        "|μ|",
-        "",
-    ):
-        table.add_column(column, justify="right")
-    marks = {special.index: special.kind for special in branch.specials}
+    columns = (
+        Column(with_unit(branch.parameter), "right"),
+        Column("interval (s)", "right"),
+        Column("period (s)", "right", 1),
+        *(Column(f"peak of {name}", "right", 2) for name in branch.outputs),
+        Column("|μ|", "right"),
+        Column(""),
+    )
+    marks = {special.index for special in branch.specials}
     shown = sorted({*marks, *np.linspace(0, len(branch) - 1, min(len(branch), 12)).astype(int).tolist()})
+    rows = []
     for i in shown:
         intervals = ", ".join(f"{interval:.6g}" for interval in branch.intervals[i])
         peaks = (_amount(peak, unit, 4) for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
-        table.add_row(
+        rows.append((
             f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, _amount(branch.largest[i], "", 4),
             "attracting" if branch.attracting[i] else "repelling",
-        )  # fmt: skip
-        if i in marks:
-            table.add_section()
-    OUT.print(table)
+        ))  # fmt: skip
+    title = f"{branch.run.case.title}: {branch.name} ({branch.plant})"
+    show_table(columns, rows, OUT, title=title, sections=[row for row, i in enumerate(shown) if i in marks])
     for special in branch.specials:
         OUT.say(special.words)
     if not branch.specials or branch.specials[-1].words != branch.end:
@@ -171,23 +169,23 @@ def plain_cycle(found: Cycle, case: Case) -> dict[str, Any]:
 def _show(found: Cycle, case: Case) -> None:
     plant, prediction = case.actual.linearisation.plant, case.prediction
     orbit = prediction.orbit
-    table = Table("", found.plant, "linear prediction", title_justify="left", box=SIMPLE_HEAD)
-    table.title = case.run.case.title
+    rows: list[tuple[str, str, str]] = []
     many = len(found.intervals) > 1
     for i, interval in enumerate(found.intervals):
         predicted = "–" if prediction.delta_crit is None or i else f"{prediction.delta_crit:.9f} s"
-        table.add_row(f"open-loop interval {i + 1}" if many else "open-loop interval", f"{interval:.9f} s", predicted)
-    table.add_row("period", f"{found.period:.9f} s", "–" if orbit is None else f"{orbit.period:.9f} s")
+        rows.append((f"open-loop interval {i + 1}" if many else "open-loop interval", f"{interval:.9f} s", predicted))
+    rows.append(("period", f"{found.period:.9f} s", "–" if orbit is None else f"{orbit.period:.9f} s"))
     units = plant.output_units or ("",) * plant.n_y
     for i, (name, unit) in enumerate(zip(plant.outputs, units, strict=True)):
         expected = _amount(None if orbit is None else orbit.y_peak[i], unit)
-        table.add_row(f"peak of {name}", _amount(found.y_peak[i], unit), expected)
+        rows.append((f"peak of {name}", _amount(found.y_peak[i], unit), expected))
     theirs = () if prediction.multipliers is None else prediction.multipliers
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
         expected = _complex(theirs[i]) if i < len(theirs) else "–"
-        table.add_row(f"multiplier {i + 1}", f"{_complex(value)} ± {error:.0e}", expected)
-    OUT.print(table)
+        rows.append((f"multiplier {i + 1}", f"{_complex(value)} ± {error:.0e}", expected))
+    columns = Column(""), Column(found.plant), Column("linear prediction")
+    show_table(columns, rows, OUT, title=case.run.case.title)
     OUT.say(found.words)
     error = (
         f"; relative error of the interval by the step {found.interval_error:.0e}" if found.plant != "linear" else ""

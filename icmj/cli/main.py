@@ -78,13 +78,16 @@ def _obey(arguments: list[str]) -> int:
 
             print(f"icmj {VERSION}", flush=True)
             return 0
-        from icmj.cli.parsing import parse
+        from icmj.cli.parsing import overview, parse
 
+        if arguments[:1] in ([], ["--help"], ["-h"]):
+            print(overview(), flush=True)
+            return 0
         try:
             command = parse(arguments)
         except SystemExit as stop:
             sys.stdout.flush()
-            return stop.code if isinstance(stop.code, int) else BAD_INPUT
+            return stop.code if isinstance(stop.code, int) else 0  # help, or completion for a shell
         if (room := narrow()) is not None:
             return _say(
                 f"ulimit -v leaves {room / 1e9:.2g} GB of addresses, and the libraries need {LEAST_ROOM / 1e9:.2g} GB; "
@@ -92,9 +95,10 @@ def _obey(arguments: list[str]) -> int:
                 BAD_INPUT,
             )
         import icmj.cli.cycles  # noqa: F401, for the commands that it registers
-        from icmj.cli import commands
+        from icmj.cli import commands, terminal
 
-        commands.execute(command)
+        with terminal.talking(command.general.quiet, command.general.verbose):
+            commands.execute(command)
         sys.stdout.flush()
     except IcmjError as error:
         return _say(str(error), BAD_INPUT)

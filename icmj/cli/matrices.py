@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from icmj.base.files import write_bytes
+from icmj.cli.tables import Column, show_table
 from icmj.errors import ModelError
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from icmj.plant.linear_plant import LinearPlant
 
 FEW = 8  # states whose matrices are shown without being asked for
+POLES = tuple(map(Column, ("pole (rad/s)", "damping", "time constant (s)", "frequency (Hz)")))
 GAP = 3  # columns of the terminal between two of a table
 
 
@@ -86,17 +88,15 @@ def _show_matrix(name: str, matrix: Array, rows: tuple[str, ...], columns: tuple
 def _show_outline(plant: LinearPlant, out: Terminal) -> None:
     """Names with units, and what drives and what shows each state."""
     out.say(f"{plant.n} states, {plant.n_u} inputs, {plant.n_y} outputs")
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("state", "unit", "largest in A", "driven most by", "shown most by"):
-        table.add_column(column, no_wrap=column == "state")
     units = plant.state_units or ("",) * plant.n
-    for i, (state, unit) in enumerate(zip(plant.states, units, strict=True)):
-        table.add_row(
-            state, unit, *(_largest(row, names) for row, names in (
-                (plant.A[i], plant.states), (plant.B[i], plant.inputs), (plant.C[:, i], plant.outputs),
-            )),
-        )  # fmt: skip
-    out.print(table)
+    rows = [
+        (state, unit, *(_largest(row, names) for row, names in (
+            (plant.A[i], plant.states), (plant.B[i], plant.inputs), (plant.C[:, i], plant.outputs),
+        )))
+        for i, (state, unit) in enumerate(zip(plant.states, units, strict=True))
+    ]  # fmt: skip
+    heads = Column("state"), Column("unit", rank=3), Column("largest in A", rank=2), Column("driven most by", rank=1)
+    show_table((*heads, Column("shown most by", rank=1)), rows, out)
 
 
 def _largest(values: Array, names: tuple[str, ...]) -> str:
@@ -108,14 +108,16 @@ def _largest(values: Array, names: tuple[str, ...]) -> str:
 
 def _show_poles(plant: LinearPlant, out: Terminal) -> None:
     """Poles from the most unstable on, each pair once, with what they mean in time."""
-    table = Table("pole (rad/s)", "damping", "time constant (s)", "frequency (Hz)", box=SIMPLE_HEAD)
+    rows = []
     for pole in sorted((p for p in plant.poles if p.imag >= 0), key=lambda p: (-p.real, p.imag)):
         size = abs(pole)
         oscillates = pole.imag > 1e-9 * max(1.0, size)
-        table.add_row(
-            f"{pole.real:.6g} ± {pole.imag:.6g}j" if oscillates else f"{pole.real:.6g}",
-            f"{-pole.real / size:.3g}" if oscillates else "–",
-            f"{-1 / pole.real:.4g}" if abs(pole.real) > 1e-9 else "–",
-            f"{pole.imag / (2 * np.pi):.4g}" if oscillates else "–",
+        rows.append(
+            (
+                f"{pole.real:.6g} ± {pole.imag:.6g}j" if oscillates else f"{pole.real:.6g}",
+                f"{-pole.real / size:.3g}" if oscillates else "–",
+                f"{-1 / pole.real:.4g}" if abs(pole.real) > 1e-9 else "–",
+                f"{pole.imag / (2 * np.pi):.4g}" if oscillates else "–",
+            )
         )
-    out.print(table)
+    show_table(POLES, rows, out)

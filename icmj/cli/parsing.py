@@ -6,27 +6,29 @@ import contextlib
 import io
 import re
 import sys
+import textwrap
 from collections.abc import Callable
+from functools import cache
 from typing import Any, get_args, get_type_hints
 
 import tyro
 
 from icmj.base.nearness import did_you_mean
 from icmj.base.text import one_line
-from icmj.cli.arguments import DESCRIPTION, Command
+from icmj.cli.arguments import DESCRIPTION, GROUPS, Command
+from icmj.cli.overrides import General, annotate
 from icmj.errors import IcmjError
 
 _NUMBERS = {"INT": "a whole number", "int": "a whole number", "FLOAT": "a number", "float": "a number"}
 
 
 def parse(words: list[str]) -> Command:
-    """The command that the words of a command line ask for; none ask for help.
+    """The command that the words of a command line ask for.
 
     Raises:
         IcmjError: one line that says what is wrong with them.
         SystemExit: with status 0, where help was asked for and shown.
     """
-    words = words or ["--help"]
     classes = _classes()
     if not words[0].startswith("-") and words[0] not in classes:
         hint = did_you_mean(words[0], classes) or f"; there are {', '.join(classes)}"
@@ -35,9 +37,7 @@ def parse(words: list[str]) -> Command:
     shown = io.StringIO()
     try:
         with contextlib.redirect_stderr(shown):
-            return tyro.cli(
-                command, prog="icmj", description=DESCRIPTION, args=words, config=(tyro.conf.FlagCreatePairsOff,)
-            )
+            return tyro.cli(command, prog="icmj", args=words, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as stop:
         if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away
             raise BrokenPipeError from None
@@ -50,12 +50,33 @@ def parse(words: list[str]) -> Command:
         raise IcmjError(f"{wrong}; see {where} --help") from None
 
 
+def overview() -> str:
+    """What the program is for, and what each command does, in one sentence."""
+    classes = _classes()
+    lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
+    for group, names in GROUPS.items():
+        lines += ["", f"{group}:"]
+        for name in names:
+            purpose = " ".join((classes[name].__doc__ or "").partition("\n\n")[0].split())
+            lines += textwrap.wrap(purpose, 78, initial_indent=f"  {name:<11}", subsequent_indent=" " * 13)
+    more = (
+        ("icmj COMMAND --help", "options of a command, with an example"),
+        ("icmj --version", "version"),
+        ("icmj --tyro-print-completion bash", "completion for the shell: bash, zsh or tcsh"),
+    )
+    lines += ["", *(f"{words:<36}{purpose}" for words, purpose in more)]
+    return "\n".join([*lines, "", "Example: icmj study"])
+
+
+@cache
 def _classes() -> dict[str, type]:
-    """The arguments of each command by its name."""
+    """The arguments of each command by its name, ready to be shown in the help."""
     classes = {}
     for member in get_args(Command):
         cls, *notes = get_args(member)
         classes[next(note.name for note in notes if hasattr(note, "name"))] = cls
+    for shown in {owner for command in (*classes.values(), General) for owner in command.__mro__[:-1]}:
+        annotate(shown)
     return classes
 
 
@@ -82,8 +103,10 @@ def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
 
 def _options(cls: type) -> list[str]:
     """Options of a command, by the names that they have on the command line."""
-    options = []
+    options = ["--quiet", "--verbose"]
     for name, hint in get_type_hints(cls, include_extras=True).items():
+        if name == "general":
+            continue
         given = (getattr(note, "name", None) for note in getattr(hint, "__metadata__", ()))
         options.append(f"--{next(filter(None, given), name).replace('_', '-')}")
     return options
@@ -117,13 +140,18 @@ _SAYINGS: tuple[tuple[str, Callable[..., str]], ...] = (
 
 
 def _unboxed(text: str) -> str:
-    """The first paragraph in the parser's box, in one line."""
+    """The first paragraph in the parser's box, in one line; where there are no characters for a box, a rule follows its
+    title.
+    """
     lines: list[str] = []
+    titled = text.lstrip().startswith(("╭", "+"))
     for line in text.splitlines():
         inner = line.strip(" │|╭╮╰╯─+")
         inner = "" if set(inner) <= {"-"} else inner
         if not inner and lines:
-            break  # a rule: what follows repeats the help
-        if inner and not line.startswith(("╭", "+")):
+            if titled:
+                break  # a rule: what follows repeats the help
+            lines, titled = [], True
+        elif inner and not line.startswith(("╭", "+")):
             lines.append(inner)
     return " ".join(lines).rstrip(".") or "arguments not understood"

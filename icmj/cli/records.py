@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from icmj.base.plain import plain
@@ -9,12 +10,23 @@ from icmj.base.plain import plain
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from icmj.comparison.comparison import Comparison
     from icmj.engine.linearisation import Linearisation
     from icmj.plant.notice import Notice
     from icmj.plant.quality import Quality
     from icmj.theory.prediction import Prediction
 
 MODES = ("neutral", "uncontrollable", "unobservable")
+
+
+def plain_comparisons(comparisons: Iterable[Comparison], **files: Path | Iterable[Path]) -> dict[str, Any]:
+    """What ``--json`` prints of runs: each beside its prediction, as in ``summary.json``; and the files written."""
+    from icmj.comparison.comparison import to_json
+
+    written = {
+        kind: str(file) if isinstance(file, Path) else [str(one) for one in file] for kind, file in files.items()
+    }
+    return {"runs": [to_json(comparison) for comparison in comparisons], **written}
 
 
 def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:

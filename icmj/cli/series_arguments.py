@@ -8,32 +8,34 @@ from typing import Literal
 
 import tyro
 
+from icmj.cli.overrides import Shared
+
 
 @dataclass(frozen=True)
-class Export:
-    """Write the time series of a log for other tools: its rows, and in a second file its events.
+class Export(Shared):
+    """Export the signals of a log, and in a second file its events, for other tools.
 
-    Units are in the header (CSV), in the metadata of each field (Parquet) or in an array beside the others (npz).
+    Units are in the header (CSV), in the metadata of each field (Parquet) or in a separate array (npz).
 
     Example: icmj export runs/out/three-link-0.9.mujoco.rrd --to csv --rate 100
     """
 
     log: tyro.conf.Positional[Path]
-    """Log."""
+    """Log to read."""
     to: Literal["csv", "parquet", "npz"] | None = None
-    """Format; that of --out, or csv, by default."""
+    """Format (default: that of --out, else csv)."""
     rate: float | None = None
-    """Rows per second [Hz], evenly spaced; the recorded rows, one at every event among them, by default."""
+    """Rate of evenly spaced rows [Hz] (default: the rows as recorded, which include every event)."""
     out: Path | None = None
-    """File; beside the log and named after it by default. Events go to the same name with ".events" in it."""
+    """File to write (default: beside the log, with its name). Events go to the same name with ".events" added."""
 
 
 @dataclass(frozen=True)
-class Measure:
+class Measure(Shared):
     """Measure sway: RMS, speed, range, prediction ellipse, frequencies, stabilogram diffusion.
 
-    Of a log that is the centre of pressure where the body stands on a floor, else the outputs; of a file (CSV, Parquet,
-    npz) all columns. Two columns of one unit are taken as a point in a plane, too.
+    From a log, the centre of pressure is measured if the body stands on a floor, else the outputs; from a file (CSV,
+    Parquet, npz), all columns. Two columns with the same unit are also measured as a point in a plane.
 
     Example: icmj measure sway.csv --columns ap ml --rate 100
     """
@@ -41,18 +43,18 @@ class Measure:
     file: tyro.conf.Positional[Path]
     """Log, or file of time series."""
     columns: tuple[str, ...] = ()
-    """What to measure."""
+    """Columns to measure."""
     rate: float | None = None
-    """Samples per second [Hz]: to take, 100 of a log by default; or that a file without times has."""
+    """Rate to resample to (default: 100 for a log), or the rate of a file without times [Hz]."""
     since: float = 0.0
-    """Leave out what is before [s]."""
+    """Start of the part that is measured [s]."""
     low_pass: float | None = None
-    """Corner of a low-pass filter before all measures [Hz]."""
+    """Corner frequency of a low-pass filter applied before all measures [Hz]."""
     band: tuple[float, float] | None = None
-    """Frequencies are taken within [Hz]; all by default."""
+    """Lowest and highest frequency of the spectral measures [Hz] (default: all)."""
     torque: str | None = None
-    """Ankle torque, to take the centre of pressure from."""
+    """Column of the ankle torque, from which the centre of pressure is computed."""
     weight: float | None = None
-    """Vertical force on the foot [N], with --torque."""
+    """Vertical force on the foot [N], for --torque."""
     json: bool = False
     """Print JSON, in the units of the file, instead of a table."""

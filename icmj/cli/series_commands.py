@@ -41,7 +41,7 @@ def export(command: arguments.Export) -> None:
 
 def measure(command: arguments.Measure) -> None:
     """Print the measures of sway in a log or a file."""
-    from icmj.cli.sway_table import record, table
+    from icmj.cli.sway_table import record, show_sway
     from icmj.errors import DataError
     from icmj.measurement.sway import from_torque, measure_sway
 
@@ -65,11 +65,11 @@ def measure(command: arguments.Measure) -> None:
         OUT.show({**record(sway), "notices": notes})
         return
     filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
-    OUT.print(table(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}"))
+    show_sway(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}", OUT)
     if "resampled" in sway.series.facts:
         notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
     for note in notes:
-        OUT.say(f"note: {note}", style="yellow")
+        OUT.note(note)
 
 
 def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:

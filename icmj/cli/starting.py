@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.text import one_line
-from icmj.cli.arguments import New
+from icmj.cli.starting_arguments import New, Schema
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
@@ -38,6 +39,20 @@ def new(command: New) -> None:
         draft = draft_run(model, out, command.keyframe)
     write_text(out, draft.text)
     _tell(f"run file  {out}", *_found(draft), f"next      icmj analyse {out}")
+
+
+def schema(command: Schema) -> None:
+    """Print the JSON Schema of a kind of file, or write it."""
+    from icmj.base.files import replaceable, write_text
+    from icmj.runfile.json_schema import json_schema
+
+    record = json_schema(command.kind)
+    if command.out is None:
+        OUT.show(record)
+        return
+    replaceable(command.out)
+    write_text(command.out, json.dumps(record, indent=2) + "\n")
+    OUT.say(f"schema   {command.out}", wrap=False)
 
 
 def _tell(*lines: str) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from icmj.base.plain import plain
+from icmj.cli.tables import Column, show_table
 
 if TYPE_CHECKING:
+    from icmj.cli.terminal import Terminal
     from icmj.measurement.stabilogram import Diffusion
     from icmj.measurement.sway import Coordinate, Frequencies, Plane, Sway
 
@@ -18,20 +18,17 @@ if TYPE_CHECKING:
 SHOWN = {"rad": (180 / np.pi, "deg"), "rad/s": (180 / np.pi, "deg/s"), "m": (1e3, "mm")}
 
 
-def table(sway: Sway, title: str) -> Table:
+def show_sway(sway: Sway, title: str, out: Terminal) -> None:
     """Measures down, signals across, the plane of two of them last."""
-    shown = Table("", title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    columns = [_of_coordinate(c) for c in sway.coordinates]
+    values = [_of_coordinate(c) for c in sway.coordinates]
     units = [_unit(c.unit)[1] for c in sway.coordinates]
-    for c, unit in zip(sway.coordinates, units, strict=True):
-        shown.add_column(f"{c.name} ({unit})" if unit else c.name, justify="right")
+    heads = [f"{c.name} ({unit})" if unit else c.name for c, unit in zip(sway.coordinates, units, strict=True)]
     if sway.plane is not None:
-        columns.append(_of_plane(sway.plane))
-        shown.add_column(f"plane ({_unit(sway.plane.unit)[1]})".replace(" ()", ""), justify="right")
-    labels = list(dict.fromkeys(label for column in columns for label in column))
-    for label in labels:
-        shown.add_row(label, *(_number(column.get(label)) for column in columns))
-    return shown
+        values.append(_of_plane(sway.plane))
+        heads.append(f"plane ({_unit(sway.plane.unit)[1]})".replace(" ()", ""))
+    labels = dict.fromkeys(label for column in values for label in column)
+    rows = [(label, *(_number(column.get(label)) for column in values)) for label in labels]
+    show_table((Column(""), *(Column(head, "right") for head in heads)), rows, out, title=title)
 
 
 def record(sway: Sway) -> dict[str, Any]:

@@ -8,33 +8,33 @@ from typing import Literal
 
 import tyro
 
-from icmj.cli.overrides import Overrides
+from icmj.cli.overrides import Overrides, Shared
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """Compute a case at very many points into a folder of Parquet files; one that was ended goes on where it was.
+class Sweep(Shared):
+    """Compute a case at many points and write a folder of Parquet files; an interrupted sweep can be resumed.
 
     Example: icmj sweep validity --out runs/out/validity
     """
 
     sweep: tyro.conf.Positional[Path]
-    """Sweep file, or name of a shipped one."""
+    """Sweep file, or name of a shipped sweep."""
     out: Path | None = None
-    """Folder of the dataset; runs/out/NAME by default."""
+    """Folder for the results (default: runs/out/NAME). The same command resumes an interrupted sweep."""
     jobs: int | None = None
-    """Local processes; as many as there are cores by default."""
+    """Number of local processes (default: one per core)."""
     dask: str | None = None
-    """Address of a Dask scheduler, whose workers compute instead."""
+    """Address of a Dask scheduler whose workers do the computing."""
     dry_run: bool = False
-    """Say how many points there are, how long they take and how many bytes, and compute nothing else."""
+    """Print the number of points, the estimated time and the size of the results, and stop."""
 
 
 @dataclass(frozen=True)
 class Identify(Overrides):
-    """Estimate a model error from measured motion, with its uncertainty; or say that the motion cannot tell.
+    """Estimate a model error and its uncertainty from a measured motion, or say that the motion does not determine it.
 
-    From logs; or, with --run, from files of event times, one a line, or of sampled outputs with their times.
+    The motion is a log; or, with --run, a file of event times, one per line, or of sampled outputs with their times.
 
     Example: icmj identify runs/out/three-link-0.9.mujoco.rrd
     """
@@ -42,20 +42,21 @@ class Identify(Overrides):
     motions: tyro.conf.Positional[tuple[Path, ...]]
     """Logs, or files of event times or outputs."""
     run: Path | None = None
-    """Run file with all that is known; a log's own by default. What it says of the unknown is not looked at."""
+    """Run file with everything that is known (default: that of the log). Its value of the unknown is ignored."""
     unknown: str = "actual.gain"
-    """What is sought: a key of the run file, or a change and of what, as "mass trunk", whose factor is sought."""
+    """Unknown parameter: a key of the run file, or a change and its target, such as "mass trunk" (its factor)."""
     low: float = 0.5
-    """Least value that is thought of."""
+    """Lower end of the search."""
     high: float = 1.5
-    """Largest value that is thought of."""
+    """Upper end of the search."""
     timing: float | None = None
-    """Standard deviation of the errors of times [s]; what rounding to the sampling interval makes, by default."""
+    """Standard deviation of the errors of times [s] (default: that of rounding to the sampling interval)."""
     reading: float | None = None
-    """Standard deviation of the errors of outputs [rad, or the plant's unit]; a hundredth of their size by default."""
+    """Standard deviation of the errors of outputs [rad, or the unit of the plant] (default: a hundredth of their size).
+    """
     plant: Literal["linear", "mujoco"] | None = None
-    """What moved; a log says it itself, and MuJoCo's stands for what was measured elsewhere."""
+    """Plant that made the motion (default: that of the log; mujoco for other files)."""
     seed: int = 0
-    """Of the motions that are simulated for comparison under noise."""
+    """Seed of the simulations with which a noisy motion is compared."""
     json: bool = False
     """Print JSON instead of sentences."""

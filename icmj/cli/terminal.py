@@ -8,20 +8,39 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterable
+import logging
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from rich.console import Console, ConsoleOptions, RenderableType
+from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 from icmj.base.text import printable
 
+ENDLESS = 100_000  # columns of a stream that is no terminal
+
 
 class Terminal(Console):
-    """Standard output, or standard error, of which nobody depends on being heard."""
+    """Standard output, or standard error, of which nobody depends on being heard.
+
+    Attributes:
+        brief: leave out notes, as ``--quiet`` asks.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **options)
+        self.brief = False
+
+    @property
+    def size(self) -> ConsoleDimensions:  # type: ignore[misc]  # nobody sets it
+        """Of the terminal; a file or a pipe has no edge at which anything would have to be wrapped or cut."""
+        there = super().size
+        return there if self.is_terminal else ConsoleDimensions(ENDLESS, there.height)
+
+    def note(self, words: object) -> None:
+        """One line on what is worth knowing beside a result."""
+        if not self.brief:
+            self.say(f"note: {words}", style="yellow")
 
     def say(self, words: object, *, style: str | None = None, wrap: bool = True) -> None:
         """One line, which a terminal may wrap."""
@@ -47,3 +66,21 @@ class Terminal(Console):
 
 
 OUT, ERR = Terminal(), Terminal(stderr=True)
+
+
+@contextlib.contextmanager
+def talking(quiet: bool, verbose: bool) -> Iterator[None]:
+    """Without notes and progress, or with the log of every step, as was asked for."""
+    log, handler = logging.getLogger("icmj"), logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s"))
+    level = log.level
+    OUT.brief = ERR.brief = quiet
+    if verbose:
+        log.addHandler(handler)
+        log.setLevel(logging.DEBUG)
+    try:
+        yield
+    finally:
+        OUT.brief = ERR.brief = False
+        log.removeHandler(handler)
+        log.setLevel(level)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from contextlib import suppress
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from icmj.base.compiling import compiling
 from icmj.cli.terminal import Terminal
 
-FIRST = 2.0  # s of silence before a bar
+FIRST = 2.0  # s of silence before the first word
 PAUSE = 5.0  # s between two lines, where there is no terminal to draw a bar on
+COMPILING = "compiling, once"
+LOG = logging.getLogger("icmj")
 
 
 class Working:
@@ -27,16 +31,21 @@ class Working:
 
     def tell(self, label: str, done: float | None = None) -> None:
         """Say what is under way, and which part of the whole is done, 0–1, if that is known."""
+        if label != self._label:
+            LOG.info(label)
         self._label = label
         self._done = self._done if done is None else done
 
     def __enter__(self) -> Working:
-        self._thread.start()
+        LOG.info(self._label)
+        if not self._console.brief:
+            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
-        self._thread.join(2)
+        if self._thread.is_alive():
+            self._thread.join(2)
 
     def _show(self) -> None:
         if self._console.is_terminal:
@@ -52,10 +61,13 @@ class Working:
         with suppress(OSError, ValueError), Progress(*columns, console=self._console, transient=True) as bar:
             task = bar.add_task(self._label, total=None)
             while not self._ended.wait(0.1):
-                bar.update(task, description=self._label, completed=self._done, total=1.0 if self._done > 0 else None)
+                label = f"{self._label}: {COMPILING}" if compiling() else self._label
+                bar.update(task, description=label, completed=self._done, total=1.0 if self._done > 0 else None)
 
     def _lines(self) -> None:
-        begin = time.monotonic()
-        while not self._ended.wait(PAUSE):
+        start, pause = time.monotonic(), FIRST
+        while not self._ended.wait(pause):
             part = f", {100 * self._done:.0f} %" if self._done > 0 else ""
-            self._console.say(f"icmj: {self._label}{part} after {time.monotonic() - begin:.0f} s", wrap=False)
+            what = f": {COMPILING}," if compiling() else ""
+            self._console.say(f"icmj: {self._label}{part}{what} after {time.monotonic() - start:.0f} s", wrap=False)
+            pause = PAUSE

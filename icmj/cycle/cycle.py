@@ -150,21 +150,31 @@ def find_cycle(
     orbit = case.prediction.orbit
     if start == "auto":
         start = "prediction" if orbit is not None and np.isfinite(orbit.gamma) else "simulation"
+    tell, begun = progress or (lambda done: None), 0.1
+    tell(begun)
     if start == "prediction":
         guess = from_prediction(case, loop, rule.size)
     elif start == "simulation":
-        guess = from_simulation(loop, case.system.T_hat, progress)
+        begun = 0.5
+        guess = from_simulation(loop, case.system.T_hat, lambda done: tell(0.1 + 0.4 * done))
     else:
         guess = start
     loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))
     try:
-        return exact(loop, guess, threads=threads)
+        return exact(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
     except CycleError as error:
         why = f"; of the predicted orbit: {orbit.reason}" if orbit and orbit.reason and start == "prediction" else ""
         raise CycleError(f"{case.run.path}: {error}{why}") from error
 
 
-def exact(loop: ReturnMap, guess: Guess, *, threads: int = 1, closed: float = CLOSED) -> Cycle:
+def exact(
+    loop: ReturnMap,
+    guess: Guess,
+    *,
+    threads: int = 1,
+    closed: float = CLOSED,
+    progress: Callable[[float], None] | None = None,
+) -> Cycle:
     """The cycle nearest to ``guess``, with multipliers by differences of flights.
 
     Raises:
@@ -173,7 +183,7 @@ def exact(loop: ReturnMap, guess: Guess, *, threads: int = 1, closed: float = CL
     p, sign = guess.p, guess.sign
     scale = guess.scale
 
-    found = closed_cycle(loop, guess, closed)
+    found = closed_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
     if any(loop.collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
         raise CycleError(f"no cycle that the event rule makes: an interval has fallen to the least one, {least:g} s")
@@ -181,7 +191,9 @@ def exact(loop: ReturnMap, guess: Guess, *, threads: int = 1, closed: float = CL
     return described(loop, found, p, sign, scale, threads=threads)
 
 
-def closed_cycle(loop: ReturnMap, guess: Guess, closed: float = CLOSED) -> Closed:
+def closed_cycle(
+    loop: ReturnMap, guess: Guess, closed: float = CLOSED, progress: Callable[[float], None] | None = None
+) -> Closed:
     """The cycle nearest to ``guess`` without its multipliers.
 
     Raises:
@@ -191,7 +203,7 @@ def closed_cycle(loop: ReturnMap, guess: Guess, closed: float = CLOSED) -> Close
     def derivative(turn: Turn) -> Array:
         return fast_jacobian(loop, turn, guess.scale)
 
-    return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed)
+    return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed, progress=progress)
 
 
 def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ FLOOR = 2e-13  # relative closure below which a flight is only rounding
 MOST = 25  # iterations
 RANK = 1e-9  # singular values of sign·J − I below this, relative to the largest, are those of neutral modes
 _HALVINGS = 12
+LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,7 @@ def newton(
     p: int = 1,
     sign: int = 1,
     closed: float = CLOSED,
+    progress: Callable[[float], None] | None = None,
 ) -> Closed:
     """Solve sign·P^p(z) = z, damped; the derivative is taken at the first guess and updated (Broyden), and taken anew
     where that converges slowly.
@@ -59,6 +62,7 @@ def newton(
         derivative: DP^p along a turn, shape (N, N).
         p, sign: how many intervals, and whether they end in the mirror image.
         closed: closure that is enough.
+        progress: called after each step with how many of the digits it lacked at first the closure has gained, 0–1.
 
     Raises:
         CycleError: if it finds none; the message says what the last iterates did.
@@ -97,6 +101,10 @@ def newton(
             G = None
         z, r, turn, fresh = z_new, r_new, turn_new, False
         history.append(float(np.abs(r).max()))
+        LOG.debug("Newton step %d: closure %.1e", len(history) - 1, history[-1])
+        if progress is not None:
+            gained, lacking = np.log(history[0] / max(history[-1], closed)), np.log(max(history[0] / closed, 2.0))
+            progress(float(np.clip(gained / lacking, 0, 1)))
     if not history[-1] <= closed:
         raise CycleError(_stuck(loop, turn, history))
     return Closed(z, turn, history[-1], tuple(history), neutral)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from icmj.base import compiling
 from icmj.base.environment import one_thread, seldom_collected
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, beyond_arithmetic, beyond_memory
@@ -86,6 +87,7 @@ class _Worker:
             self.ours.send((task.function, task.arguments))
 
     def end(self) -> None:
+        compiling.end(self, altogether=True)
         self.process.kill()
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(5)
@@ -125,8 +127,8 @@ class Workers:
             busy = [worker for worker in self._workers if worker.index is not None]
             spoken = wait([worker.ours for worker in busy])
             for worker in busy:
-                if worker.ours in spoken:
-                    yield self._news(worker, survive)
+                if worker.ours in spoken and (news := self._news(worker, survive)) is not None:
+                    yield news
 
     def _idle(self) -> _Worker | None:
         """One that has nothing to do, started if there may be one more."""
@@ -136,7 +138,8 @@ class Workers:
             self._workers.append(idle)
         return idle
 
-    def _news(self, worker: _Worker, survive: bool) -> News:
+    def _news(self, worker: _Worker, survive: bool) -> News | None:
+        """What it says of its task; ``None`` where it only says whether it compiles."""
         index = worker.index
         assert index is not None
         try:
@@ -153,6 +156,9 @@ class Workers:
             raise StudyError(
                 f"{worker.name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished is kept"
             ) from None
+        if kind == "compiling":
+            compiling.begin(worker) if value else compiling.end(worker, altogether=True)
+            return None
         if kind == "progress":
             return News(index, value)
         worker.index = None
@@ -167,6 +173,7 @@ def serve() -> None:
     _mortal(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     seldom_collected()
+    compiling.listen(lambda begun: theirs.send(("compiling", begun)))
     with suppress(EOFError, OSError):
         while True:
             function, arguments = theirs.recv()

@@ -11,7 +11,7 @@ import pytest
 
 import icmj
 from icmj.case.case import revised
-from icmj.cli.commands import noted
+from icmj.cli.comparison_table import noted
 from icmj.cli.main import main
 from icmj.simulation.disturbance import disturbance_of
 

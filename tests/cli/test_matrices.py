@@ -22,7 +22,7 @@ def large(n: int = 30) -> LinearPlant:
 
 def printed(plant: LinearPlant, full: bool) -> list[str]:
     out = io.StringIO()
-    show_plant(plant, Terminal(file=out, width=80), full=full)
+    show_plant(plant, Terminal(file=out, width=80, force_terminal=True, color_system=None), full=full)
     return out.getvalue().splitlines()
 
 

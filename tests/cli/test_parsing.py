@@ -1,7 +1,11 @@
 """Words that make no command: one line of ours, with what was probably meant."""
 
+import subprocess
+import sys
+
 import pytest
 
+from icmj.cli.arguments import GROUPS
 from icmj.cli.main import main
 from icmj.cli.parsing import parse
 from icmj.errors import IcmjError
@@ -12,7 +16,7 @@ from icmj.errors import IcmjError
     [
         ("analyze x", "no command 'analyze'; did you mean analyse?"),
         ("linearize x", "did you mean linearise?"),
-        ("dance", "no command 'dance'; there are study, analyse, run, "),
+        ("dance", "no command 'dance'; there are new, person, linearise, schema, analyse, "),
         ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
         ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
         ("run x -p linear", "run has no option -p; see"),
@@ -41,6 +45,13 @@ def test_one_line_says_what_was_meant(words, said, columns, monkeypatch):
     assert "\n" not in str(raised.value)
 
 
+def test_a_stream_without_characters_for_a_box_is_told_as_much(capsys):
+    """It was told "Invalid choice", the title of the box."""
+    for words, said in (("run x --plant lineal", "expected linear or mujoco"), ("study --jobs two", "a whole number")):
+        assert main(words.split()) == 2
+        assert said in capsys.readouterr().err
+
+
 def test_options_come_with_underscores_too():
     command = parse(["linearise", "x", "--operating_point", "balance", "--free", "a", "b"])
     assert (command.operating_point, command.free) == ("balance", ("a", "b"))
@@ -56,3 +67,44 @@ def test_version_is_the_package_s(capsys):
 
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"icmj {icmj.__version__}\n"
+
+
+def test_the_overview_names_every_command_once_in_a_group(capsys):
+    from icmj.cli.parsing import _classes
+
+    assert main([]) == 0
+    shown = capsys.readouterr().out
+    assert [name for group in GROUPS.values() for name in group] == list(_classes())
+    for name in _classes():
+        assert shown.count(f"\n  {name} ") == 1
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", [name for group in GROUPS.values() for name in group])
+def test_help_shows_nothing_that_only_python_has(name, capsys):
+    """It had "{None}|PATH" and "(default: )"."""
+    assert main([name, "--help"]) == 0
+    shown = capsys.readouterr().out
+    for odd in ("None", "(default: )", "TUPLE", "False"):
+        assert odd not in shown
+    assert "general options" in shown
+    assert "-q, --quiet" in shown
+
+
+def test_quiet_leaves_results_and_verbose_tells_steps(capsys, monkeypatch):
+    monkeypatch.setattr("icmj.cli.working.FIRST", 0.0)
+    command = ["analyse", "simple-0.8", "--set", "actual.gain=0.85"]
+    assert main([*command, "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert "critical interval" in out
+    assert "note:" not in out
+    assert err == ""
+    assert main([*command, "-v"]) == 0
+    assert "icmj: analysing simple-0.8" in capsys.readouterr().err
+
+
+def test_completion_for_a_shell_is_printed():
+    command = [sys.executable, "-m", "icmj.cli", "--tyro-print-completion", "bash"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    script = f"{done.stdout}\nCOMP_WORDS=(icmj an) COMP_CWORD=1; _tyro_icmj; echo ${{COMPREPLY[@]}}"
+    assert subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True).stdout == "analyse\n"

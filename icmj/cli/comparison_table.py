@@ -1,0 +1,61 @@
+"""The table of predicted and measured intervals, with what there is to tell of the runs beneath it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from icmj.cli.tables import Column, show_table
+
+if TYPE_CHECKING:
+    from icmj.cli.terminal import Terminal
+    from icmj.comparison.comparison import Comparison
+
+COLUMNS = (
+    Column("case"),
+    Column("plant"),
+    Column("Δ_crit", "right"),
+    Column("measured", "right"),
+    Column("error", "right"),
+    Column("peak error", "right", 2),
+    Column("cycle", "center", 1),
+)
+
+
+def show_comparisons(comparisons: Sequence[Comparison], out: Terminal) -> None:
+    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
+    rows = [
+        (
+            c.case,
+            c.plant,
+            _number(c.predicted.delta_crit),
+            _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
+            _error(c.relative_error.interval if c.measured.converged else None),
+            _error(c.relative_error.largest_amplitude if c.measured.converged else None),
+            "yes" if c.measured.converged else "no",
+        )
+        for c in comparisons
+    ]
+    show_table(COLUMNS, rows, out, title="Predicted and measured open-loop interval, in seconds", keys=2)
+    for notice in noted(comparisons):
+        out.note(notice)
+    for c in comparisons:
+        if not c.measured.converged:
+            out.say(f"{c.case} ({c.plant}): {c.words}")
+
+
+def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:
+    """What to tell of the runs, each thing once: of a case, where all its runs have it, else of a run."""
+    runs = {c.case: [other for other in comparisons if other.case == c.case] for c in comparisons}
+    for case, same in runs.items():
+        for notice in dict.fromkeys(notice for c in same for notice in c.notices):
+            having = [c.plant for c in same if notice in c.notices]
+            yield f"{case}: {notice}" if len(having) == len(same) > 1 else f"{case} ({having[0]}): {notice}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.6f}"
+
+
+def _error(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.1e}"

@@ -1,0 +1,78 @@
+"""That something is compiled is known to whoever shows what is under way, also of processes that work for this one."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from icmj.base import compiling
+from icmj.cli import working
+from icmj.cli.terminal import Terminal
+from icmj.work.workers import Task, Workers
+
+
+def compile_for(seconds: float, progress: object) -> bool:
+    """A task that seems to compile."""
+    compiling.begin()
+    time.sleep(seconds)
+    compiling.end()
+    return compiling.compiling()
+
+
+def test_what_begins_and_ends_is_counted() -> None:
+    heard: list[bool] = []
+    compiling.listen(heard.append)
+    try:
+        compiling.begin()
+        compiling.begin()  # one function compiles what it calls
+        compiling.end()
+        assert compiling.compiling()
+        compiling.end()
+        compiling.begin("another")
+        compiling.end("another", altogether=True)
+        assert heard == [True, True, True, False, True, False]
+    finally:
+        compiling._listeners.remove(heard.append)
+    assert not compiling.compiling()
+
+
+def test_a_worker_that_compiles_is_known_here() -> None:
+    seen: list[bool] = []
+    compiling.listen(seen.append)
+    try:
+        with Workers(1) as workers:
+            (news,) = workers.run([Task("task", compile_for, (0.1,))])
+    finally:
+        compiling._listeners.remove(seen.append)
+    assert news.value is False
+    assert seen[:2] == [True, False]
+    assert not compiling.compiling()
+
+
+def test_it_is_said_and_that_it_is_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was "17 % after 5 s … 17 % after 35 s"."""
+    monkeypatch.setattr(working, "FIRST", 0.05)
+    file = io.StringIO()
+    with working.Working("study", Terminal(file=file)) as shown:
+        shown.tell("simple-0.8", 0.17)
+        compiling.begin()
+        time.sleep(0.2)
+        compiling.end()
+    assert file.getvalue() == "icmj: simple-0.8, 17 %: compiling, once, after 0 s\n"
+
+
+@pytest.mark.slow
+def test_a_first_run_says_that_it_compiles_and_a_second_does_not(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-m", "icmj.cli", "run", "simple-0.8", "--plant", "linear", "--out", str(tmp_path)]
+    said = [
+        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stderr for _ in range(2)
+    ]
+    assert "icmj: simple-0.8, 10 %: compiling, once, after " in said[0]
+    assert "compiling" not in said[1]
