@@ -59,8 +59,8 @@ def study(command: arguments.Study) -> None:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     if command.json:
-        files = {"logs": outputs.logs, "report": outputs.report, "summary": outputs.summary}
-        OUT.show(plain_comparisons(outputs.comparisons, **files))
+        record = plain_comparisons(outputs.comparisons, logs=outputs.logs, report=outputs.report)
+        OUT.show(record | {"summary": str(outputs.summary)})
         return
     show_comparisons(outputs.comparisons, OUT)
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6

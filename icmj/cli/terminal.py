@@ -31,8 +31,8 @@ class Terminal(Console):
         super().__init__(markup=False, emoji=False, highlight=False, **options)
         self.brief = False
 
-    @property
-    def size(self) -> ConsoleDimensions:  # type: ignore[misc]  # nobody sets it
+    @property  # type: ignore[misc]  # nobody sets it
+    def size(self) -> ConsoleDimensions:
         """Of the terminal; a file or a pipe has no edge at which anything would have to be wrapped or cut."""
         there = super().size
         return there if self.is_terminal else ConsoleDimensions(ENDLESS, there.height)
