@@ -36,7 +36,7 @@ def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice
         )
         yield Notice("keyframe", "warning", words)
     if run.disowned:
-        words = "[case.paper] speaks of another plant, design or rule than this run file has; it is left out"
+        words = "[case.paper] describes another plant, design or rule than this run file; it is ignored"
         yield Notice("paper", "warning", words)
     if not isinstance(actual, MujocoPlant):
         return

@@ -62,7 +62,7 @@ def study(command: arguments.Study) -> None:
         record = plain_comparisons(outputs.comparisons, logs=outputs.logs, report=outputs.report)
         OUT.show(record | {"summary": str(outputs.summary)})
         return
-    show_comparisons(outputs.comparisons, OUT)
+    show_comparisons(outputs.comparisons, OUT, changed=bool(command.set))
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
     OUT.say(f"{count} in {command.out}", wrap=False)
@@ -119,7 +119,8 @@ def analyse(command: arguments.Analyse) -> None:
     for words in prediction.remarks:
         OUT.say(words[0].upper() + words[1:] + ".")
     for notice in case.notices:
-        OUT.note(notice)
+        if not (command.set and notice.kind == "paper"):
+            OUT.note(notice)
 
 
 @execute.register
@@ -153,17 +154,17 @@ def run(command: arguments.Run) -> None:
         outcome = {"kind": result.simulation.outcome.kind, "t": result.simulation.outcome.t}
         OUT.show(plain_comparisons([compare(result)], logs=(log,)) | {"outcome": plain(outcome)})
     else:
-        _tell_run(result, log)
+        _tell_run(result, log, bool(command.set))
     if result.simulation.outcome.kind == "interrupted":
         raise KeyboardInterrupt
 
 
-def _tell_run(result: Result, log: Path) -> None:
+def _tell_run(result: Result, log: Path, changed: bool) -> None:
     """What a run did, in a table and in words."""
     from icmj.comparison.comparison import compare
     from icmj.simulation.remarks import relative_error
 
-    show_comparisons([compare(result)], OUT)
+    show_comparisons([compare(result)], OUT, changed=changed)
     OUT.say(f"The run {result.simulation.outcome.message}.")
     OUT.say(result.measurement.words)
     for words in result.simulation.pressure.words if result.simulation.pressure else ():

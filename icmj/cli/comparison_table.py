@@ -22,8 +22,14 @@ COLUMNS = (
 )
 
 
-def show_comparisons(comparisons: Sequence[Comparison], out: Terminal) -> None:
-    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not."""
+def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, changed: bool = False) -> None:
+    """The table (cycle: settled on the predicted one), and beneath it the verdict of every run that did not.
+
+    Args:
+        comparisons: a row for each.
+        out: where they are printed.
+        changed: whether --set changed the run files, so that nobody needs to be told that the paper has other values.
+    """
     rows = [
         (
             c.case,
@@ -38,7 +44,8 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal) -> None:
     ]
     show_table(COLUMNS, rows, out, title="Predicted and measured open-loop interval, in seconds", keys=2)
     for notice in noted(comparisons):
-        out.note(notice)
+        if not (changed and ": paper: " in notice):
+            out.note(notice)
     for c in comparisons:
         if not c.measured.converged:
             out.say(f"{c.case} ({c.plant}): {c.words}")

@@ -38,7 +38,7 @@ def new(command: New) -> None:
     with Working(f"looking at {model.name}", ERR):
         draft = draft_run(model, out, command.keyframe)
     write_text(out, draft.text)
-    _tell(f"run file  {out}", *_found(draft), f"next      icmj analyse {out}")
+    _tell(f"run file  {out}", *_found(draft), *_shipped_with(model), f"next      icmj analyse {out}")
 
 
 def schema(command: Schema) -> None:
@@ -63,7 +63,7 @@ def _tell(*lines: str) -> None:
 def _found(draft: Drafted) -> list[str]:
     """What was chosen, and what is predicted of it."""
     if draft.case is None:
-        return [f"note: as it stands it does not run: {one_line(draft.trouble)}"]
+        return [f"note: it does not run as written: {one_line(draft.trouble)}"]
     case = draft.case
     plant, prediction = case.actual.linearisation.plant, case.prediction
     table = case.run.assumed
@@ -73,12 +73,30 @@ def _found(draft: Drafted) -> list[str]:
         f"at        {where}{how.get(table.operating_point or '', '')}",
         f"inputs    {', '.join(plant.inputs)}",
         f"outputs   {', '.join(plant.outputs)}",
+        f"weights   R_c = {case.run.design.R_c}, R_o = {case.run.design.R_o}, from the gain of the plant",
     ]
     if prediction.delta_crit is not None and prediction.cycle:
         lines.append(f"predicted a limit cycle, Δ_crit = {prediction.delta_crit:.4g} s, {prediction.verdict}")
     else:
         lines.append("predicted no limit cycle")
     return lines + [f"note: {one_line(notice)}" for notice in case.notices]
+
+
+def _shipped_with(model: Path) -> list[str]:
+    """That shipped cases have this model, with other weights."""
+    from icmj.runfile.reading import load_run
+    from icmj.runfile.shipped import RUNS
+
+    for name, file in RUNS.files.items():
+        run = load_run(file)
+        same = run.assumed.model is not None and run.assumed_path.resolve() == model.resolve()
+        if same and not run.simulation.disturbance and not run.assumed.delay:
+            weights = f"R_c = {run.design.R_c} and R_o = {run.design.R_o}"
+            return [
+                f"note: the shipped case {name} has this model with {weights}, and so another Δ_crit; "
+                f"icmj new {name} copies it"
+            ]
+    return []
 
 
 def _copy(shipped: Path, out: Path) -> list[Path]:

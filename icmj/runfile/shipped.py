@@ -45,10 +45,16 @@ class Shelf:
         return self.files.get(path.name, path)
 
     def near(self, path: Path) -> str:
-        """``; did you mean three-link-0.9?`` for a file that is not there: one beside it, or a shipped one."""
+        """``; did you mean three-link-0.9?`` for a file that is not there: one beside it, or a shipped one.
+
+        Where none is near, and what was given may be a name, the names of all shipped ones.
+        """
         beside = [str(other) for other in path.parent.glob(f"*{self.suffix}")]
         near = nearest(str(path), beside) or nearest(path.name.removesuffix(self.suffix), self.files)
-        return f"; did you mean {near}?" if near is not None else ""
+        if near is not None:
+            return f"; did you mean {near}?"
+        kind = "cases" if self.kind == "runs" else self.kind
+        return f"; shipped {kind}: {', '.join(self.files)}" if len(path.parts) == 1 and not path.suffix else ""
 
 
 RUNS, MODELS, SWEEPS = Shelf("runs", ".toml"), Shelf("models", ".xml"), Shelf("sweeps", ".toml")

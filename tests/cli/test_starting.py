@@ -30,6 +30,41 @@ def test_a_model_gets_a_run_file_that_analyse_takes(capsys):
     assert load_run("another.toml").case.name == "pendulum"
 
 
+def test_the_weights_are_told_and_that_shipped_cases_have_others(capsys):
+    """Δ_crit was 0.4045 s where the tutorial's was 0.7594 s, and nothing said why."""
+    assert main(["new", "three_link"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "weights R_c = 2e-05, R_o = 2e-06, from the gain of the plant" in shown
+    told = "the shipped case three-link-0.9 has this model with R_c = 5e-07 and R_o = 2e-07, and so another Δ_crit"
+    assert told in shown
+    assert main(["new", "three-link-0.9"]) == 0
+
+
+def test_a_name_that_is_none_is_told_the_shipped_ones(capsys):
+    for command, listed in (
+        ("analyse", "shipped cases: neglected-0.1, "),
+        ("sweep", "shipped sweeps: basins, "),
+        ("new", "shipped models: pendulum, "),
+    ):
+        assert main([command, "nosuch"]) == 2
+        assert listed in capsys.readouterr().err
+    assert main(["analyse", "none/such.toml"]) == 2
+    assert "shipped" not in capsys.readouterr().err
+
+
+def test_a_value_changed_by_set_is_not_told_that_the_paper_has_another(capsys, elsewhere):
+    assert main(["analyse", "three-link-0.9", "--set", "actual.gain=0.85"]) == 0
+    assert "case.paper" not in capsys.readouterr().out
+    command = ["run", "simple-0.8", "--plant", "linear", "--out", "out", "--set", "simulation.duration=3"]
+    assert main([*command, "--set", "actual.gain=0.85"]) == 0
+    assert "case.paper" not in capsys.readouterr().out
+    assert main(["new", "simple-0.8", "--out", "mine.toml"]) == 0
+    mine = elsewhere / "mine.toml"
+    mine.write_text(mine.read_text(encoding="utf-8").replace("gain = 0.8", "gain = 0.85"), encoding="utf-8")
+    assert main(["analyse", "mine.toml"]) == 0
+    assert "[case.paper] describes another" in capsys.readouterr().out
+
+
 def test_a_shipped_case_comes_with_its_models(capsys, root):
     assert main(["new", "neglected-0.1", "--out", "mine.toml"]) == 0
     assert {path.name for path in Path().iterdir()} == {"mine.toml", "pendulum.xml", "pendulum_neglected.xml"}
@@ -68,5 +103,5 @@ def test_what_is_in_the_way_is_a_note(capsys, elsewhere):
         '<mujoco><worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>'
     )
     assert main(["new", "loose.xml"]) == 0
-    assert "note: as it stands it does not run: model" in capsys.readouterr().out
+    assert "note: it does not run as written: model" in capsys.readouterr().out
     assert (elsewhere / "loose.toml").exists()
