@@ -7,6 +7,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from benchmarks import overhead
 from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
@@ -84,4 +85,5 @@ def rows() -> list[Row]:
         ),
         Row(group, "Python callbacks and loop / bare", ratio_python, "×", "equations as in the paper"),
         Row(group, "folded Python callbacks and loop / bare", ratio_folded, "×", "equations multiplied out"),
+        *overhead.rows(),
     ]

@@ -93,7 +93,8 @@ WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wra
 if not INTERPRETED and numba.__version__.startswith(TESTED):
     from icmj.base.linking import Linked
 
-    WITHIN["pipeline_class"] = Linked
+    # and arrays count references; said, because it is taken from the caller where nothing is said
+    WITHIN |= {"pipeline_class": Linked, "_nrt": True}
 
 
 def _on_disk(dispatcher: Any) -> bool:
@@ -128,13 +129,15 @@ def within(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a function that only compiled code calls; Python itself must not, it would crash."""
     if INTERPRETED:
         return lambda function: function
-    return numba.njit(**WITHIN, **options)
+    if "pipeline_class" not in WITHIN:  # a numba that nobody has tried this with
+        options.pop("_nrt", None)
+    return numba.njit(**WITHIN | options)
 
 
-_SUMS = {"reassoc", "contract"}
+SUMS = {"reassoc", "contract"}
 compiled = within()
 """A function that entry points call; Python itself must not, it would crash."""
-summing = within(fastmath=_SUMS)
+summing = within(fastmath=SUMS)
 """``compiled``, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
-inlined = within(fastmath=_SUMS, forceinline=True)
+inlined = within(fastmath=SUMS, forceinline=True)
 """``summing``, put into its callers: a call would copy all arguments, which here are many."""

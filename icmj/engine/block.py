@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import prod
 
 import mujoco
 import numpy as np
@@ -224,7 +225,7 @@ def block_of(model: mujoco.MjModel) -> Block | None:
     for slot, name, shape in PARTS:
         extents = [int(data[part]) if isinstance(part, Slot) else part for part in shape]
         at = int(data[slot])
-        parts[name] = data[at : at + int(np.prod(extents))].reshape(extents)
+        parts[name] = data[at : at + prod(extents)].reshape(extents)
     return Block(header=data[:HEADER], **parts)
 
 

@@ -46,9 +46,12 @@ class ExtremesTracker:
             t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
             inside = self._jumps(float(t_i[0]), float(t_i[-1]))
             cuts = [0, *np.searchsorted(t_i, inside), len(t_i) - 1]
-            parts = [extremes(t_i[a : b + 1], y_i[a : b + 1], self._points) for a, b in pairwise(cuts)]
-            self._max.append(np.max([high for high, _ in parts], axis=0))
-            self._min.append(np.min([low for _, low in parts], axis=0))
+            high, low = extremes(t_i[: cuts[1] + 1], y_i[: cuts[1] + 1], self._points)
+            for a, b in pairwise(cuts[1:]):
+                further = extremes(t_i[a : b + 1], y_i[a : b + 1], self._points)
+                high, low = np.maximum(high, further[0]), np.minimum(low, further[1])
+            self._max.append(high)
+            self._min.append(low)
             start = end
         self._t, self._y = self._t[start:], self._y[start:]
 

@@ -35,6 +35,7 @@ class Stepper(NamedTuple):
         kept: rates at the begin of a step that ends at an event, (n,).
         F: vectors of the dense output, shape (7, n).
         y: outputs at the step's end.
+        passes: how often the engine has been asked for rates, shape (1,).
     """
 
     A: Array
@@ -58,6 +59,7 @@ class Stepper(NamedTuple):
     K: Array
     F: Array
     y: Array
+    passes: np.ndarray
 
 
 def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:
@@ -80,7 +82,7 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) ->
         method.A, method.c, method.E3, method.E5, method.D, method.powers,
         method.stages, method.rates, method.looks, method.exponent, method.allowed,
         single, quadruple, origin, *room, np.zeros((tableau.RATES, n)), np.zeros((_POWER, n)),
-        np.zeros(model.nsensordata),
+        np.zeros(model.nsensordata), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -136,6 +138,7 @@ def normalise(engine, stepper):  # type: ignore[no-untyped-def]
 def pass_at(engine, stepper):  # type: ignore[no-untyped-def]
     """The rates where the engine is, as those that the next step begins with."""
     flow(engine)
+    stepper.passes[0] += 1
     rates_at(engine, stepper, stepper.K[0])
 
 
@@ -156,6 +159,7 @@ def stages(engine, stepper, t, step, first, last):  # type: ignore[no-untyped-de
             state[i] = stepper.start[i] + step * state[i]
         put(engine, state, t + stepper.c[stage] * step)
         flow(engine)
+        stepper.passes[0] += 1
         rates_at(engine, stepper, K[stage])
         if stage == stepper.last:
             for i in range(n):

@@ -248,6 +248,11 @@ class AdaptiveLoop(FixedLoop):
         self._stepper, self._roots = stepper_of(model, qpos_0, schedule.method), roots()
         super().__init__(model, data, schedule, qpos_0)
 
+    @property
+    def passes(self) -> int:
+        """How often the engine has been asked for rates."""
+        return int(self._stepper.passes[0])
+
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
         super().begin()

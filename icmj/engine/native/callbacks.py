@@ -18,7 +18,7 @@ import numpy as np
 from icmj.engine import actuator as actuators
 from icmj.engine import block, signals
 from icmj.engine.block import Slot
-from icmj.engine.native.compilation import compiled, engine_function, entry_cfunc, exact, inlined, sources
+from icmj.engine.native.compilation import allocating, compiled, engine_function, entry_cfunc, exact, inlined, sources
 from icmj.engine.native.memory import doubles, field, integers, number, size
 from icmj.engine.native.pushing import push
 from icmj.engine.native.waves import waves_at
@@ -72,7 +72,7 @@ def _ours(b, controls, activations):  # type: ignore[no-untyped-def]
     return controls == b[Slot.N_U] + 1 and activations == b[Slot.ACT] + b[Slot.SIZE]
 
 
-@inlined
+@allocating
 def _block(m, of):  # type: ignore[no-untyped-def]
     """The numbers of the controller in a model; empty where it has none, as the compiler's temporary model."""
     numbers, k = doubles(m, of.numeric_data), size(m, of.nnumeric) - 1
@@ -135,7 +135,7 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
         at += 5
 
 
-@exact
+@allocating
 def _waves(b, time):  # type: ignore[no-untyped-def]
     count = int(b[Slot.SIGNALS])
     waves = np.empty(count + 2)

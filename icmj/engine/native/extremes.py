@@ -9,7 +9,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import called
-from icmj.engine.native.compilation import compiled, entry, sources
+from icmj.engine.native.compilation import allocating, compiled, entry, sources
 
 
 @compiled
@@ -41,7 +41,7 @@ def _peak(s, z, c):  # type: ignore[no-untyped-def]
     return max(value, z[top])
 
 
-@compiled
+@allocating
 def _find(t, y, high, low, points):  # type: ignore[no-untyped-def]
     gap = 0.05 * (t[-1] - t[0]) / max(len(t) - 1, 1)
     kept = np.empty(len(t), np.int64)

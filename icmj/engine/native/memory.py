@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from icmj.base.compilation import inlined as viewing
 from icmj.base.environment import INTERPRETED
 from icmj.engine.native.compilation import inlined
 
@@ -157,22 +158,22 @@ else:
         """Where an array begins."""
         return array.ctypes.data
 
-    @inlined
+    @viewing
     def size(base, offset):
         """A size, or an address, of a struct."""
         return carray(pointer(base + offset), 1, np.int64)[0]
 
-    @inlined
+    @viewing
     def number(base, offset):
         """A floating-point number of a struct."""
         return carray(pointer(base + offset), 1, np.float64)[0]
 
-    @inlined
+    @viewing
     def doubles(base, offset):
         """An array of the engine's, row by row; its length is not known."""
         return carray(pointer(size(base, offset)), LONG, np.float64)
 
-    @inlined
+    @viewing
     def integers(base, offset):
         """An array of the engine's, row by row; its length is not known."""
         return carray(pointer(size(base, offset)), LONG, np.int32)

@@ -9,7 +9,7 @@ import numpy as np
 
 from icmj.engine import pushing, signals
 from icmj.engine.block import Slot
-from icmj.engine.native.compilation import compiled, engine_function
+from icmj.engine.native.compilation import allocating, engine_function
 from icmj.engine.native.memory import address
 
 _apply = engine_function("mj_applyFT", "void(intp, intp, intp, intp, intp, int32, intp)")
@@ -19,7 +19,7 @@ _global = engine_function("mj_local2Global", "void(intp, intp, intp, intp, intp,
 _FREEDOM, _ACTUATOR, _WIDTH, _SIGNAL = pushing.FREEDOM, pushing.ACTUATOR, pushing.WIDTH, signals.SIGNAL
 
 
-@compiled
+@allocating
 def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
     """Write the generalised forces of pushes where the engine is into ``applied``.
 
