@@ -19,6 +19,7 @@ from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
+from icmj.controller.law import Law
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
@@ -203,7 +204,7 @@ def simulate(
 
 def simulate_plant(
     plant: LinearPlant | MujocoPlant,
-    controller: Controller,
+    controller: Law,
     settings: Settings,
     *,
     x0: ArrayLike | None = None,
@@ -216,7 +217,7 @@ def simulate_plant(
 
     Args:
         plant: a linear plant, or one of :func:`icmj.load_plant`.
-        controller: design, hold and trigger.
+        controller: design, hold and trigger (:class:`icmj.Controller`), or one that reads delayed outputs only.
         settings: duration, start, step, disturbance.
         x0, x_o0, x_h0: start of plant, observer and hold as whole vectors, instead of the named states in ``settings``.
         progress: called now and then with the fraction done, 0–1.
@@ -227,7 +228,7 @@ def simulate_plant(
         SimulationError, ModelError, AnalysisError: if plant and controller do not fit, or the start is not one.
     """
     if isinstance(plant, LinearPlant):
-        plant = matched(plant, controller.design.plant, match)
+        plant = matched(plant, controller.plant, match)
         from icmj.linear.run import simulate as simulate_linear
 
         return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
@@ -235,7 +236,7 @@ def simulate_plant(
 
     if not isinstance(plant, MujocoPlant):
         expect_linear(plant, "the plant to simulate")
-    plant = plant.matched(controller.design.plant, match)
+    plant = plant.matched(controller.plant, match)
     run = simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     return with_pressure(plant, controller, run)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
+from icmj.controller.law import Law
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.hush import hushed
@@ -25,11 +26,12 @@ from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
 
 
-def with_pressure(plant: MujocoPlant, controller: Controller, simulation: Simulation) -> Simulation:
+def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -> Simulation:
     """The simulation with the ground's reaction, if the plant stands on a floor; else as it is."""
     if not _Ground(plant).stands:
         return simulation
-    return replace(simulation, pressure=centre_of_pressure(plant, simulation, controller))
+    known = controller if isinstance(controller, Controller) else None
+    return replace(simulation, pressure=centre_of_pressure(plant, simulation, known))
 
 
 def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Controller | None = None) -> Pressure:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.environment import INTERPRETED, single_threaded
 from icmj.controller.controller import Controller
+from icmj.controller.law import Law
 from icmj.engine.accuracy import estimate, order_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.plant import MujocoPlant
@@ -17,6 +18,7 @@ from icmj.engine.saturation import applied, clipped, limited, shares
 from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.stepping import stepping_of
 from icmj.engine.tableau import METHODS
+from icmj.errors import SimulationError
 from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
@@ -27,7 +29,7 @@ from icmj.simulation.start import start_states
 @single_threaded()
 def simulate(
     plant: MujocoPlant,
-    controller: Controller,
+    controller: Law,
     settings: Settings,
     *,
     x0: ArrayLike | None = None,
@@ -62,6 +64,8 @@ def simulate(
         SimulationError: if a named state or input does not exist, a start state has the wrong shape, or the timestep
             is not usable.
     """
+    if not isinstance(controller, Controller):
+        raise SimulationError(f"a {controller.kind} controller is simulated on the linear plant only")
     x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
     loop = close_loop(plant, controller, settings)
     steps, model = stepping_of(loop, settings), loop.model

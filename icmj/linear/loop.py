@@ -53,9 +53,8 @@ class LinearLoop:
 
     @property
     def positions(self) -> np.ndarray:
-        """Indices of the states that the limit guards: those with a ``<name>_rate`` beside them, else all."""
-        states = self.plant.states
-        return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(self.plant.n))
+        """Indices of the states that the limit guards."""
+        return positions_of(self.plant)
 
     def state(self, x: Array, a: Array) -> Array:
         """w from the states of plant and controller."""
@@ -76,6 +75,12 @@ class LinearLoop:
     def x_h(self, Z: Array) -> Array:
         """Hold state."""
         return self.x_o(Z) + self.e(Z)
+
+
+def positions_of(plant: LinearPlant) -> np.ndarray:
+    """Indices of the states that a limit guards: those with a ``<name>_rate`` beside them, else all."""
+    states = plant.states
+    return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(plant.n))
 
 
 def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:

@@ -15,19 +15,22 @@ from numpy.typing import ArrayLike
 
 from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
+from icmj.controller.law import Law
 from icmj.linear.simulator import Simulator
+from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
+from icmj.simulation.taps import expect_no_observer
 
 
 @single_threaded()
 def simulate(
     plant: LinearPlant,
-    controller: Controller,
+    controller: Law,
     settings: Settings,
     *,
     x0: ArrayLike | None = None,
@@ -39,7 +42,8 @@ def simulate(
 
     Args:
         plant: the actual plant; its order may differ from that of the controller's model.
-        controller: design, hold and trigger (event, clock or continuous).
+        controller: design, hold and trigger (event, clock or continuous), or one that reads delayed outputs only
+            (:func:`icmj.linear.tapped.simulate_tapped`).
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0, x_o0: start of plant (n,) and observer (n̂,), instead of the named states in ``settings``.
         x_h0: start of the hold state (n̂,); the observer's by default, because t = 0 is an event.
@@ -53,6 +57,9 @@ def simulate(
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
             finite, or a disturbance names an unknown input or output.
     """
+    if not isinstance(controller, Controller):
+        expect_no_observer(controller, settings, x_o0, x_h0)
+        return simulate_tapped(plant, controller, settings, x0=x0, progress=progress)
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)
     simulator = Simulator(plant, controller, settings, settings.record_interval)
     loop = simulator.loop

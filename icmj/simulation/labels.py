@@ -31,17 +31,17 @@ class Labels:
 UNKNOWN = Labels()
 
 
-def labels_of(actual: LinearPlant, assumed: LinearPlant) -> Labels:
-    """The labels of a run of ``actual`` under a controller that believes in ``assumed``."""
+def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
+    """The labels of a run of ``actual`` under a controller whose observer believes in ``assumed``, if it has one."""
     return Labels(
         actual.states,
         actual.inputs,
         actual.outputs,
-        assumed.states,
+        assumed.states if assumed else (),
         actual.state_units,
         actual.input_units,
         actual.output_units,
-        assumed.state_units,
+        assumed.state_units if assumed else (),
     )
 
 

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 class Events:
     """The events t_i of the controller after the one at t = 0; K of them. Those of a clock count, too.
 
+    Of a controller that is switched by what it reads they are the switches from one mode to another.
+
     Attributes:
         t: times [s], shape (K,).
         x, x_o, x_h: plant, observer and hold state just before the reset x_h := x_o, which a delay puts off;
@@ -62,7 +64,7 @@ class Simulation(Shown):
 
     Attributes:
         plant: ``linear`` or ``mujoco``.
-        control: ``event``, ``clock`` or ``continuous``.
+        control: ``event``, ``clock``, ``continuous`` or ``switching``, or what a controller of one's own says.
         t: times of the rows [s], strictly increasing, shape (N,); the value at an event is the one before the reset.
         x, y, u, x_o, x_h: plant state, outputs, inputs, observer and hold state; shapes (N, ...). Under
             continuous control x_h is x_o.
@@ -81,6 +83,8 @@ class Simulation(Shown):
         pushed: how large it is there, shape (N, K); empty (0, 0) where nothing does.
         pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
         labels: names and units of states, inputs and outputs; empty where they are not known.
+        mode: of a controller that has several, the index of the one that is on, shape (N,); empty (0,) otherwise.
+        modes: their names.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -104,6 +108,8 @@ class Simulation(Shown):
     labels: Labels = UNKNOWN
     pushes: tuple[Push, ...] = ()
     pushed: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    mode: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    modes: tuple[str, ...] = ()
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""

@@ -40,10 +40,19 @@ def start_states(
             "no event would ever act"
         )
     assumed = controller.design.plant.states
-    plant_state = _start("plant", plant.states, settings.initial, x)
+    plant_state = plant_start(plant, settings, x)
     observer = _start("observer", assumed, settings.observer, x_o)
     hold = observer if x_h is None else _start("hold", assumed, {}, x_h)
     return plant_state, start_state(controller, observer, hold)
+
+
+def plant_start(plant: LinearPlant, settings: Settings, x: ArrayLike | None = None) -> Array:
+    """The plant's state at t = 0, shape (n,), by name or as a whole vector.
+
+    Raises:
+        SimulationError: as for :func:`start_states`.
+    """
+    return _start("plant", plant.states, settings.initial, x)
 
 
 def _start(what: str, names: Sequence[str], named: Mapping[str, float], given: ArrayLike | None) -> Array:

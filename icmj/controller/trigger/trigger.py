@@ -15,7 +15,7 @@ from icmj.errors import AnalysisError
 if TYPE_CHECKING:
     from icmj.controller.design import Design
 
-Kind = Literal["event", "clock", "continuous"]
+Kind = Literal["event", "clock", "continuous", "switching"]
 
 
 class Trigger(ABC):

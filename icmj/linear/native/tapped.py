@@ -1,0 +1,270 @@
+"""The linear plant under a controller that reads delayed outputs, in compiled code, stretch by stretch.
+
+On a stretch (:mod:`icmj.simulation.native.taps`) the command is a polynomial, and what disturbs a sum of sinusoids: so
+the plant's state is a Taylor series, whose terms follow from one another. A stretch is short enough for these to leave
+nothing.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.compilation import compiled, contents, entry
+from icmj.base.roots import evaluate, first_root, largest
+from icmj.linear.native.state import Status
+from icmj.simulation.native.taps import SAME, SMOOTH, leave, remember, room, sources, stretch
+
+_DIVERGED = 1e12
+_MORE, _ENDED = int(Status.MORE), int(Status.ENDED)
+_FELL, _GONE = int(Status.FELL), int(Status.DIVERGED)
+_FULL = -1  # there is no room in the history
+_CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
+
+
+class Waves(NamedTuple):
+    """Sinusoids a cos(ωt + φ) in windows.
+
+    Attributes:
+        effect: what each does, per unit of its size, shape (K, rows).
+        terms: (a, ω, φ, start, end) of each, shape (K, 5).
+    """
+
+    effect: Array
+    terms: Array
+
+
+class Body(NamedTuple):
+    """The plant, what acts on it, and what a run needs; rates are per unit of time of the taps.
+
+    Attributes:
+        A, B, C: shapes (n, n), (n, n_u), (n_y, n).
+        acting: on the state, n rows.
+        errors: of the outputs as they are read, n_y rows.
+        edges, levels: instants at which something begins or ends, rising, then infinity, and the level of each.
+        positions: states that are limited, divided by their limits, shape (L, n).
+        interval: between rows [s].
+        end: of the run [s].
+        F: to Bernstein coefficients, degree p.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    acting: Waves
+    errors: Waves
+    edges: Array
+    levels: np.ndarray
+    positions: Array
+    interval: float
+    end: float
+    F: Array
+
+
+class Track(NamedTuple):
+    """Where a run is, and what it records.
+
+    Attributes:
+        t: now, shape (1,).
+        level: of what begins now, shape (1,).
+        counts: next edge, next row by number, rows, events, shape (4,).
+        X: state on the stretch, shape (n, p + 1).
+        y: outputs, and rows to work in, shape (n_y + 2, p + 1).
+        high, low: extremes of outputs since the last event.
+        rows: (t, x, u, mode), shape (capacity, 2 + n + n_u).
+        events: (t, x, y_max, y_min), shape (capacity, 1 + n + 2 n_y).
+    """
+
+    t: Array
+    level: np.ndarray
+    counts: np.ndarray
+    X: Array
+    y: Array
+    high: Array
+    low: Array
+    rows: Array
+    events: Array
+
+
+@compiled
+def _add(waves, t, end, unit, out):  # type: ignore[no-untyped-def]
+    """Add to ``out``, shape (rows, p + 1), what these sinusoids do from ``t`` to ``end``."""
+    middle = (t + end) / 2
+    for k in range(len(waves.terms)):
+        a, omega, phase = waves.terms[k, 0], waves.terms[k, 1], waves.terms[k, 2]
+        if not waves.terms[k, 3] <= middle < waves.terms[k, 4]:
+            continue
+        turn, size = omega * unit, a
+        cos, sin = np.cos(omega * t + phase), np.sin(omega * t + phase)
+        for j in range(out.shape[1]):
+            value = size * cos
+            for i in range(len(out)):
+                out[i, j] += waves.effect[k, i] * value
+            if turn == 0:
+                break
+            size *= turn / (j + 1)
+            cos, sin = -sin, cos
+
+
+@compiled
+def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
+    """The plant's Taylor series on the stretch, from its state in the first column, and its outputs."""
+    X, n = track.X, len(track.X)
+    X[:, 1:] = 0.0
+    start = X[:, 0].copy()
+    X[:, 0] = 0.0
+    _add(body.acting, t, end, taps.unit, X)
+    # what acts goes into the next power's place: X[:, j] holds it until its turn comes
+    for i in range(n):
+        carried, X[i, 0] = X[i, 0], start[i]
+        for j in range(1, X.shape[1]):
+            carried, X[i, j] = X[i, j], carried
+    for j in range(1, X.shape[1]):
+        for i in range(n):
+            rate = X[i, j]
+            for k in range(n):
+                rate += body.A[i, k] * X[k, j - 1]
+            for k in range(len(now.u)):
+                rate += body.B[i, k] * now.u[k, j - 1]
+            X[i, j] = rate / j
+    for i in range(len(body.C)):
+        for j in range(X.shape[1]):
+            total = 0.0
+            for k in range(n):
+                total += body.C[i, k] * X[k, j]
+            track.y[i, j] = total
+
+
+@compiled
+def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
+    """Where on [0, length] a position passes its limit first; infinity where none does."""
+    first, p = np.inf, track.X.shape[1] - 1
+    row = track.y[-1]
+    for limit in range(len(body.positions)):
+        size, scale = 0.0, 1.0
+        for j in range(p + 1):
+            total = 0.0
+            for k in range(len(track.X)):
+                total += body.positions[limit, k] * track.X[k, j]
+            row[j] = total * scale
+            size += abs(row[j])
+            scale *= length
+        if size < 1:
+            continue
+        for _ in range(2):
+            row[0] -= 1.0
+            first = min(first, first_root(row, p, body.F, now.stack, now.spans))
+            row[0] += 1.0
+            for j in range(p + 1):
+                row[j] = -row[j]
+    return first * length
+
+
+@compiled
+def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
+    p = track.X.shape[1] - 1
+    for i in range(len(body.C)):
+        y, reach, scale = track.y[i], 0.0, 1.0
+        for j in range(1, p + 1):
+            scale *= length
+            reach += abs(y[j]) * scale
+        if y[0] + reach > track.high[i]:
+            track.high[i] = largest(y, p, 1.0, length, track.high[i], body.F, now.stack, now.spans)
+        if y[0] - reach < track.low[i]:
+            track.low[i] = -largest(y, p, -1.0, length, -track.low[i], body.F, now.stack, now.spans)
+
+
+@compiled
+def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
+    """Record where it is ``theta`` units after the stretch's begin."""
+    n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[2]]
+    row[0] = t
+    for i in range(n):
+        row[1 + i] = evaluate(track.X[i], p, theta)
+    for i in range(len(now.u)):
+        row[1 + n + i] = evaluate(now.u[i], p, theta)
+    row[1 + n + len(now.u)] = now.mode[0]
+    track.counts[2] += 1
+
+
+@compiled
+def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
+    n, n_y, counts, X = len(track.X), len(body.C), track.counts, track.X
+    p = X.shape[1] - 1
+    most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
+    for _ in range(_CELLS):
+        if counts[2] + most > len(track.rows) or counts[3] == len(track.events):
+            return _MORE
+        if not room(history):
+            return _FULL
+        t, level = track.t[0], track.level[0]
+        while body.edges[counts[0]] <= t + SAME:
+            level = min(level, body.levels[counts[0]])
+            counts[0] += 1
+        longest = min(body.end, body.edges[counts[0]])
+        level, end, guard = stretch(taps, history, now, t, longest, level)
+        _follow(taps, body, now, track, t, end)
+        length = (end - t) / taps.unit
+        fallen = _fallen(body, now, track, length)
+        if fallen <= length:
+            length, guard = fallen, -1
+            end = t + length * taps.unit
+        _extremes(body, now, track, length)
+        while counts[1] * body.interval < end - SAME:
+            at = counts[1] * body.interval
+            _row(now, track, at, (at - t) / taps.unit)
+            counts[1] += 1
+        rows = remember(history, t, level)
+        for i in range(n_y):
+            for j in range(p + 1):
+                rows[i, j] = track.y[i, j]
+        _add(body.errors, t, end, taps.unit, rows)
+        ended = end >= body.end - SAME
+        mode = now.mode[0]
+        switched = leave(taps, now, length, guard)
+        if switched or ended or fallen <= length:
+            after, now.mode[0] = now.mode[0], mode
+            _row(now, track, end, length)
+            now.mode[0] = after
+            if counts[1] * body.interval <= end + SAME:
+                counts[1] += 1
+        for i in range(n):
+            X[i, 0] = evaluate(X[i], p, length)
+        track.t[0], track.level[0] = end, SMOOTH
+        if switched:
+            event = track.events[counts[3]]
+            event[0] = end
+            event[1 : 1 + n] = X[:, 0]
+            event[1 + n : 1 + n + n_y], event[1 + n + n_y :] = track.high, track.low
+            for i in range(n_y):
+                track.high[i] = track.low[i] = evaluate(track.y[i], p, length)
+            counts[3] += 1
+            track.level[0] = 0
+        if fallen <= length:
+            return _FELL
+        size = 0.0
+        for i in range(n):
+            size += abs(X[i, 0])
+        if not size <= _DIVERGED:
+            return _GONE
+        if ended:
+            return _ENDED
+    return _MORE
+
+
+@cache
+def marching() -> Any:
+    """The compiled march: ``march(taps, body, history, now, track)``, a while on; why it stopped, −1 for more room."""
+    source = contents(Path(__file__).parent) + sources()
+
+    @entry
+    def march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
+        if source == 0:
+            return _FULL
+        return _march(taps, body, history, now, track)
+
+    return march

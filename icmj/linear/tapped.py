@@ -1,0 +1,174 @@
+"""The exact simulation of a linear plant under a controller that reads delayed outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.base.bernstein import from_powers
+from icmj.base.environment import single_threaded
+from icmj.base.signals import unhurried
+from icmj.controller.law import Law
+from icmj.controller.realisation import Realisation
+from icmj.linear.loop import positions_of
+from icmj.linear.native.state import Status
+from icmj.linear.native.tapped import Body, Track, Waves, marching
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation import ending
+from icmj.simulation.disturbance import Disturbance, disturbance_of, pushes_of, reading_error_of, recorded
+from icmj.simulation.ending import EventPace
+from icmj.simulation.labels import labels_of
+from icmj.simulation.settings import Settings
+from icmj.simulation.simulation import Events, Simulation
+from icmj.simulation.start import plant_start
+from icmj.simulation.taps import POWERS, begun, expect_tapped, modes_of, taps_of, widened
+
+_ROWS, _EVENTS = 4096, 512  # of the buffers
+
+
+@single_threaded()
+def simulate_tapped(
+    plant: LinearPlant,
+    law: Law,
+    settings: Settings,
+    *,
+    x0: ArrayLike | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate ``plant`` under a controller that reads delayed outputs only. Before t = 0 it has read what is there.
+
+    Args:
+        plant: the actual plant; its order may differ from that of the controller's model.
+        law: the controller.
+        settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
+        x0: start of the plant (n,), instead of the named states in ``settings``.
+        progress: called now and then with the fraction done, 0–1.
+
+    Returns:
+        Recorded at multiples of ``record_interval``, at every switch (values just before it), which is an event, and at
+        the end. Switches are exact to 1e-12 s. There are no observer, no hold and no event function.
+
+    Raises:
+        SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
+            finite, or a disturbance names an unknown input or output.
+    """
+    from icmj.base.compilation import called
+
+    realisation = expect_tapped(law, plant)
+    x = plant_start(plant, settings, x0)
+    acting = disturbance_of(settings.disturbance, plant.inputs)
+    errors = reading_error_of(settings.disturbance, plant.outputs)
+    pushes, n, n_u, n_y = pushes_of(settings), plant.n, plant.n_u, plant.n_y
+    names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
+    limits = ending.limits_of(settings.limit, names, units)
+    everything = (acting, errors, pushes.size)
+    fastest = max(float(terms.omega.max(initial=0.0)) for terms in everything)
+    taps = taps_of(realisation, max(_rate(plant, realisation), fastest), exact=True)
+    history, now = begun(taps, realisation, plant.C @ x + errors(0.0))
+    E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
+    edges = np.unique(np.concatenate([terms.edges for terms in everything]))
+    limited = np.flatnonzero(np.isfinite(limits))
+    positions = np.zeros((len(limited), n))
+    positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
+    H = taps.unit
+    body = Body(
+        A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
+        acting=_joined(_waves(acting, plant.B * H), _waves(pushes.size, E * H)), errors=_waves(errors, np.eye(n_y)),
+        edges=np.append(edges, np.inf), levels=np.where(np.isin(edges, errors.edges), -1, 0), positions=positions,
+        interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
+    )  # fmt: skip
+    track = Track(
+        t=np.zeros(1), level=np.zeros(1, np.int64), counts=np.array([0, 1, 0, 0]), X=np.zeros((n, POWERS)),
+        y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
+        rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
+        events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),
+    )  # fmt: skip
+    track.X[:, 0] = x
+    first = -taps.S[now.mode[0]] @ np.tile(history.r[0, :, 0], len(taps.tau))
+    rows = [np.concatenate([[0.0], x, first, now.mode])[None, :]]
+    events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, marching()
+
+    def keep() -> Array:
+        with unhurried():
+            rows.append(track.rows[: track.counts[2]].copy())
+            events.append(track.events[: track.counts[3]].copy())
+            track.counts[2:] = 0
+            return events[-1][:, 0]
+
+    try:
+        while outcome is None:
+            status = called(march, taps, body, history, now, track)
+            times, t = keep(), float(track.t[0])
+            if progress is not None:
+                progress(t / settings.duration)
+            if status == -1:
+                history = widened(history)
+            elif status == Status.ENDED:
+                outcome = ending.ran(settings.duration, np.zeros(0), 0.0)
+            elif status == Status.FELL:
+                at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
+                outcome = ending.fell(t, names[at], limits[at], units[at])
+            elif status == Status.DIVERGED:
+                outcome = ending.diverged(t, "a state exceeded 1e+12")
+            elif (took := pace.stalled(*times)) is not None:
+                outcome = ending.stalled(t, took)
+    except KeyboardInterrupt:
+        keep()
+        if track.t[0] == 0:  # there is nothing to keep; it may have been compiling
+            raise
+        outcome = ending.interrupted(float(track.t[0]), settings.duration)
+    R, K = np.concatenate(rows), np.concatenate(events)
+    when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
+    none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
+    y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
+    return Simulation(
+        plant="linear",
+        control=law.kind,  # type: ignore[arg-type]
+        t=when,
+        x=X,
+        y=X @ plant.C.T,
+        u=u,
+        x_o=none,
+        x_h=none,
+        E=np.full(len(R), np.nan),
+        events=Events(t=K[:, 0], x=K[:, 1 : 1 + n], x_o=before, x_h=before, y_max=y_max, y_min=y_min),
+        applied=u + acting(when) if len(acting) else np.zeros((0, 0)),
+        outcome=outcome,
+        precision={
+            "integrator": "Taylor series",
+            "order": "exact",
+            "event_tolerance": 1e-12,
+            "step": H,
+            "series_terms": POWERS,
+        },
+        noisy=settings.noisy,
+        labels=labels_of(plant),
+        **modes_of(realisation, R[:, -1]),
+        **recorded(pushes, when),
+    )
+
+
+def _rate(plant: LinearPlant, realisation: Realisation) -> float:
+    """How fast the loop's series go: the norm of its matrices, as if its taps were not delayed and as if cut off."""
+    from scipy.linalg import matrix_balance
+
+    read, norms = np.tile(plant.C, (len(realisation.taps), 1)), [0.0]
+    for mode in realisation.modes:
+        feedback, driven = np.block([[-plant.B @ mode.S @ read], [mode.N @ read]]), len(mode.M)
+        alone = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((driven, plant.n)), mode.M]])
+        closed = alone + np.hstack([feedback, np.zeros((len(alone), driven))])
+        norms += [float(np.linalg.norm(matrix_balance(M, permute=False)[0], 2)) for M in (alone, closed)]
+    return max(norms)
+
+
+def _waves(terms: Disturbance, effects: Array) -> Waves:
+    """What these terms do by the columns of ``effects``."""
+    columns = (terms.amplitude, terms.omega, terms.phase, terms.start, terms.end)
+    return Waves(np.ascontiguousarray(effects[:, terms.input].T), np.ascontiguousarray(np.column_stack(columns)))
+
+
+def _joined(*waves: Waves) -> Waves:
+    return Waves(*(np.concatenate(parts) for parts in zip(*waves, strict=True)))

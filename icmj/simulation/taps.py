@@ -1,0 +1,184 @@
+"""A controller that reads outputs of a while ago, laid out for compiled code, with what it has read.
+
+Before t = 0 it has read what there is at the start, held. Time within a stretch is counted from its begin, in units of
+:attr:`Taps.unit`; polynomials are rows of p + 1 coefficients in it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.bernstein import from_powers
+from icmj.base.roots import DEEPEST
+from icmj.controller.law import Law
+from icmj.controller.realisation import Realisation
+from icmj.errors import SimulationError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.native.taps import SMOOTH
+from icmj.simulation.settings import Settings
+
+POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
+_NODES = 13
+_BEGINNING = -1e30  # of the history that is held before t = 0
+
+
+class Taps(NamedTuple):
+    """The controller as compiled code takes it.
+
+    Attributes:
+        unit: of time [s], and the longest stretch.
+        tau: taps [s], shape (T,).
+        M, N, K, S: of the modes, shapes (modes, N_a, N_a), (modes, N_a, n_v), (modes, n_u, N_a), (modes, n_u, n_v).
+        Q, c: of the guards, shapes (G, n_v, n_v) and (G,).
+        table: the mode that follows by mode and signs, shape (modes, 2^G).
+        F: to Bernstein coefficients of a guard, degree 2p.
+        exact: whether what is remembered are Taylor series, else polynomials through values at nodes.
+        nodes, fit: nodes on (−1, 1), and the matrix from values at them to coefficients; empty where it is exact.
+    """
+
+    unit: float
+    tau: Array
+    M: Array
+    N: Array
+    K: Array
+    S: Array
+    Q: Array
+    c: Array
+    table: np.ndarray
+    F: Array
+    exact: bool
+    nodes: Array
+    fit: Array
+
+
+class History(NamedTuple):
+    """Readings so far, stretch by stretch.
+
+    Attributes:
+        start: where each stretch begins [s], shape (capacity,).
+        level: of that instant, see :mod:`icmj.simulation.native.taps`.
+        r: polynomials of the outputs as they are read, shape (capacity, n_y, p + 1).
+        count: of stretches, shape (1,); the last one goes on to the present.
+        at: the stretch that each tap reads, shape (T,).
+        ahead: the next one after it that begins roughly, as far as has been looked, shape (T,).
+    """
+
+    start: Array
+    level: np.ndarray
+    r: Array
+    count: np.ndarray  # type: ignore[assignment]
+    at: np.ndarray
+    ahead: np.ndarray
+
+
+class Now(NamedTuple):
+    """Where the controller is, and room to work in.
+
+    Attributes:
+        mode: shape (1,).
+        sign: whether each guard is positive, shape (G,).
+        a: state, shape (N_a,).
+        v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
+        values: at nodes, shape (nodes, n_y).
+        g: of a guard.
+        stack, spans: see :mod:`icmj.base.roots`.
+    """
+
+    mode: np.ndarray
+    sign: np.ndarray
+    a: Array
+    v: Array
+    A: Array
+    u: Array
+    values: Array
+    g: Array
+    stack: Array
+    spans: Array
+
+
+def taps_of(realisation: Realisation, rate: float, *, exact: bool) -> Taps:
+    """The controller of a loop whose fastest rate is so many rad/s, with what disturbs it."""
+    modes, guards = realisation.modes, realisation.guards
+    n_v, n_u = modes[0].S.shape[1], modes[0].S.shape[0]
+    M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
+    table = np.arange(len(modes))[:, None].repeat(1 << len(guards), axis=1)
+    number = 0 if exact else _NODES
+    nodes = np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
+    fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
+    size = realisation.layout.size
+    return Taps(
+        unit=float(min(1 / max(rate, 1e-300), realisation.taps[0])),
+        tau=np.array(realisation.taps, dtype=float),
+        M=M, N=N.reshape(len(modes), size, n_v), K=K.reshape(len(modes), n_u, size), S=S,
+        Q=np.array([guard.Q for guard in guards], dtype=float).reshape(len(guards), n_v, n_v),
+        c=np.array([guard.c for guard in guards], dtype=float),
+        table=np.ascontiguousarray(table if realisation.table is None else realisation.table, dtype=np.int64),
+        F=from_powers(2 * POWERS - 2), exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
+    )  # fmt: skip
+
+
+def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -> tuple[History, Now]:
+    """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,)."""
+    count, n_y, n_v = len(taps.tau), len(r), taps.S.shape[2]
+    history = History(
+        start=np.full(capacity, _BEGINNING), level=np.full(capacity, SMOOTH), r=np.zeros((capacity, n_y, POWERS)),
+        count=np.ones(1, np.int64), at=np.zeros(count, np.int64), ahead=np.zeros(count, np.int64),
+    )  # fmt: skip
+    history.r[0, :, 0] = r
+    v = np.tile(r, count)
+    sign = np.array([float(guard(v)) > 0 for guard in realisation.guards], dtype=np.int64)
+    size, n_u = realisation.layout.size, taps.S.shape[1]
+    return history, Now(
+        mode=np.array([realisation.following(0, v)]), sign=sign, a=np.zeros(size), v=np.zeros((n_v, POWERS)),
+        A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), values=np.zeros((len(taps.nodes), n_y)),
+        g=np.zeros(2 * POWERS - 1), stack=np.zeros((DEEPEST, 2 * POWERS)), spans=np.zeros((DEEPEST, 3)),
+    )  # fmt: skip
+
+
+def widened(history: History) -> History:
+    """The same with twice the room."""
+    start, level, r = (np.concatenate([part, np.zeros_like(part)]) for part in history[:3])
+    return history._replace(start=start, level=level, r=r)
+
+
+def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
+    """What a run keeps of the modes at its rows: nothing where there is one alone."""
+    names = tuple(mode.name for mode in realisation.modes)
+    return {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
+
+
+def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
+    """See that no start is ``given`` of what the controller does not have.
+
+    Raises:
+        SimulationError: if there is one, or the settings name one.
+    """
+    if settings.observer or any(start is not None for start in given):
+        raise SimulationError(f"a {law.kind} controller has neither observer nor hold; leave out where they start")
+
+
+def expect_tapped(law: Law, plant: LinearPlant) -> Realisation:
+    """How the controller moves, if its delayed outputs are all that it reads of ``plant``.
+
+    Raises:
+        SimulationError: if it reads outputs as they are, or its model has other numbers of inputs and outputs than the
+            plant.
+    """
+    realisation, assumed = law.realisation, law.plant
+    if not realisation.tapped:
+        raise SimulationError(f"a {law.kind} controller that reads outputs as they are: expected delayed taps")
+    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
+        raise SimulationError(
+            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+    wanted = (assumed.n_u, assumed.n_y * len(realisation.taps))
+    for mode in realisation.modes:
+        if mode.S.shape != wanted:
+            raise SimulationError(
+                f"mode {mode.name!r} of the {law.kind} controller has S of shape {mode.S.shape}; expected {wanted}"
+            )
+    return realisation
