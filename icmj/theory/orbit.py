@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.controller.trigger import EventRule
+from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
@@ -127,11 +127,7 @@ def orbit(
     phi = system.exit @ phi_t.exponential(delta - t_d) @ system.entry
     if vector is None:
         vector = critical_vectors(reduced.phi(delta) if reduced.modes else phi, sign)[:, 0]
-    v, drift = vector, np.zeros(len(phi))
-    if reduced.modes:
-        v = reduced.completed(vector, phi, sign)
-        v = v * (np.sign(v[leading(v)]) / np.linalg.norm(v))
-        drift = phi @ v - sign * v
+    v, drift = _started(reduced, phi, sign, vector)
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
     cells = 2 ** int(np.ceil(np.log2(points))) * (2 if t_d else 1)
@@ -142,29 +138,20 @@ def orbit(
         )
     t, X = phi_t.trajectory(system.entry @ v, delta - t_d, points)
     waiting, X_waiting = phi_t.trajectory(system.lift @ v, t_d, points) if t_d else (t[:0], X[:0])
-    squares = faces.squares(X @ system.T_t.T @ faces.R.T)
-    # the face that is reached; relative to the largest values on the way it must not be rounding
-    face = int(squares[-1].argmax())
-    seen = float(squares[-1, face])
-    scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
-    unseen = not seen > 1e-20 * scale
-    gamma = np.inf if unseen else 1 / np.sqrt(seen)
+    face, gamma = _reached(faces, system, X)
+    unseen = not np.isfinite(gamma)
     factor = 1.0 if unseen else gamma
-    X = X * factor
+    X, X_waiting = X * factor, X_waiting * factor
     rows = np.concatenate([system.C_y, system.C_u, np.eye(system.n, len(system.A_C))])
-    highest = np.full(2 * len(rows), -np.inf)
+    highest, watched = np.full(2 * len(rows), -np.inf), []
     if t_d:
         # until the action, events are not watched; outputs may peak there all the same
-        X_waiting = X_waiting * factor
         for polynomials in _polynomials(phi_t, X_waiting, waiting[1]):
             highest = np.maximum(highest, _highest(polynomials, rows))
-    watched = []
     for polynomials in _polynomials(phi_t, X, t[1]):
         highest = np.maximum(highest, _highest(polynomials, rows))
         watched.append(faces.polynomials(polynomials @ (faces.R @ system.T_t).T))
-    levels = np.concatenate(watched, axis=1)
     X = np.concatenate([X_waiting, X])
-    E = faces.E(X @ system.T_t.T)
     up, down = np.split(highest, 2)
     peak = np.maximum(up, down)
     spread = up + down if sign > 0 else 2 * peak
@@ -177,7 +164,7 @@ def orbit(
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
         reason = "the event rule does not see this orbit: its event error is zero at the event (e_0 = 0)"
     else:
-        reason = _obstacle(levels, face, trigger.delta_min, t, t_d)
+        reason = _obstacle(np.concatenate(watched, axis=1), face, trigger.delta_min, t, t_d)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
     y_peak, u_peak, x_peak = np.split(peak, cuts)
     y_range, u_range, x_range = np.split(spread, cuts)
@@ -192,7 +179,7 @@ def orbit(
         y=X @ system.C_y.T,
         u=X @ system.C_u.T,
         e_hp=X @ system.T_t.T,
-        E=E,
+        E=faces.E(X @ system.T_t.T),
         y_peak=y_peak,
         u_peak=u_peak,
         x_peak=x_peak,
@@ -203,6 +190,27 @@ def orbit(
         reason=reason,
         drift=drift * factor,
     )
+
+
+def _started(reduced: Reduction, phi: Array, sign: int, vector: Array) -> tuple[Array, Array]:
+    """The state right after an event on the orbit, of unit norm, and how far one interval carries it away."""
+    if not reduced.modes:
+        return vector, np.zeros(len(phi))
+    v = reduced.completed(vector, phi, sign)
+    v = v * (np.sign(v[leading(v)]) / np.linalg.norm(v))
+    return v, phi @ v - sign * v
+
+
+def _reached(faces: Faces, system: ErrorSystem, X: Array) -> tuple[int, float]:
+    """The face that the motion ends on, and γ, the factor that puts its end there; infinite where no face sees it.
+
+    Relative to the largest values on the way what is seen must not be rounding.
+    """
+    squares = faces.squares(X @ system.T_t.T @ faces.R.T)
+    face = int(squares[-1].argmax())
+    seen = float(squares[-1, face])
+    scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
+    return face, 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
 
 
 def _polynomials(prepared: Flow, X: Array, h: float) -> Iterator[Array]:
