@@ -90,6 +90,10 @@ from .study.study import run_case as run_case
 from .study.study import run_study as run_study
 from .sweeps.dataset import read_sweep as read_sweep
 from .sweeps.sweep import sweep as sweep
+from .theory.delay_roots import DelayLoop as DelayLoop
+from .theory.delay_roots import delay_loop as delay_loop
+from .theory.delay_roots import rightmost_roots as rightmost_roots
+from .theory.delay_roots import stability_limit as stability_limit
 from .theory.error_system import ErrorSystem as ErrorSystem
 from .theory.error_system import error_system as error_system
 from .theory.prediction import Prediction as Prediction

@@ -1,0 +1,230 @@
+"""The characteristic roots of a loop with delayed feedback, and where it loses its stability.
+
+A linear plant under a controller that reads outputs of a while ago, in one mode, is
+
+    ẇ(t) = F w(t) + Σ_j G_j w(t − τ_j),      w = (x, a)
+
+and e^{st} v solves it where Δ(s) v = 0 with Δ(s) = sI − F − Σ_j G_j e^{−sτ_j}. There are infinitely many such s, of
+which finitely many lie to the right of any vertical line. They are found as eigenvalues of the solution's generator, on
+Chebyshev points (Breda, Maset and Vermiglio 2005), and each is polished by Newton's method on Δ(s) v = 0. That none is
+missed to the right of a line is proved by the argument principle: how often det Δ(s) turns about zero around a region
+that holds all of them is how many there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from icmj.base.array import Array, falling
+from icmj.controller.law import Law
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import matched
+
+_FEWEST, _MOST = 16, 256  # Chebyshev points
+_SAME = 1e-7  # relative to the fastest root asked for: two roots that are one
+
+
+@dataclass(frozen=True, eq=False)
+class DelayLoop:
+    """A linear system with discrete delays.
+
+    Attributes:
+        F: what acts at once, shape (N, N).
+        G: what acts later, shape (T, N, N).
+        tau: how much later [s], positive, shape (T,).
+    """
+
+    F: Array
+    G: Array
+    tau: Array
+
+    def characteristic(self, s: complex) -> np.ndarray:
+        """Δ(s), shape (N, N)."""
+        delayed = np.tensordot(np.exp(-s * self.tau), self.G, axes=1)
+        return np.asarray(s * np.eye(len(self.F)) - self.F - delayed)
+
+    def slope(self, s: complex) -> np.ndarray:
+        """Δ'(s), shape (N, N)."""
+        return np.asarray(np.eye(len(self.F)) + np.tensordot(self.tau * np.exp(-s * self.tau), self.G, axes=1))
+
+
+def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
+    """The loop of ``plant`` under ``law`` that stays in one of its modes; inputs and outputs are matched by name.
+
+    Raises:
+        AnalysisError: if the law reads outputs as they are, or has no such mode.
+    """
+    real, plant = law.realisation, matched(plant, law.plant)
+    if not real.tapped:
+        raise AnalysisError(f"the {law.kind} controller reads outputs as they are; its loop has no delay of this kind")
+    if not 0 <= mode < len(real.modes):
+        raise AnalysisError(f"the {law.kind} controller has {len(real.modes)} modes, counted from 0; got {mode}")
+    on, n, size, n_y = real.modes[mode], plant.n, real.layout.size, plant.n_y
+    F = np.zeros((n + size, n + size))
+    F[:n, :n], F[:n, n:], F[n:, n:] = plant.A, -plant.B @ on.K, on.M
+    G = np.zeros((len(real.taps), n + size, n + size))
+    for j in range(len(real.taps)):
+        read = slice(j * n_y, (j + 1) * n_y)
+        G[j, :n, :n], G[j, n:, :n] = -plant.B @ on.S[:, read] @ plant.C, on.N[:, read] @ plant.C
+    return DelayLoop(F, G, np.array(real.taps))
+
+
+def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
+    """The ``count`` rightmost characteristic roots at least, a pair whole, by falling real part [rad/s].
+
+    Each is right to rounding, and there is none between them and none to their right that is not among them.
+
+    Raises:
+        AnalysisError: if they cannot be found, for the loop is out of proportion to its delay.
+    """
+    points = _FEWEST
+    while points <= _MOST:
+        guesses = np.linalg.eigvals(_generator(loop, points))
+        guesses = guesses[falling(guesses.real, np.abs(guesses.imag))][: 2 * count + 4]
+        found = _distinct([root for guess in guesses if (root := _polished(loop, complex(guess))) is not None])
+        if len(found) > count:
+            last = count
+            while last < len(found) and found[last - 1].real - found[last].real < _SAME * (1 + abs(found[last])):
+                last += 1
+            # a line between the last that is wanted and the next
+            if last < len(found):
+                line = (found[last - 1].real + found[last].real) / 2
+                if _number_right_of(loop, line) == last:
+                    return found[:last]
+        points *= 2
+    raise AnalysisError(
+        f"the {count} rightmost roots of the delayed loop cannot be told apart; its rates are out of proportion to its "
+        f"delay of {loop.tau.max():g} s"
+    )
+
+
+def stability_limit(loop_of: Callable[[float], DelayLoop], stable: float, unstable: float) -> tuple[float, float]:
+    """Where a family of loops loses its stability, between a stable and an unstable member.
+
+    Args:
+        loop_of: the loop at a value of the parameter.
+        stable, unstable: values at which the loop is, and is not, stable.
+
+    Returns:
+        the value, and the frequency of the roots that cross there [rad/s]; 0 for a real one.
+
+    Raises:
+        AnalysisError: if the first is not stable, or the second is.
+    """
+    from scipy.optimize import brentq
+
+    def growth(value: float) -> float:
+        return float(rightmost_roots(loop_of(value), 1)[0].real)
+
+    if growth(stable) >= 0 or growth(unstable) <= 0:
+        raise AnalysisError(f"no limit between {stable:g} and {unstable:g}: expected a stable and an unstable loop")
+    at = float(brentq(growth, stable, unstable, xtol=1e-14 * max(abs(stable), abs(unstable)), rtol=1e-14))
+    return at, float(abs(rightmost_roots(loop_of(at), 1)[0].imag))
+
+
+def _generator(loop: DelayLoop, points: int) -> Array:
+    """The generator of the solution on Chebyshev points of [−τ, 0], shape ((points + 1) N, (points + 1) N)."""
+    N, longest = len(loop.F), float(loop.tau.max())
+    nodes = np.cos(np.pi * np.arange(points + 1) / points)  # from 1, now, to −1, the longest delay ago
+    ends = np.where((np.arange(points + 1) == 0) | (np.arange(points + 1) == points), 2.0, 1.0)
+    weights = ends * (-1.0) ** np.arange(points + 1)
+    gaps = nodes[:, None] - nodes[None, :] + np.eye(points + 1)
+    D = np.outer(weights, 1 / weights) / gaps
+    D -= np.diag(D.sum(axis=1))
+    generator = np.kron(2 / longest * D, np.eye(N))
+    generator[:N] = 0
+    generator[:N, :N] = loop.F
+    for G, tau in zip(loop.G, loop.tau, strict=True):
+        generator[:N] += np.kron(_lagrange(nodes, weights, 1 - 2 * tau / longest)[None, :], G)
+    return generator
+
+
+def _lagrange(nodes: Array, weights: Array, at: float) -> Array:
+    """The basis polynomials of the nodes at a place, by the barycentric formula."""
+    gaps = at - nodes
+    if (hit := np.abs(gaps) < 1e-14).any():
+        return hit.astype(float)
+    terms = (1 / weights) / gaps
+    return np.asarray(terms / terms.sum())
+
+
+def _polished(loop: DelayLoop, s: complex) -> complex | None:
+    """The root near ``s`` by Newton's method on (v, s); ``None`` where it goes elsewhere."""
+    start, N = s, len(loop.F)
+    *_, right = np.linalg.svd(loop.characteristic(s))
+    v = right[-1].conj()
+    fixed = v.conj()
+    for _ in range(30):
+        delta = loop.characteristic(s)
+        system = np.block([[delta, (loop.slope(s) @ v)[:, None]], [fixed[None, :], np.zeros((1, 1))]])
+        try:
+            step = np.linalg.solve(system, -np.append(delta @ v, fixed @ v - 1))
+        except np.linalg.LinAlgError:
+            return None
+        v, s = v + step[:N], s + complex(step[N])
+        if not np.isfinite(s):
+            return None
+        if abs(step[N]) <= 1e-14 * (1 + abs(s)):
+            break
+    else:
+        return None
+    return s if abs(s - start) <= 0.1 * (1 + abs(start)) else None
+
+
+def _distinct(roots: list[complex]) -> np.ndarray:
+    """Each once, with its conjugate, by falling real part; real ones without an imaginary part."""
+    kept: list[complex] = []
+    for root in roots:
+        root = complex(root.real, abs(root.imag))
+        if root.imag < _SAME * (1 + abs(root)):
+            root = complex(root.real)
+        if not any(abs(root - other) < _SAME * (1 + abs(root)) for other in kept):
+            kept.append(root)
+    whole = np.array([each for root in kept for each in ([root, root.conjugate()] if root.imag else [root])])
+    return whole[falling(whole.real, -np.abs(whole.imag), whole.imag)] if len(whole) else whole
+
+
+def _number_right_of(loop: DelayLoop, line: float) -> int:
+    """How many roots have a real part above ``line``, by the argument principle; each as often as it is one.
+
+    To the right of it |s| is at most the sum of the norms, which bounds the region.
+    """
+    norms = np.array([np.linalg.norm(G, 2) for G in loop.G])
+    far = float(np.linalg.norm(loop.F, 2) + (norms * np.exp(-min(line, 0.0) * loop.tau)).sum()) + 1.0
+    corners = [complex(line, -far), complex(far, -far), complex(far, far), complex(line, far), complex(line, -far)]
+    turned = 0.0
+    for a, b in pairwise(corners):
+        turned += _turn(loop, a, b)
+    return round(turned / (2 * np.pi))
+
+
+def _turn(loop: DelayLoop, a: complex, b: complex) -> float:
+    """How far the argument of det Δ turns from ``a`` to ``b``, by parts on which it can turn by less than half a round.
+
+    Its rate is that of log det Δ, tr(Δ⁻¹Δ'), which at a distance d from a root is about 1/d.
+    """
+    total, stack, here = 0.0, [b], a
+    at_here, rate = _direction(loop, here)
+    shortest = abs(b - a) * 2.0**-40
+    while stack:
+        there = stack[-1]
+        at_there, rate_there = _direction(loop, there)
+        length = abs(there - here)
+        if max(rate, rate_there) * length < 0.5 or length < shortest:
+            total += float(np.angle(at_there / at_here))
+            here, at_here, rate = there, at_there, rate_there
+            stack.pop()
+        else:
+            stack.append((here + there) / 2)
+    return total
+
+
+def _direction(loop: DelayLoop, s: complex) -> tuple[complex, float]:
+    """det Δ(s) over its magnitude, and |tr(Δ⁻¹Δ')| there."""
+    delta = loop.characteristic(s)
+    return complex(np.linalg.slogdet(delta)[0]), float(abs(np.trace(np.linalg.solve(delta, loop.slope(s)))))
