@@ -21,7 +21,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import analysis, cycles, linear, precision, startup, stepping, threads
+from benchmarks import analysis, cycles, linear, noise, precision, startup, stepping, threads
 from benchmarks.row import Row
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import Terminal
@@ -47,6 +47,7 @@ GROUPS = {
     "stepping": stepping.rows,
     "precision": precision.rows,
     "linear": linear.rows,
+    "noise": noise.rows,
     "threads": threads.rows,
     "startup": startup.rows,
     "analysis": _analysis,

@@ -11,7 +11,8 @@ from icmj.base.array import Array
 from icmj.base.signals import unhurried
 from icmj.controller.controller import Controller
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
-from icmj.linear.native.state import FRESH, Count, Now, Run, Status, Tables
+from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Status, Tables
+from icmj.linear.response import Response
 from icmj.linear.tables import tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
@@ -76,12 +77,13 @@ class Simulator:
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
         self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
         self.tables = T = tables(loop, acting, self.duration, self.limits, interval)
-        m, n_y, rows = loop.moving, plant.n_y, int(min(T.steps * T.step / interval, 1e9)) + 8
+        self._response = Response(T, acting)
+        m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
         capacity = max(_ROWS, 2 * rows) if several else 8
         self._run = Run(
             now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), w=np.zeros(len(T.J)),
-            s=np.zeros(T.P.shape[1]), wave=np.zeros((2, len(T.omega))), row=np.zeros(m),
+            s=np.zeros(T.W.shape[1]), row=np.zeros(m),
             high=np.zeros(n_y), low=np.zeros(n_y), rows_t=np.empty(capacity), rows_z=np.empty((capacity, m)),
             events=np.empty((_EVENTS if several else 1, 1 + m + 2 * n_y)),
         )  # fmt: skip
@@ -94,7 +96,7 @@ class Simulator:
     @property
     def z(self) -> Array:
         """z there, shape (m,); not to be kept."""
-        return self._run.s[: self._m] if self._run.counts[Count.STEP] >= 0 else self._run.w[: self._m]
+        return self._run.s[: self._m] if self._run.counts[Count.CELL] >= 0 else self._run.w[: self._m]
 
     def begin(self, w: Array, t: float) -> None:
         """Start from ``w`` right after an event at ``t``."""
@@ -106,7 +108,7 @@ class Simulator:
         run.now[[Now.TICK, Now.ACTION]] = np.inf
         run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
         counts[:] = 0
-        counts[Count.NEXT], counts[Count.AGE], counts[Count.STEP] = 1, FRESH, -1
+        counts[Count.NEXT], counts[Count.AGE], counts[Count.CELL] = 1, FRESH, -1
         if np.isfinite(clock):
             counts[Count.TICK] = int(np.floor(t / clock * (1 + 1e-12))) + 1
             counts[Count.ACTED] = counts[Count.TICK] - 1
@@ -172,8 +174,22 @@ class Simulator:
         """Go on for a while, to so many events at most; why it stopped, and how many rows and events it recorded."""
         counts = self._run.counts
         counts[Count.ROWS] = counts[Count.EVENTS] = 0
-        status = self._call(self._simulate, self.tables, self._run, events)
+        known = None
+        while (acting := self._acting()) is not known:
+            status = self._call(self._simulate, self.tables, acting, self._run, events)
+            if status != Status.MORE:
+                break
+            known = acting
         return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])
+
+    def _acting(self) -> Acting:
+        """What acts where it is now."""
+        T, now, cell = self.tables, self._run.now, int(self._run.counts[Count.CELL])
+        if not T.powers:
+            return self._response.acting
+        if cell < 0:  # where the step before is about to end, the compiled simulation comes back for the next
+            cell = int(now[Now.TIME] / T.step)
+        return self._response.reach(cell, float(now[Now.EDGE]))
 
     def last_event(self) -> tuple[float, Array, Array, Array]:
         """Of the last event recorded: its time [s], z before the reset, largest and smallest outputs until then."""

@@ -4,8 +4,8 @@ All come from one series. With s = (z, f) and G its generator, of which f is a s
 
     c z(θ) = Σ_j c G^j/j! s θ^j
 
-cut where nothing is left of it. Over a span of several steps the same series, in its units, is split: a short
-polynomial by its control points, and a bound of the rest.
+cut where nothing is left of it. The same series is split where a step is to be dismissed quickly: a short polynomial by
+its control points, and a bound of the rest.
 """
 
 from __future__ import annotations
@@ -21,15 +21,19 @@ from icmj.linear.exponential import exponential
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.state import Tables
 
-_STEP_NORM = 2.0  # ‖M h‖ of one step: the terms of its series stay below 2, so nothing cancels
+ROUNDING = 1e-15  # of a sinusoid of one: less than the rounding of its angle
 _LONGEST_STEP = 1e3  # s
 _MOST_TERMS = 60
-_COARSE = 7  # degree of the polynomials that dismiss a span
-_TURN = 1.6  # the loop's fastest eigenvalue times a span: what so short polynomials can bound
-_SWING = 2.0  # the same for the fastest sinusoid
-_LONGEST_SPAN = 8  # steps
+_COARSE = 7  # degree of the polynomials that dismiss a step
+_TURN = 1.6  # the loop's fastest eigenvalue times a step: what so short polynomials can bound
+_SWING = 2.2  # the same for the fastest sinusoid
+_NORM = 16.0  # ‖M h‖ of one step, for which there are terms enough
+_PEAK = 24.0  # the largest term of a step's series of z, where z is one: what cancels costs a digit
 _TICK = 1e-9  # relative: a delay this close to a multiple of the clock's interval is one
 _NOTHING = 1e-18  # of the sum: a term that is left out
+_PLACES = 8  # of rows within a step
+_EIGHTHS = 8
+_HARDLY = 1.25
 
 
 def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, interval: float) -> Tables:
@@ -42,37 +46,33 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         limits: the run has fallen when a position departs further than its own; infinite where it has none.
         interval: between two recorded rows [s]; infinite if none are asked for.
     """
-    from scipy.linalg import matrix_balance
-
     M, m, controller = loop.M, loop.moving, loop.controller
-    fastest = float(acting.omega.max(initial=0.0))
-    balanced = matrix_balance(M, permute=False)[0]
-    norm = max(float(np.linalg.norm(balanced, 2)), fastest, 1e-300)
-    h = min(_STEP_NORM / norm, _LONGEST_STEP)
-    mode = float(np.abs(np.linalg.eigvals(M)).max(initial=0.0)) * h
-    q = int(np.clip(min(_TURN / max(mode, 1e-300), _SWING / max(fastest * h, 1e-300)), 1, _LONGEST_SPAN))
-    signals = acting.D.shape[1]
-    p = _degree(fastest * h * q / 2) if signals else -1
+    fastest, signals = float(acting.omega.max(initial=0.0)), acting.D.shape[1]
+    h = _step(M, fastest)
+    if signals:
+        h = _round(h)
     G, D = M * h, acting.D * h
 
     faces, limited = loop.composed.R[:, :m], np.flatnonzero(np.isfinite(limits))
     positions, outputs = np.zeros((len(limited), m)), np.zeros((loop.plant.n_y, m))
     positions[np.arange(len(limited)), loop.positions[limited]] = 1 / limits[limited]
     outputs[:, loop.composed.layout["x"]] = loop.plant.C
-    rows = np.vstack([faces, positions, outputs])
 
-    size = np.array([(fastest * h) ** j / factorial(j) for j in range(p + 1)])
-    step = _series(rows, G, D, size, 2)
-    P = exponential(G)
-    if signals:
-        P = np.hstack([P, _series(np.eye(m), G, D, size, 2)[:, :, m:].sum(axis=0)])
-    W, V = _span(G, D, P, faces, positions, outputs, size, q)
+    size = sizes(fastest * h) if signals else np.zeros(0)
+    middle = shift(len(size), signals, -0.5)
+    step = _series(np.vstack([faces, positions, outputs]), G, D, size, _COARSE + 1)
+    motion = _series(np.eye(m), G, D, size, 2)
+    for series in (step, motion):
+        series[:, :, m:] = series[:, :, m:] @ middle
+    P = np.hstack([exponential(G), motion[:, :, m:].sum(axis=0)])
+    W, V = _bounds(step, P, len(faces), len(positions), m + signals * (_COARSE + 1))
+    places, stride = _places(h / interval) if signals else (1, 1)
+    Q = np.zeros((places, m, m))
+    if np.isfinite(interval):
+        for place in range(places):
+            Q[place] = exponential(M * (h * place / places if signals else interval))
+    part = (np.arange(places) / max(places, 1))[:, None] ** np.arange(len(motion))
     degree = len(step) - 1
-    ticks = _ticks(controller.delay.t_d, controller.trigger.clock)
-    j = np.arange(p + 1)
-    sign = np.where((j + 1) // 2 % 2 == 0, 1.0, -1.0)  # cos, −sin, −cos, sin
-    share = (sign / np.array([float(factorial(i)) for i in j]))[:, None] * (acting.omega * h) ** j[:, None]
-    angle = acting.omega * (q * h)
     return Tables(
         step=h,
         end=duration,
@@ -80,35 +80,91 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         clock=controller.trigger.clock,
         least=controller.least,
         delay=controller.delay.t_d,
-        ticks=ticks,
-        steps=q,
+        ticks=_ticks(controller.delay.t_d, controller.trigger.clock),
         coarse=_COARSE,
-        P=P,
-        M=np.ascontiguousarray(G),
-        D=np.ascontiguousarray(D),
-        Q=exponential(M * interval) if np.isfinite(interval) and not signals else np.zeros((m, m)),
+        controls=(_COARSE + 1) * (len(faces) + len(outputs)),
+        places=places,
+        stride=stride,
+        powers=len(size),
+        M=np.hstack([G, D]),
+        C=outputs,
+        Q=Q,
+        R=np.tensordot(part, motion[:, :, m:], 1),
         W=W,
+        W_z=W[:, :m].T.copy(),
         V=V,
         A=np.ascontiguousarray(np.moveaxis(step, 0, 1)),
         F=from_powers(degree),
         F2=from_powers(2 * degree),
+        terms=_terms(motion, m, size, signals),
         J=np.ascontiguousarray(loop.composed.J),
         G=np.ascontiguousarray(loop.composed.G),
         cuts=loop.composed.cuts.astype(np.int64),
         edges=np.append(acting.edges, np.inf),
-        ranges=np.searchsorted(acting.signal, np.arange(signals + 1)),
-        omega=acting.omega,
-        phase=acting.phase,
-        first=acting.start,
-        last=acting.end,
-        share=share * acting.amplitude,
-        turn=np.array([np.cos(angle), np.sin(angle)]),
     )
 
 
-def _degree(turn: float) -> int:
-    """Of Taylor polynomials of sinusoids that turn by at most this on either side [rad]."""
-    return next(p for p in range(_MOST_TERMS) if turn ** (p + 1) / factorial(p + 1) <= 1e-17)
+def sizes(turn: float) -> Array:
+    """How large Taylor coefficients of a sinusoid of one can be, of one that turns by so much in a step [rad].
+
+    There are as many as polynomials must have that agree with it on a step, to rounding.
+    """
+    count = next(p for p in range(1, _MOST_TERMS) if 2 * (turn / 4) ** p / factorial(p) <= ROUNDING)
+    return np.array([turn**j / factorial(j) for j in range(count)])
+
+
+def _step(M: Array, fastest: float) -> float:
+    """The longest step that the short polynomials can dismiss, and whose series does not cancel [s]."""
+    from scipy.linalg import matrix_balance
+
+    balanced = matrix_balance(M, permute=False)[0]
+    norm = max(float(np.linalg.norm(balanced, 2)), 1e-300)
+    mode = max(float(np.abs(np.linalg.eigvals(M)).max(initial=0.0)), 1e-300)
+    h = min(_TURN / mode, _SWING / max(fastest, 1e-300), _NORM / norm, _LONGEST_STEP)
+    while norm * h > 2 and _peak(balanced * h) > _PEAK:
+        h /= 1.25
+    return h
+
+
+def _peak(G: Array) -> float:
+    """The largest ‖G^j/j!‖."""
+    term, largest, size, j = np.eye(len(G)), 1.0, 1.0, 0
+    while size > 0.1 or j < 2:
+        j += 1
+        term = term @ G / j
+        size = float(np.abs(term).sum(axis=1).max())
+        largest = max(largest, size)
+    return largest
+
+
+def _round(h: float) -> float:
+    """1, 2 or 5 times a power of ten, as rows and noise are given: the longest that is hardly longer [s]."""
+    power = 10.0 ** np.floor(np.log10(_HARDLY * h))
+    return float(max(k * power for k in (1, 2, 5) if k * power <= _HARDLY * h))
+
+
+def _places(ratio: float) -> tuple[int, int]:
+    """A step in intervals between rows as the quotient of two small numbers; (0, 1) where it is none."""
+    for stride in range(1, 1 + _PLACES * 100):
+        places = round(ratio * stride)
+        if places > _PLACES:
+            break
+        if places and abs(ratio * stride / places - 1) < 1e-12:
+            return places, stride
+    return 0, 1
+
+
+def _terms(series: Array, m: int, size: Array, signals: int) -> np.ndarray:
+    """How many terms of z's series there are to be until one eighth of a step, two, … and all of it."""
+    weight = np.repeat(size, signals)
+    parts = np.array([_sizes(term, m, weight, signals) for term in series])
+    order = np.arange(len(series))[:, None, None]
+    terms = [0]
+    for eighth in range(1, _EIGHTHS + 1):
+        here = parts * (eighth / _EIGHTHS) ** order
+        counts = np.flatnonzero((here > _NOTHING * here.sum(axis=0)).any(axis=(1, 2)))
+        terms.append(int(counts.max(initial=0)) + 1)
+    return np.minimum(terms, len(series) - 1)
 
 
 def _series(rows: Array, G: Array, D: Array, size: Array, least: int) -> Array:
@@ -140,40 +196,22 @@ def _sizes(term: Array, m: int, weight: Array, signals: int) -> Array:
     return np.hstack([np.abs(term[:, :m]), of_f])
 
 
-def _span(
-    G: Array, D: Array, P: Array, faces: Array, positions: Array, outputs: Array, size: Array, q: int
-) -> tuple[Array, Array]:
-    """W and V of spans of ``q`` steps; see :class:`icmj.linear.native.state.Tables`."""
-    m, r, signals = len(G), len(faces), D.shape[1]
-    curves = np.vstack([faces, outputs])
-    stretch = np.repeat(float(q) ** np.arange(len(size)), signals)
-    series = _series(np.vstack([curves, positions]), G * q, D * q, size * float(q) ** np.arange(len(size)), _COARSE + 1)
-    series[:, :, m:] *= stretch
-    forward = _shift(len(size), signals, -q / 2)
-    series[:, :, m:] = series[:, :, m:] @ forward
-    moved = [exponential(G * q), np.zeros((m, len(stretch)))]
-    one, P_f = np.eye(m), P[:, m:]
-    for k in range(q - 1, -1, -1):
-        moved[1] = moved[1] + one @ P_f @ _shift(len(size), signals, k - q / 2)
-        one = one @ P[:, :m]
-    short = series[: _COARSE + 1, : len(curves)]
-    controls = np.einsum("ij,jrm->rim", from_powers(_COARSE), short).reshape(-1, series.shape[2])
-    left = np.abs(series[_COARSE + 1 :])
-    order = np.arange(_COARSE + 1, len(series), dtype=float)
-    V = np.vstack(
-        [
-            left[:, :r].sum(axis=0),
-            np.einsum("j,jrm->rm", order, left[:, r : len(curves)]),
-            np.abs(series[1:, len(curves) :]).sum(axis=0),
-        ]
-    )
-    W = np.vstack([np.hstack(moved), controls, np.hstack([positions, np.zeros((len(positions), len(stretch)))])])
-    W[m + len(controls) :] = series[0, len(curves) :]
-    return W, V
+def _bounds(step: Array, P: Array, r: int, limited: int, until: int) -> tuple[Array, Array]:
+    """W and V from the series of faces, positions and outputs; see ``Tables``.
+
+    What acts with a power beyond the short polynomials' goes into the bounds alone: entries of s from ``until`` on.
+    """
+    faces, positions, outputs = np.split(step, [r, r + limited], axis=1)
+    curves = np.concatenate([faces, outputs], axis=1)
+    controls = np.einsum("ij,jrm->rim", from_powers(_COARSE), curves[: _COARSE + 1]).reshape(-1, step.shape[2])
+    left, order = np.abs(curves), np.arange(len(step), dtype=float)
+    left[: _COARSE + 1, :, :until] = controls[:, until:] = 0
+    V = [left[:, :r].sum(axis=0), np.einsum("j,jrm->rm", order, left[:, r:]), np.abs(positions[1:]).sum(axis=0)]
+    return np.vstack([P, controls, positions[0]]), np.vstack(V)
 
 
 @lru_cache(maxsize=256)
-def _shift(powers: int, signals: int, by: float) -> Array:
+def shift(powers: int, signals: int, by: float) -> Array:
     """Takes f about a place to f about one ``by`` steps further on."""
     shift = np.array([[comb(j, i) * by ** (j - i) if j >= i else 0.0 for j in range(powers)] for i in range(powers)])
     return np.kron(shift.reshape(powers, powers), np.eye(signals))

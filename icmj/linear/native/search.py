@@ -2,7 +2,7 @@
 
 A curve R_j e(θ) stays within the largest norm of its control points, so a step whose control points are all inside
 every face of the event rule holds no event; only on the others the polynomial E_j itself is looked at for its first
-root. Spans of several steps are dismissed at once by short polynomials, of which the rest of their series is bounded.
+root. Most steps are dismissed before, by short polynomials, of which the rest of their series is bounded.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
 
 
 @compiled
-def first_end(A, F, F2, cuts, n_pos, s, armed, falls, work):  # type: ignore[no-untyped-def]
-    """(kind, θ) of the first end on the step from ``s``: by the bounds of the whole series, then by roots."""
+def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ignore[no-untyped-def]
+    """(kind, θ) of the first end on the step from ``s``: by the bounds of the whole series, then by roots.
+
+    An event counts from ``ready`` on.
+    """
     curves, level, stack, spans = work.curves, work.level, work.stack, work.spans
     r = cuts[-1]
     degree = A.shape[1] - 1
@@ -55,7 +58,7 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, work):  # type: ignore[no-
                     for j in range(degree + 1):
                         level[i + j] += curves[row, i] * curves[row, j]
             level[0] -= 1
-            theta = first_root(level, 2 * degree, F2, stack, spans)
+            theta = first_root(level, 2 * degree, F2, stack, spans, ready)
             if theta <= 1 and theta < first:
                 kind, first = EVENT, theta
     return kind, first
@@ -78,8 +81,8 @@ def extremes(A, F, row, s, theta, high, low, k, work):  # type: ignore[no-untype
 
 
 @inlined
-def doubtful(T, m, s, out, sizes, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
-    """What the short polynomials cannot exclude on the span from ``s`` = (z, f), of which ``out`` is W s.
+def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
+    """What the short polynomials cannot exclude on the step from ``s``, of which ``out`` is W s and ``tails`` V |s|.
 
     Returns:
         whether it grows large; whether an event, a fall, an extreme of any output are to be looked for.
@@ -87,17 +90,8 @@ def doubtful(T, m, s, out, sizes, tails, armed, high, low, turning):  # type: ig
     n_y, cuts, coarse = len(high), T.cuts, T.coarse
     r = cuts[-1]
     biggest = 0.0
-    for k in range(len(s)):
-        sizes[k] = abs(s[k])
-        if sizes[k] < _NORMAL:  # rounding would keep the smallest subnormal alive for ever
-            s[k] = 0
-        biggest = max(biggest, sizes[k])
-    if biggest < _TINY:  # zero for every purpose; subnormal numbers would only be slow
-        for k in range(m):
-            s[k] = out[k] = 0
-    times(T.V, sizes, tails)
     for k in range(m):
-        biggest = max(biggest, abs(out[k]))
+        biggest = max(biggest, abs(s[k]), abs(out[k]))
     wild = not biggest < _LARGE
     watched, falls, turns = armed and wild, wild, wild
     if armed:
@@ -129,3 +123,17 @@ def doubtful(T, m, s, out, sizes, tails, armed, high, low, turning):  # type: ig
         if not abs(out[at + k]) + tails[r + n_y + k] < 1 - 1e-12:
             falls = True
     return wild, watched, falls, turns
+
+
+@compiled
+def settle(s, sizes):  # type: ignore[no-untyped-def]
+    """``sizes`` := |s|, as far as that goes; subnormal entries become zero, and all do where all are next to nothing."""
+    biggest = 0.0
+    for k in range(len(sizes)):
+        sizes[k] = abs(s[k])
+        if sizes[k] < _NORMAL:  # rounding would keep the smallest subnormal alive for ever
+            s[k] = 0
+        biggest = max(biggest, sizes[k])
+    if biggest < _TINY:  # zero for every purpose; subnormal numbers would only be slow
+        for k in range(len(sizes)):
+            s[k] = sizes[k] = 0

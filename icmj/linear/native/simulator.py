@@ -1,8 +1,12 @@
 """The simulation of the linear plant from event to event, with everything that is recorded on the way.
 
-Between two instants at which something is due (a *piece*) the state follows a matrix exponential. A *span* of several
-steps is dismissed at once if short polynomials with a bound of what they leave out show that it holds no event, no
-fall, and no extreme of an output; only the others are gone through step by step, with the whole series.
+Between two instants at which something is due (a *piece*) the state follows a matrix exponential, step by step. A step
+is dismissed at once if short polynomials with a bound of what they leave out show that it holds no event, no fall, and
+no extreme of an output; only the others are looked at with the whole series.
+
+Quiet motion counts its steps from where the piece begins, and disturbed motion from zero: what acts on a step of that
+grid does not depend on the state, and has been worked out before (:mod:`icmj.linear.response`). A piece then begins
+and ends within a step.
 
 Every number that decides is a function of the state and of time alone, so neither the rows asked for nor the size of a
 buffer changes a bit of the motion.
@@ -18,15 +22,15 @@ import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
 from icmj.base.roots import DEEPEST
-from icmj.linear.native.motion import begin_waves, copy, dot, expand, move, times, turn_waves, within
-from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extremes, first_end
+from icmj.linear.native.motion import add, at, close, combine, copy, dot, move, times, unfold
+from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extremes, first_end, settle
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
 _DIVERGED = 1e12
 _LANDING = 1e-12  # an event this close after the end of a piece [s] is at its end
 _SAME = 1e-12  # a recording instant this close to an event [s] is the event
 _ANCHOR = 64  # rows from one to the next, before one is taken from the steps again
-_PATIENCE = 20000  # spans before the caller is asked, who may have been interrupted
+_PATIENCE = 20000  # steps before the caller is asked, who may have been interrupted
 _GONE = 3  # beside what ends a step: it diverged
 _MORE, _ENDED, _REACHED = int(Status.MORE), int(Status.ENDED), int(Status.REACHED)
 _STATUS_FELL, _STATUS_DIVERGED = int(Status.FELL), int(Status.DIVERGED)
@@ -42,27 +46,35 @@ def _note_row(run, t, z):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _rows_until(T, run, until, begin, offset, scratch, spare):  # type: ignore[no-untyped-def]
-    """Record the rows of the grid before ``until``, of the motion from ``run.s`` at ``begin``.
+def _rows_until(T, acting, run, until, whole, known, series, ahead):  # type: ignore[no-untyped-def]
+    """Record the rows of the grid before ``until``, of the motion from ``run.s`` where the piece is.
 
-    ``offset`` is how many steps before the place that f is about the motion begins. Of quiet motion a row follows from
-    the last one, which costs one matrix; of disturbed motion from where the motion begins.
+    Of quiet motion a row follows from the last one. Of disturbed motion it follows from the beginning of the step,
+    which is one matrix, too, where the ``whole`` step is known beforehand and the rows' grid fits the steps'.
+    Elsewhere it takes the ``series``, of which so many terms are ``known``.
     """
-    m, counts = len(run.row), run.counts
+    m, counts, cell = len(run.row), run.counts, run.counts[Count.CELL]
     last = np.floor((until - _SAME) / T.interval)
     if counts[Count.NEXT] > last:
         return
-    quiet = T.D.shape[1] == 0
-    start, ahead = scratch[0, : len(run.s)], scratch[1, :m]
-    copy(run.s, start)
-    move(start[m:], -offset, T.D.shape[1])
+    quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + (cell + run.now[Now.OFFSET]) * T.step
     while counts[Count.NEXT] <= last:
         t = counts[Count.NEXT] * T.interval
+        place = counts[Count.NEXT] * T.stride - cell * T.places if whole else -1
         if quiet and counts[Count.AGE] < _ANCHOR:
-            times(T.Q, run.row, ahead)
+            times(T.Q[0], run.row, ahead)
             counts[Count.AGE] += 1
+        elif not quiet and place == 0:
+            copy(run.s, ahead)
+        elif not quiet and 0 < place < T.places:
+            times(T.Q[place], run.s[:m], ahead)
+            add(acting.rows[place - 1, cell - acting.first], ahead)
         else:
-            within(T.P, T.M, T.D, T.A.shape[1] - 1, start, (t - begin) / T.step, ahead, spare)
+            if known == 0:
+                if whole and not quiet:
+                    copy(acting.f[cell - acting.first], run.s[m:])
+                known = unfold(T, run.s, m, 1.0, series)
+            at(series, known, min(max((t - begin) / T.step, 0.0), 1.0), ahead)
             counts[Count.AGE] = 0
         copy(ahead, run.row)
         _note_row(run, t, run.row)
@@ -82,26 +94,23 @@ def _next_action(T, run):  # type: ignore[no-untyped-def]
 def _open(T, run):  # type: ignore[no-untyped-def]
     """Begin a piece where the motion is: until when nothing is due."""
     now, counts, t = run.now, run.counts, run.now[Now.TIME]
-    watched = len(T.cuts) > 1
-    armed = watched and t >= now[Now.READY]
-    due = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE])
-    if watched and not armed:
-        due = min(due, now[Now.READY])
-    now[Now.BEGIN], now[Now.STOP] = t, min(due, T.end)
-    counts[Count.STEP], counts[Count.ARMED] = 0, 1 if armed else 0
-    m = len(run.row)
-    copy(run.w, run.s[:m])
-    if T.D.shape[1] > 0:
-        begin_waves(T, run.wave, t)
-        expand(T, run.wave, run.s[m:])
+    now[Now.STOP] = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE], T.end)
+    counts[Count.CELL] = 0
+    now[Now.ORIGIN], now[Now.OFFSET] = t, 0.0
+    copy(run.w, run.s[: len(run.row)])
+    if T.powers > 0:
+        place = t / T.step
+        cell = np.floor(place + close(place))
+        counts[Count.CELL] = int(cell)
+        now[Now.ORIGIN] = 0.0
+        now[Now.OFFSET] = place - cell if place - cell > close(place) else 0.0
 
 
 @inlined
 def _extend(T, run, z, first):  # type: ignore[no-untyped-def]
     """Extend the extremes to the outputs at ``z``, or begin them there."""
-    at = T.A.shape[0] - len(run.high)
     for k in range(len(run.high)):
-        y = dot(T.A[at + k, 0, : len(z)], z)
+        y = dot(T.C[k], z)
         if first:
             run.high[k] = run.low[k] = y
         else:
@@ -109,87 +118,81 @@ def _extend(T, run, z, first):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _steps(T, run, i, steps, total, last, doubts, work, turning, scratch, spare):  # type: ignore[no-untyped-def]
-    """Go through steps ``i`` … ``i + steps − 1`` of the piece one by one.
-
-    Returns:
-        what ended them, how many were done, and when [s].
-    """
-    wild, watched, falls = doubts
-    m, signals, n_y = len(run.row), T.D.shape[1], len(run.high)
-    rows, s, h = T.A.shape[0], run.s, T.step
-    n_pos, begin, stop = rows - T.cuts[-1] - n_y, run.now[Now.BEGIN], run.now[Now.STOP]
-    ahead, asked = scratch[2, :m], stop - begin
-    move(s[m:], -T.steps / 2, signals)
-    kind, until = NOTHING, begin
-    for k in range(steps):
-        final = i + k == total - 1
-        theta = last if final else 1.0
-        if watched or falls:
-            found, root = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, work)
-            longest = min(last + _LANDING / h, 1.0) if final else 1.0
-            if found != NOTHING and root <= longest:
-                kind, theta = found, min(root, last) if final else root
-        if kind == NOTHING and theta == 1:
-            times(T.P, s, ahead)
+def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # type: ignore[no-untyped-def]
+    """Go on with the piece under way; what ended it, −1 where the caller is asked, and how patient to be still."""
+    now, counts, s, m, n_y = run.now, run.counts, run.s, len(run.row), len(run.high)
+    out, sizes, tails = room
+    origin, stop, watching = now[Now.ORIGIN], now[Now.STOP], len(T.cuts) > 1
+    h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
+    n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
+    total = (stop - origin) / h
+    while True:
+        cell, offset = counts[Count.CELL], now[Now.OFFSET]
+        left, slack = total - cell - offset, close(total)
+        if left <= slack:
+            break
+        patience -= 1
+        known = cell - acting.first
+        missing = signals > 0 and not (0 <= known < len(acting.f) and acting.edge == now[Now.EDGE])
+        if patience < 0 or missing or counts[Count.ROWS] + most_rows > len(run.rows_t):
+            now[Now.TIME] = origin + (cell + offset) * h
+            return -1, patience
+        whole, final = offset == 0 and left >= 1 - slack, left <= 1 - offset + slack
+        here = 1.0 if whole else min(1 - offset, left)
+        ready = (now[Now.READY] - origin) / h - cell - offset if now[Now.READY] > origin + (cell + offset) * h else 0.0
+        armed = watching and ready < here
+        settle(s, sizes[:m])
+        if signals > 0 and offset > 0:
+            copy(acting.f[known], s[m:])
+            move(s[m:], offset, signals)
+            for k in range(m, len(s)):
+                sizes[k] = abs(s[k])
+            times(T.W, s, out)
+            times(T.V, sizes, tails)
         else:
-            within(T.P, T.M, T.D, T.A.shape[1] - 1, s, theta, ahead, spare)
-        if kind == NOTHING and wild:
+            combine(T.W_z, s, out)
+            times(T.V, sizes[:m], tails)
+            if signals > 0:
+                add(acting.moved[known], out)
+                add(acting.controls[known], out[m:])
+                add(acting.tails[known], tails)
+        wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, run.high, run.low, turning)
+        kind, theta, later = NOTHING, here, signals > 0 and offset == 0
+        if later and (watched or falls or turns or not whole):
+            copy(acting.f[known], s[m:])
+        if watched or falls:
+            kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, ready, work)
+            # what comes right after the end of the piece is at its end
+            if kind == NOTHING or theta > (min(here + _LANDING / h, 1.0) if final else here):
+                kind, theta = NOTHING, here
+            theta = min(theta, here)
+        terms = 0
+        if whole and kind == NOTHING:
+            copy(out, ahead)
+        else:
+            terms = unfold(T, s, m, theta, series)
+            at(series, terms, theta, ahead)
+        if wild:
             for j in range(m):
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
-        until = begin + min((i + k + theta) * h, asked)
+        until = origin + min((cell + offset + theta) * h, stop - origin)
+        if kind == EVENT and theta == ready > 0:
+            until = now[Now.READY]
         if kind == NOTHING and final:
             until = stop
-        _rows_until(T, run, until, begin + (i + k) * h, 0.0, scratch, spare)
-        _extend(T, run, ahead, False)
-        for j in range(n_y):
-            if turning[j]:
-                extremes(T.A, T.F, rows - n_y + j, s, theta, run.high, run.low, j, work)
+        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, scratch[0, :m])
+        if turns:  # what an output is at either end is looked at anyway
+            for j in range(n_y):
+                if turning[j]:
+                    extremes(T.A, T.F, rows - n_y + j, s, theta, run.high, run.low, j, work)
         copy(ahead, s[:m])
         if kind != NOTHING:
-            return kind, k, until
-        if signals > 0:
-            move(s[m:], 1.0, signals)
-    return kind, steps, until
-
-
-@inlined
-def _piece(T, run, room, work, turning, scratch, spare, patience):  # type: ignore[no-untyped-def]
-    """Go on with the piece under way; what ended it, −1 where there is no room, and how patient to be still."""
-    now, counts, s, m = run.now, run.counts, run.s, len(run.row)
-    out, sizes, tails = room
-    begin, stop, armed = now[Now.BEGIN], now[Now.STOP], counts[Count.ARMED] != 0
-    asked, h, q, signals = stop - begin, T.step, T.steps, T.D.shape[1]
-    total = max(int(np.ceil(asked / h * (1 - 1e-14))), 1)
-    last = min((asked - (total - 1) * h) / h, 1.0)
-    span_rows = int(min(q * h / T.interval, 1e9)) + 2
-    while counts[Count.STEP] < total:
-        i = counts[Count.STEP]
-        patience -= 1
-        if patience < 0 or counts[Count.ROWS] + span_rows + 2 > len(run.rows_t):
-            now[Now.TIME] = begin + i * h
-            return -1, patience
-        times(T.W, s, out)
-        wild, watched, falls, turns = doubtful(T, m, s, out, sizes, tails, armed, run.high, run.low, turning)
-        steps = min(q, total - i)
-        whole = steps == q and (i + q < total or last == 1)
-        if whole and not (watched or falls or turns):
-            until = stop if i + q == total else begin + (i + q) * h
-            _rows_until(T, run, until, begin + i * h, q / 2, scratch, spare)
-            copy(out, s[:m])
-            done = q
-        else:
-            kind, done, until = _steps(
-                T, run, i, steps, total, last, (wild, watched, falls), work, turning, scratch, spare
-            )
-            if kind != NOTHING:
-                now[Now.TIME] = until
-                return kind, patience
-        counts[Count.STEP] = i + done
-        if signals > 0:
-            turn_waves(T, run.wave)
-            expand(T, run.wave, s[m:])
+            now[Now.TIME] = until
+            return kind, patience
+        if final:
+            break
+        counts[Count.CELL], now[Now.OFFSET] = cell + 1, 0.0
     now[Now.TIME] = stop
     return NOTHING, patience
 
@@ -233,22 +236,21 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _simulate(T, run, most_events):  # type: ignore[no-untyped-def]
+def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
     now, counts, m, n_y = run.now, run.counts, len(run.row), len(run.high)
-    wide, length = T.W.shape[0], max(len(run.s), len(run.w))
-    degree, rows = T.A.shape[1] - 1, T.A.shape[0]
-    room = (np.empty(wide), np.empty(len(run.s)), np.empty(T.V.shape[0]))
+    length, degree, rows = max(len(run.s), len(run.w)), T.A.shape[1] - 1, T.A.shape[0]
+    room = (np.empty(T.W.shape[0]), np.empty(len(run.s)), np.empty(T.V.shape[0]))
     tall = 2 * degree + 1
     work = Work(np.empty((rows, degree + 1)), np.empty(tall), np.empty((DEEPEST, tall)), np.empty((DEEPEST, 3)))
-    turning, scratch, spare = np.zeros(n_y, np.bool_), np.empty((3, length)), np.empty((2, length))
-    patience = _PATIENCE
-    while counts[Count.STEP] >= 0 or now[Now.TIME] < T.end:
-        if counts[Count.STEP] < 0:
+    turning, scratch = np.zeros(n_y, np.bool_), np.empty((2, length))
+    series, patience = np.empty((max(T.terms[-1], T.powers) + 1, T.M.shape[1])), _PATIENCE
+    while counts[Count.CELL] >= 0 or now[Now.TIME] < T.end:
+        if counts[Count.CELL] < 0:
             _open(T, run)
-        kind, patience = _piece(T, run, room, work, turning, scratch, spare, patience)
+        kind, patience = _piece(T, acting, run, room, work, turning, series, scratch, patience)
         if kind < 0:
             return _MORE
-        counts[Count.STEP] = -1
+        counts[Count.CELL] = -1
         copy(run.s, run.w[:m])
         if kind == FALL:
             return _STATUS_FELL
@@ -276,13 +278,13 @@ def _simulate(T, run, most_events):  # type: ignore[no-untyped-def]
 
 @cache
 def simulator() -> Any:
-    """The compiled simulation ``simulate(tables, run, most_events)``, which changes ``run`` and returns a Status."""
+    """The compiled simulation ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
     source = contents(Path(__file__).parent)
 
     @entry
-    def simulate(tables, run, most_events):  # type: ignore[no-untyped-def]
+    def simulate(tables, acting, run, most_events):  # type: ignore[no-untyped-def]
         if source == 0:
             return -1
-        return _simulate(tables, run, most_events)
+        return _simulate(tables, acting, run, most_events)
 
     return simulate

@@ -29,7 +29,7 @@ class Status(IntEnum):
 
 
 class Tables(NamedTuple):
-    """What stays: m of z, l of s, S signals, K sinusoids, p the degree of f.
+    """What stays: m of z, l of s, S signals, p powers of f.
 
     Attributes:
         step: h [s].
@@ -39,25 +39,27 @@ class Tables(NamedTuple):
         least: the least time between two events of a rule [s].
         delay: t_d [s].
         ticks: the delay in intervals of the clock where it is a multiple of that, else −1.
-        steps: q, of a span.
-        coarse: degree of the polynomials that bound a span.
-        P: z one step on, from s at its start; shape (m, l).
-        M: h M, shape (m, m).
-        D: h times what each signal does to ż, shape (m, S).
-        Q: z one row on, of quiet motion; shape (m, m).
-        W: from s at a span's start, with f about its middle: z one span on, then Bernstein coefficients of short
-            polynomials for faces and outputs over the span, then the positions; shape (…, l).
+        coarse: degree of the polynomials that bound a step.
+        controls: how many control points they have.
+        places, stride: of disturbed motion, how many instants of a step are a row's in one step or another, and how many
+            of these from row to row; no places if the grid of rows does not fit that of the steps.
+        powers: p.
+        M: h ż from z and the signals, shape (m, m + S).
+        C: the outputs, shape (n_y, m).
+        Q: quiet motion, z a row on, shape (1, m, m); disturbed motion, z at each of the places, from that at the step's
+            start, shape (places, m, m).
+        R: what f adds at each of the places, shape (places, m, l − m).
+        W: from s at a step's start, with f about its middle: z a step on, then Bernstein coefficients of short
+            polynomials for faces and outputs over the step, then the positions; shape (…, l).
+        W_z: what W makes of z, by columns, shape (m, …).
         V: bounds, from the sizes of s's entries, of what these leave out: of the values of faces, the slopes of
             outputs; and of how far positions move; shape (…, l).
         A: power coefficients of faces, positions and outputs over a step, shape (rows, N + 1, l).
         F, F2: from power to Bernstein coefficients of degree N and 2N.
+        terms: how many terms of the series of z there are to be until an eighth of a step, two eighths, … a whole one.
         J, G: what an event and its action do to w.
         cuts: first row of each face of the event rule, and the number of rows.
         edges: when terms begin or end to act, rising, the last infinite [s].
-        ranges: the sinusoids of signal i are those from ranges[i] to ranges[i + 1]; shape (S + 1,).
-        omega, phase, first, last: of each sinusoid: ω [rad/s], φ [rad], window [s]; shape (K,).
-        share: ± a (ωh)^j/j! of each sinusoid, of its cosine for even j and its sine for odd; shape (p + 1, K).
-        turn: cos and sin of a span's ω q h, shape (2, K).
     """
 
     step: float
@@ -67,28 +69,46 @@ class Tables(NamedTuple):
     least: float
     delay: float
     ticks: int
-    steps: int
     coarse: int
-    P: Array
+    controls: int
+    places: int
+    stride: int
+    powers: int
     M: Array
-    D: Array
+    C: Array
     Q: Array
+    R: Array
     W: Array
+    W_z: Array
     V: Array
     A: Array
     F: Array
     F2: Array
+    terms: np.ndarray
     J: Array
     G: Array
     cuts: np.ndarray
     edges: Array
-    ranges: np.ndarray
-    omega: Array
-    phase: Array
-    first: Array
-    last: Array
-    share: Array
-    turn: Array
+
+
+class Acting(NamedTuple):
+    """What acts on K steps of the grid, one after the other, as long as the same terms do.
+
+    Attributes:
+        first: number of the first of these steps.
+        edge: when terms begin or end to act next [s].
+        f: Taylor coefficients about the middle of each step, in steps, shape (K, l − m).
+        moved, controls, tails: what they add to z a step on, to the control points in W s, to V |s|; shapes (K, …).
+        rows: what they add to z at each of the places but the first, shape (…, K, m).
+    """
+
+    first: int
+    edge: float
+    f: Array
+    moved: Array
+    controls: Array
+    tails: Array
+    rows: Array
 
 
 class Run(NamedTuple):
@@ -97,8 +117,7 @@ class Run(NamedTuple):
     Attributes:
         now, counts: by :class:`Now` and :class:`Count`.
         w: the loop's state; its first entries are z.
-        s: (z, f) where a span or a step begins, f about the middle of the one and the beginning of the other.
-        wave: cos and sin of each sinusoid's angle in the middle of the span, zero where it does not act; (2, K).
+        s: (z, f) where a step begins, or a part of one, and f about the place half a step further on.
         row: z of the last row of quiet motion.
         high, low: largest and smallest outputs since the last event.
         rows_t, rows_z, events: buffers; an event is its time, w just before, ``high`` and ``low``.
@@ -108,7 +127,6 @@ class Run(NamedTuple):
     counts: np.ndarray
     w: Array
     s: Array
-    wave: Array
     row: Array
     high: Array
     low: Array
@@ -131,10 +149,12 @@ class Now(IntEnum):
     """When a term begins or ends to act next."""
     ROW = auto()
     """When the last row was."""
-    BEGIN = auto()
-    """Of the piece under way."""
+    ORIGIN = auto()
+    """From when on steps are counted in the piece under way."""
     STOP = auto()
     """Of the piece under way."""
+    OFFSET = auto()
+    """Where the piece under way is in its step, in steps."""
 
 
 class Count(IntEnum):
@@ -152,11 +172,8 @@ class Count(IntEnum):
     """Number of the clock's next event."""
     ACTED = auto()
     """Number of the clock's event that acts next."""
-    STEP = auto()
-    """Steps done of the piece under way; −1 where none is."""
-    ARMED = auto()
-    """Whether the event function is watched in it."""
-
+    CELL = auto()
+    """Number of the step that the piece under way is in; −1 where none is under way."""
 
 class Work(NamedTuple):
     """Scratch: curves of rows, the level of a face, pending intervals of a search and their coefficients."""

@@ -1,0 +1,94 @@
+"""A person who stands quietly under noise: the exact simulation beside Euler–Maruyama steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from benchmarks.euler_maruyama import EulerMaruyama
+from benchmarks.row import Row, interleaved, median
+from icmj.case.case import prepare
+from icmj.linear.simulator import Simulator
+from icmj.runfile.reading import load_run
+from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.start import start_states
+
+RUN = Path(__file__).resolve().parent.parent / "runs" / "quiet-standing.toml"
+GROUP = "noise"
+STEP, INTERVAL = 2e-3, 1e-2
+REPEATS = 60
+SHORT = 1.6  # s: before rounding, which noise and events magnify, is all that is left to compare
+FASTER = 2e3  # times real time, at least
+
+
+def rows() -> list[Row]:
+    """Speed of both, and what either errs by under one and the same noise."""
+    case = prepare(load_run(RUN))
+    plant, controller = case.actual.linearisation.plant, case.controller
+    settings = case.settings
+    x, a = start_states(plant, controller, settings, None, None, None)
+    sources = settings.disturbance
+    loop = EulerMaruyama(
+        plant, controller, np.array([of.size for of in sources]), np.array([of.corner for of in sources])
+    )
+    prepared = Simulator(plant, controller, settings, INTERVAL)
+    w = prepared.loop.state(x, a)
+    ways = {
+        "icmj": lambda: prepared.run(w),
+        "Euler–Maruyama": lambda: loop.run(x, settings.duration, STEP, INTERVAL, 1),
+    }
+    interleaved(ways, 3)
+    times = interleaved(ways, REPEATS)
+    speed = {way: settings.duration / min(seconds) for way, seconds in times.items()}
+    ratio = median(a / b for a, b in zip(times["icmj"], times["Euler–Maruyama"], strict=True))
+
+    torque, reading = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs)
+
+    def noise(t: np.ndarray | float) -> np.ndarray:
+        return np.concatenate([torque(t), reading(t)], axis=-1)
+
+    exact = _reference(loop, plant.n, x, noise)
+    ours = prepared.run(w)[0].event_t
+    theirs = loop.run(x, SHORT, STEP, INTERVAL, 1, noise(STEP * np.arange(round(SHORT / STEP) + 1)))[0][:, 0]
+    known = len(exact)
+    errors = [float(np.abs(found[:known] - exact).max()) for found in (ours, theirs)]
+    what = f"a minute of {RUN.stem}: {len(sources)} noises, rows every {1e3 * INTERVAL:g} ms; least of {REPEATS}"
+    against = f"largest of the first {known} events' times, against DOP853 under the same noise"
+    return [
+        Row(GROUP, "icmj", speed["icmj"], "× time", what, FASTER, False),
+        Row(GROUP, "Euler–Maruyama", speed["Euler–Maruyama"], "× time", f"steps of {1e3 * STEP:g} ms in numba"),
+        Row(GROUP, "icmj / Euler–Maruyama", ratio, "×", f"median of {REPEATS} turns", 1.0),
+        Row(GROUP, "icmj, error", errors[0], "s", against),
+        Row(GROUP, "Euler–Maruyama, error", errors[1], "s", against),
+    ]
+
+
+def _reference(loop: EulerMaruyama, n: int, x: np.ndarray, noise: Callable[[float], np.ndarray]) -> np.ndarray:
+    """Times of the events until ``SHORT`` by SciPy's integrator, restarted wherever something is due."""
+    n_hat = len(loop.predictor)
+    w, t, action, ready, times = np.concatenate([x, np.zeros(2 * n_hat)]), 0.0, np.inf, loop.least, []
+    pending = np.zeros(0)
+
+    def level(t: float, w: np.ndarray) -> float:
+        e = loop.R @ (w[n + n_hat :] - w[n : n + n_hat])
+        return float(e @ e - 1)
+
+    level.terminal, level.direction = True, 1  # type: ignore[attr-defined]
+    while t < SHORT:
+        if t >= ready and level(t, w) >= 0:
+            times.append(t)
+            pending, action, ready = loop.predictor @ w[n:], t + loop.delay, t + loop.least
+        until = min(action, ready if t < ready else SHORT, SHORT)
+        done = solve_ivp(
+            lambda t, w: loop.M @ w + loop.D @ noise(t), (t, until), w, "DOP853", events=level if t >= ready else None,
+            rtol=1e-12, atol=1e-15, max_step=0.02,
+        )  # fmt: skip
+        t, w = float(done.t[-1]), done.y[:, -1].copy()
+        if done.status == 1:
+            continue
+        if t == action:
+            w[n + n_hat :], action = pending, np.inf
+    return np.array(times)
