@@ -14,12 +14,11 @@ from icmj.plant.linear_plant import LinearPlant
 
 
 @numba.njit(nogil=True)
-def _run(M, D, C, R, predictor, rate, size, delay, least, w, steps, h, every, seed, given, events, rows):  # type: ignore[no-untyped-def]
-    np.random.seed(seed)
+def _run(M, D, C, R, predictor, rate, size, delay, least, w, steps, h, every, random, given, events, rows):  # type: ignore[no-untyped-def]
     whole, n, n_hat, noises, n_y = len(w), C.shape[1], len(predictor), D.shape[1], len(C)
     noise, ahead, pending = np.zeros(noises), np.zeros(whole), np.zeros(n_hat)
     for i in range(noises):
-        noise[i] = given[0, i] if len(given) else size[i] * np.random.standard_normal()
+        noise[i] = given[0, i] if len(given) else size[i] * random.standard_normal()
     high, low = np.full(n_y, -np.inf), np.full(n_y, np.inf)
     ready, action, count = least, np.inf, 0
     for step in range(steps):
@@ -63,7 +62,7 @@ def _run(M, D, C, R, predictor, rate, size, delay, least, w, steps, h, every, se
             if len(given):
                 noise[i] = given[step + 1, i]
             else:
-                noise[i] += -rate[i] * h * noise[i] + size[i] * np.sqrt(2 * rate[i] * h) * np.random.standard_normal()
+                noise[i] += -rate[i] * h * noise[i] + size[i] * np.sqrt(2 * rate[i] * h) * random.standard_normal()
     return count
 
 
@@ -98,5 +97,5 @@ class EulerMaruyama:
         w = np.concatenate([x, np.zeros(len(self.M) - len(x))])
         events, rows = np.empty((steps, 1 + 2 * self._n_y)), np.empty((-(-steps // every), len(w)))
         given = np.zeros((0, 0)) if given is None else given
-        count = _run(*self._parts, w, steps, h, every, seed, given, events, rows)
+        count = _run(*self._parts, w, steps, h, every, np.random.default_rng(seed), given, events, rows)
         return events[:count], rows

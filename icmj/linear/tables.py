@@ -20,8 +20,8 @@ from icmj.base.bernstein import from_powers
 from icmj.linear.exponential import exponential
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.state import Tables
+from icmj.simulation.waves import enough
 
-ROUNDING = 1e-15  # of a sinusoid of one: less than the rounding of its angle
 _LONGEST_STEP = 1e3  # s
 _MOST_TERMS = 60
 _COARSE = 7  # degree of the polynomials that dismiss a step
@@ -109,8 +109,7 @@ def sizes(turn: float) -> Array:
 
     There are as many as polynomials must have that agree with it on a step, to rounding.
     """
-    count = next(p for p in range(1, _MOST_TERMS) if 2 * (turn / 4) ** p / factorial(p) <= ROUNDING)
-    return np.array([turn**j / factorial(j) for j in range(count)])
+    return np.array([turn**j / factorial(j) for j in range(enough(turn / 2))])
 
 
 def _step(M: Array, fastest: float) -> float:

@@ -158,3 +158,17 @@ def test_a_prepared_simulator_runs_again_as_it_ran_before():
 def test_what_is_kept_on_disk_is_found_by_the_next_process():
     # numba looks it up by the closure's contents; a compiled function among them is another in every process
     assert [type(cell.cell_contents) for cell in simulator().py_func.__closure__] == [int]
+
+
+@pytest.mark.parametrize("interval", [0.001, 0.005, 0.02, 0.3])
+def test_rows_are_the_same_whether_their_grid_fits_the_steps_or_not(interval):
+    controller, plant = event_controller(pendulum_design()), PENDULUM.scaled(0.9)
+    both = [
+        simulate(plant, controller, settings(3.0, disturbance=PUSHED, record_interval=each), x0=[0.02, 0])
+        for each in (interval, interval / 7.3)
+    ]
+    shared = [np.round(run.t / interval * 10) / 10 for run in both]
+    _, ours, theirs = np.intersect1d(*shared, return_indices=True)
+    close = np.abs(both[0].t[ours] - both[1].t[theirs]) < 1e-13
+    assert close.sum() >= 2
+    np.testing.assert_allclose(both[0].x[ours][close], both[1].x[theirs][close], atol=1e-14, rtol=0)

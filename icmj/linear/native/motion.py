@@ -69,9 +69,9 @@ def move(f, by, signals):  # type: ignore[no-untyped-def]
 
 @compiled
 def unfold(T, s, m, theta, series):  # type: ignore[no-untyped-def]
-    """``series`` := Taylor coefficients of z and f on the step from ``s`` = (z, f), as many as it takes until ``theta``.
+    """``series`` := Taylor coefficients of (z, f) on the step from ``s``, as many as it takes until ``theta``.
 
-    f is about the step's middle.
+    f of ``s`` is about the step's middle.
 
     Returns:
         how many there are.

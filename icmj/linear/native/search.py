@@ -127,7 +127,7 @@ def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no
 
 @compiled
 def settle(s, sizes):  # type: ignore[no-untyped-def]
-    """``sizes`` := |s|, as far as that goes; subnormal entries become zero, and all do where all are next to nothing."""
+    """``sizes`` := |s|, as far as that goes; what is subnormal becomes zero, and all where all is next to nothing."""
     biggest = 0.0
     for k in range(len(sizes)):
         sizes[k] = abs(s[k])

@@ -278,7 +278,7 @@ def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
 
 @cache
 def simulator() -> Any:
-    """The compiled simulation ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
+    """The compiled ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
     source = contents(Path(__file__).parent)
 
     @entry

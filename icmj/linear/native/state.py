@@ -41,8 +41,8 @@ class Tables(NamedTuple):
         ticks: the delay in intervals of the clock where it is a multiple of that, else −1.
         coarse: degree of the polynomials that bound a step.
         controls: how many control points they have.
-        places, stride: of disturbed motion, how many instants of a step are a row's in one step or another, and how many
-            of these from row to row; no places if the grid of rows does not fit that of the steps.
+        places, stride: of disturbed motion, how many instants of a step are a row's in one step or another, and how
+            many of these from row to row; no places if the grid of rows does not fit that of the steps.
         powers: p.
         M: h ż from z and the signals, shape (m, m + S).
         C: the outputs, shape (n_y, m).
@@ -174,6 +174,7 @@ class Count(IntEnum):
     """Number of the clock's event that acts next."""
     CELL = auto()
     """Number of the step that the piece under way is in; −1 where none is under way."""
+
 
 class Work(NamedTuple):
     """Scratch: curves of rows, the level of a face, pending intervals of a search and their coefficients."""
