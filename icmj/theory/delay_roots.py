@@ -85,7 +85,8 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     points = _FEWEST
     while points <= _MOST:
         guesses = np.linalg.eigvals(_generator(loop, points))
-        guesses = guesses[falling(guesses.real, np.abs(guesses.imag))][: 2 * count + 4]
+        order = falling(guesses.real.astype(np.float64), np.abs(guesses.imag).astype(np.float64))
+        guesses = guesses[order][: 2 * count + 4]
         found = _distinct([root for guess in guesses if (root := _polished(loop, complex(guess))) is not None])
         if len(found) > count:
             last = count
@@ -136,7 +137,7 @@ def _generator(loop: DelayLoop, points: int) -> Array:
     gaps = nodes[:, None] - nodes[None, :] + np.eye(points + 1)
     D = np.outer(weights, 1 / weights) / gaps
     D -= np.diag(D.sum(axis=1))
-    generator = np.kron(2 / longest * D, np.eye(N))
+    generator: Array = np.kron(2 / longest * D, np.eye(N)).astype(np.float64)
     generator[:N] = 0
     generator[:N, :N] = loop.F
     for G, tau in zip(loop.G, loop.tau, strict=True):
