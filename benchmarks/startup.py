@@ -18,6 +18,7 @@ from benchmarks.row import Row, interleaved, median
 
 ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 5
+SECOND_RUN = 20.0
 GROUP = "start-up"
 ICMJ = "from icmj.cli.main import main; main()"
 
@@ -88,11 +89,15 @@ def _second_run() -> list[Row]:
         _run(command)
         linear = [word.replace("mujoco", "linear") for word in command]
         _run(linear)
+        bare = [sys.executable, "-c", "import numpy"]
+        pairs = [(_spent(command), _spent(bare)) for _ in range(REPEATS)]
+        ratio = min(mine for mine, _ in pairs) / min(numpy for _, numpy in pairs)
         asked = [sys.executable, "-c", ICMJ, "analyse", str(folder / case.name)]
         note = f"{case.stem}, 10 s"
         table = [
             Row(GROUP, "icmj analyse", _processor(asked), "s", case.stem, 1.0),
             Row(GROUP, "second icmj run", _processor(command), "s", f"{note}, with its amplitude law", 2.5),
+            Row(GROUP, "second icmj run / import numpy", ratio, "×", f"processor time, least of {REPEATS}", SECOND_RUN),
             Row(GROUP, "second icmj run --plant linear", _processor(linear), "s", f"{note}, with its attractors", 2.5),
         ]
         script = folder / "icmj_main.py"
@@ -119,17 +124,19 @@ def _second_run() -> list[Row]:
 
 def _processor(command: list[str]) -> float:
     """Least processor time of a command [s], user and system together."""
+    return min(_spent(command) for _ in range(REPEATS))
+
+
+def _spent(command: list[str]) -> float:
+    """Processor time of a command [s]."""
 
     def spent() -> float:
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
         return usage.ru_utime + usage.ru_stime
 
-    times = []
-    for _ in range(REPEATS):
-        begin = spent()
-        _run(command)
-        times.append(spent() - begin)
-    return min(times)
+    begin = spent()
+    _run(command)
+    return spent() - begin
 
 
 def _run(command: list[str]) -> str:

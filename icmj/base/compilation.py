@@ -60,7 +60,7 @@ def cached(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Calla
 
     def decorate(function: Callable[..., Any]) -> Any:
         try:
-            return make(cache=True, **options)(function)
+            return _kept(make(cache=True, **options)(function))
         except RuntimeError:  # no folder for the cache: compile in every process
             return make(**options)(function)
 
@@ -72,6 +72,14 @@ def entry(function: Callable[..., Any]) -> Any:
     if INTERPRETED:
         return interpreted(function)
     return cached(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
+
+
+def c_entry(signature: str) -> Callable[[Callable[..., Any]], Any]:
+    """A function that C can call, kept on disk likewise; interpreted, the function itself."""
+    if INTERPRETED:
+        return lambda function: function
+    make = cached(lambda **options: _c_function(signature, **options), {"error_model": "numpy"})
+    return lambda function: make(function).ctypes
 
 
 def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -89,9 +97,13 @@ def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
 # what only compiled code calls is left without the wrappers by which Python and C would call it: they take as long to
 # compile as the function itself
 WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-# numba's pipeline is not promised to stay; without this, compiling takes longer
+# numba's inside is not promised to stay; without this, compiling and loading take longer
+_kept: Callable[[Any], Any] = lambda made: made  # noqa: E731
+_c_function: Callable[..., Any] = lambda *given, **options: numba.cfunc(*given, **options)  # noqa: E731
 if not INTERPRETED and numba.__version__.startswith(TESTED):
     from icmj.base.linking import Linked
+    from icmj.base.linking import c_function as _c_function
+    from icmj.base.linking import kept as _kept
 
     # and arrays count references; said, because it is taken from the caller where nothing is said
     WITHIN |= {"pipeline_class": Linked, "_nrt": True}

@@ -1,4 +1,6 @@
-"""Compiled functions that other compiled functions call, and nobody else, kept as intermediate code.
+"""What stands on numba's inside: compiled functions that only others call, and compiled code taken from the disk.
+
+The first are kept as intermediate code.
 
 numba optimises every function when it is defined, makes machine code of it, and does both again in each function that
 calls it. Here the first is left out: what is linked into an entry point is optimised there, once, with everything else.
@@ -10,9 +12,13 @@ from __future__ import annotations
 from typing import Any
 
 from numba import _dynfunc  # type: ignore[attr-defined]
+from numba.core.caching import FunctionCache
+from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.runtime import rtsys
+from numba.core.sigutils import normalize_signature
 from numba.core.typed_passes import NativeLowering
 
 
@@ -60,3 +66,33 @@ class Linked(CompilerBase):
         ]
         passes.finalize()
         return [passes]
+
+
+class _Disk(FunctionCache):
+    """Compiled code on disk, loaded without all that numba gets ready first to compile: 0.1 s in every process."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+        return None  # what numba's own makes of an error that it swallows
+
+
+def kept(made: Any) -> Any:
+    """A dispatcher or C function whose code is taken from the disk where it is there."""
+    if type(made._cache) is FunctionCache:
+        made._cache.__class__ = _Disk
+    return made
+
+
+def c_function(signature: str, cache: bool = False, **options: Any) -> Any:
+    """As ``numba.cfunc``, with :func:`kept`."""
+
+    def make(function: Any) -> Any:
+        made = CFunc(function, normalize_signature(signature), {}, options)
+        if cache:
+            made.enable_caching()
+        kept(made).compile()
+        return made
+
+    return make

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.base.files import replaceable, write_text
+from icmj.base.imports import meanwhile
 from icmj.base.plain import plain
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, series_commands, starting, starting_arguments
@@ -145,6 +146,7 @@ def run(command: arguments.Run) -> None:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{run_file.case.name}.{plant}.rrd"
         open_folder(command.out, log.name)
+        meanwhile("icmj.log.writer")
         with heard_once() as heard:
             result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
             working.tell("writing the log", 0.95)

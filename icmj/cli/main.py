@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from typing import TextIO
 
 from icmj.base.environment import LEAST_ROOM, narrow, one_thread, seldom_collected, sparing
+from icmj.base.imports import unhurried
 from icmj.base.signals import Asked, Terminated, terminable
 from icmj.base.text import one_line, spelt
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")
     one_thread()
     sparing()
+    unhurried()
     seldom_collected()
     asked = Asked()
     try:

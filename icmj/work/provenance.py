@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import subprocess
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from icmj.base.version import VERSION
@@ -18,13 +18,21 @@ def provenance(folder: Path) -> dict[str, str]:
     facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION}
     for package in PACKAGES:
         try:
-            facts[package] = version(package)
+            facts[package] = _version(package)
         except PackageNotFoundError:
             facts[package] = "not installed"
     facts["python"] = platform.python_version()
     facts["platform"] = f"{platform.system()} {platform.machine()}"
     facts["git"] = git_state(folder)
     return facts
+
+
+def _version(package: str) -> str:
+    """From the head of its metadata, most of which is a readme that Python would parse as a letter."""
+    found = distribution(package)
+    head = (found.read_text("METADATA") or "").partition("\n\n")[0]
+    stated = [line.partition(":")[2].strip() for line in head.splitlines() if line.startswith("Version:")]
+    return stated[0] if stated else found.version
 
 
 def git_state(folder: Path) -> str:

@@ -7,14 +7,14 @@ functions through MuJoCo's Python bindings: models and data are then objects, an
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
-from icmj.base.compilation import SUMS, cached, called, contents, entry, within
+from icmj.base.compilation import SUMS, called, contents, entry, within
+from icmj.base.compilation import c_entry as entry_cfunc
 from icmj.base.compilation import compiled as allocating
 from icmj.base.environment import INTERPRETED, SWITCH
 from icmj.engine.fault import guarded
@@ -89,16 +89,6 @@ def engine_function(name: str, signature: str = MODEL_AND_DATA) -> Any:
 def _solve(model: mujoco.MjModel, data: mujoco.MjData, x: Any, y: Any, n: int) -> None:
     """mj_solveM with its right-hand sides as C takes them, one after the other; the bindings want a matrix."""
     mujoco.mj_solveM(model, data, x.reshape(n, -1), y.reshape(n, -1))
-
-
-def entry_cfunc(signature: str) -> Callable[[Callable[..., Any]], Any]:
-    """A function that C can call, kept on disk likewise; interpreted, the function itself."""
-    if INTERPRETED:
-        return lambda function: function
-    import numba
-
-    make = cached(lambda **options: numba.cfunc(signature, **options), {"error_model": "numpy"})
-    return lambda function: make(function).ctypes
 
 
 def run_guarded(dispatcher: Any, arguments: tuple[Any, ...], faulty: bool) -> Any:

@@ -1,0 +1,87 @@
+"""What a program of ours loads, and when: libraries of libraries that nobody asks for, not; what comes last, meanwhile.
+
+For the command line alone: whoever imports icmj into a program of his own finds all libraries as they are.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib import import_module
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+
+_IDLE = "numpy.f2py", "numpy.testing", "rerun.catalog", "rerun.experimental", "rerun.server", "rerun.urdf"
+"""What libraries import at their start and use, if at all, when asked to: a tenth of what a run imports."""
+
+
+class _Later:
+    """Finds modules that are loaded when something is taken from them, and not before."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = frozenset(names)
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module's own specification, with a loader that waits."""
+        if fullname not in self._names:
+            return None
+        from importlib.util import LazyLoader
+
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
+class _Without:
+    """Hides a library from the thread that makes this."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._thread = name, threading.get_ident()
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Nothing, or an error of a module that is not there."""
+        if fullname == self._name and threading.get_ident() == self._thread:
+            raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
+        return None
+
+
+def unhurried() -> None:
+    """Leave modules unloaded that libraries import at their start for users who are not us."""
+    if not any(isinstance(finder, _Later) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Later(_IDLE))
+
+
+def arrow_alone() -> None:
+    """Load pyarrow so that it never looks for pandas, which it would import to see whether it is given a table of it.
+
+    Tables of pandas it then does not know; icmj gives it none.
+    """
+    if "pyarrow" in sys.modules or "pandas" in sys.modules:
+        return
+    hiding = _Without("pandas")
+    sys.meta_path.insert(0, hiding)
+    try:
+        import_module("pyarrow").array([0])  # it looks once, and remembers
+    finally:
+        sys.meta_path.remove(hiding)
+
+
+def meanwhile(name: str) -> None:
+    """Import a module that is needed later, in a thread of its own, while compiled code computes.
+
+    Whoever imports it then waits for it; what goes wrong with it shows there.
+    """
+
+    def load() -> None:
+        with suppress(Exception):
+            arrow_alone()
+            import_module(name)
+
+    threading.Thread(target=load, name=f"import {name}", daemon=True).start()

@@ -1,0 +1,67 @@
+"""What the command line loads late, and how: nothing is lost to whoever wants it after all."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+
+def told(code: str) -> list[str]:
+    """What a process of its own prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_modules_that_nobody_asks_for_wait_until_somebody_does() -> None:
+    code = (
+        "import sys; from icmj.base.imports import unhurried; unhurried(); import scipy.linalg\n"
+        "print(any(name.startswith('numpy.f2py.') or name == 'unittest' for name in sys.modules))\n"
+        "import numpy.testing; numpy.testing.assert_equal(1, 1); print('unittest' in sys.modules)"
+    )
+    assert told(code) == ["False", "True"]
+
+
+@pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
+def test_arrow_does_not_load_pandas_and_others_still_can() -> None:
+    code = (
+        "import sys; from icmj.base.imports import arrow_alone; arrow_alone(); import pyarrow\n"
+        "print(pyarrow.array([1.0, 2.0]).sum(), 'pandas' in sys.modules)\n"
+        "import pandas; print(len(pandas.DataFrame({'a': [1, 2]})))"
+    )
+    assert told(code) == ["3.0", "False", "2"]
+
+
+@pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
+def test_a_run_loads_no_pandas(tmp_path: Path) -> None:
+    words = ["run", "simple-0.8", "--plant", "linear", "--set", "simulation.duration=2", "--out", str(tmp_path)]
+    code = (
+        f"import sys; from icmj.cli.main import main; status = main({words!r}); print(status, 'pandas' in sys.modules)"
+    )
+    assert told(code)[-2:] == ["0", "False"]
+
+
+@pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
+def test_whoever_has_pandas_already_keeps_it_in_arrow() -> None:
+    code = (
+        "import pandas; from icmj.base.imports import arrow_alone; arrow_alone(); import pyarrow\n"
+        "print(pyarrow.Table.from_pandas(pandas.DataFrame({'a': [1, 2]})).num_rows)"
+    )
+    assert told(code) == ["2"]
+
+
+def test_what_is_imported_meanwhile_is_there_for_whoever_waits_for_it() -> None:
+    code = (
+        "from icmj.base.imports import meanwhile; meanwhile('json.tool'); import json.tool; print(json.tool.__name__)"
+    )
+    assert told(code) == ["json.tool"]
+    assert told("from icmj.base.imports import meanwhile; meanwhile('no.such.module'); print('on')") == ["on"]
+
+
+def test_icmj_in_a_program_of_ones_own_leaves_imports_alone() -> None:
+    code = "import sys; before = list(sys.meta_path); import icmj, icmj.case.case; print(sys.meta_path == before)"
+    assert told(code) == ["True"]
