@@ -18,10 +18,10 @@ import numpy as np
 from icmj.engine import actuator as actuators
 from icmj.engine import block, signals
 from icmj.engine.block import Slot
-from icmj.engine.native.compilation import allocating, compiled, engine_function, entry_cfunc, exact, inlined, sources
+from icmj.engine.native.compilation import allocating, compiled, engine_function, entry_cfunc, inlined, sources
 from icmj.engine.native.memory import doubles, field, integers, number, size
 from icmj.engine.native.pushing import push
-from icmj.engine.native.waves import waves_at
+from icmj.engine.native.waves import dot, waves_at
 
 _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
@@ -82,21 +82,6 @@ def _block(m, of):  # type: ignore[no-untyped-def]
     return b if _ours(b, size(m, of.nu), size(m, of.na)) else numbers[:0]
 
 
-@exact
-def _dot(b, at, vector, first, count):  # type: ignore[no-untyped-def]
-    """Four sums side by side, in an order that is the same wherever this is compiled into."""
-    s_0, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0
-    whole = count // 4 * 4
-    for j in range(0, whole, 4):
-        s_0 += b[at + j] * vector[first + j]
-        s_1 += b[at + j + 1] * vector[first + j + 1]
-        s_2 += b[at + j + 2] * vector[first + j + 2]
-        s_3 += b[at + j + 3] * vector[first + j + 3]
-    for j in range(whole, count):
-        s_0 += b[at + j] * vector[first + j]
-    return (s_0 + s_1) + (s_2 + s_3)
-
-
 @compiled
 def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t)."""
@@ -104,7 +89,7 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     first = int(b[at_span])
     count = int(b[at_span + 1]) - first
     for i in range(int(b[Slot.N_U])):
-        ctrl[i] = b[at_0 + i] - _dot(b, at + i * size + first, a, first, count)
+        ctrl[i] = b[at_0 + i] - dot(b[at + i * size + first : at + i * size + first + count], a[first : first + count])
     at = int(b[Slot.AT_SIGNALS])
     for k in range(int(b[Slot.COMMANDED])):
         ctrl[int(b[at])] += waves[k]
@@ -120,7 +105,7 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
         start, end, first = int(b[at]), int(b[at + 1]), int(b[at + 2])
         count = int(b[at + 3]) - first
         for i in range(start, end):
-            rate[i] = _dot(b, at_M + i * size + first, a, first, count)
+            rate[i] = dot(b[at_M + i * size + first : at_M + i * size + first + count], a[first : first + count])
         if b[at + 4] != 0:
             for j in range(n_y):
                 departure = y[j] - b[at_0 + j]

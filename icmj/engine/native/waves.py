@@ -46,7 +46,7 @@ def _turn(b, signal, turned, cell, c, s, cosine, sine):  # type: ignore[no-untyp
 
 
 @exact
-def _dot(left, right):  # type: ignore[no-untyped-def]
+def dot(left, right):  # type: ignore[no-untyped-def]
     """Four sums side by side, in an order that is the same wherever this is compiled into."""
     s_0, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0
     whole = len(left) // 4 * 4
@@ -69,7 +69,7 @@ def _fill(b, signal, cells, place, cell):  # type: ignore[no-untyped-def]
     _turn(b, signal, cells, cell, c, s, b[table + 2 * n : table + 3 * n], b[table + 3 * n : table + 4 * n])
     for m in range(2 * _HALF):
         at = table + (4 + m) * n
-        b[place + 1 + m] = _dot(c if m < _HALF else s, b[at : at + n])
+        b[place + 1 + m] = dot(c if m < _HALF else s, b[at : at + n])
     b[place] = cell
 
 
