@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.euler_maruyama import EulerMaruyama
 from benchmarks.row import Row, interleaved, median
-from icmj.case.case import prepare
+from icmj.case.case import Case, prepare
+from icmj.experiment.many import simulate_many
 from icmj.linear.simulator import Simulator
 from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
@@ -63,6 +65,7 @@ def rows() -> list[Row]:
         Row(GROUP, "icmj / Euler–Maruyama", ratio, "×", f"median of {REPEATS} turns", 1.0),
         Row(GROUP, "icmj, error", errors[0], "s", against),
         Row(GROUP, "Euler–Maruyama, error", errors[1], "s", against),
+        *_many(case),
     ]
 
 
@@ -92,3 +95,27 @@ def _reference(loop: EulerMaruyama, n: int, x: np.ndarray, noise: Callable[[floa
         if t == action:
             w[n + n_hat :], action = pending, np.inf
     return np.array(times)
+
+
+def _many(case: Case) -> list[Row]:
+    """Runs with their measures, by two processes: many less few, so that what starting them takes is left out."""
+    few, many = 24, 224
+    before = getrusage(RUSAGE_CHILDREN)
+    taken = [before.ru_utime + before.ru_stime]
+    for n in (few, many):
+        simulate_many(case, n, keep=("sway",), jobs=2)
+        used = getrusage(RUSAGE_CHILDREN)
+        taken.append(used.ru_utime + used.ru_stime)
+    each = (taken[2] - 2 * taken[1] + taken[0]) / (many - few) / 2
+    own, theirs = (getrusage(who).ru_maxrss / 1e6 for who in (RUSAGE_SELF, RUSAGE_CHILDREN))
+    return [
+        Row(
+            GROUP,
+            "10,000 runs with their sway",
+            1e4 * each,
+            "s",
+            f"processor time of each of two processes; {many - few} runs, extrapolated",
+            300,
+        ),
+        Row(GROUP, "memory of both processes", 2 * theirs, "GB", f"at most; {own:.2g} GB of the one that asks", 1.0),
+    ]

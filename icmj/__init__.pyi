@@ -45,6 +45,8 @@ from .errors import IcmjError as IcmjError
 from .experiment.amplitude_law import measure_law as measure_law
 from .experiment.attractors import attractors as attractors
 from .experiment.growth import measure_growth as measure_growth
+from .experiment.many import Batch as Batch
+from .experiment.many import simulate_many as simulate_many
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed

@@ -107,6 +107,13 @@ def _regime(lag: Array, displacement: Array, window: tuple[float, float]) -> Reg
     if inside.sum() < 3 or not (displacement[inside] > 0).all() or lag[-1] < window[1] * (1 - 1e-9):
         return None
     t, square = lag[inside], displacement[inside]
-    slope, offset = np.polynomial.polynomial.polyfit(t, square, 1)[::-1]
-    exponent = np.polynomial.polynomial.polyfit(np.log(t), np.log(square), 1)[1]
-    return Regime(window[0], window[1], float(exponent / 2), float(slope / 2), float(offset))
+    slope, offset = _line(t, square)
+    exponent, _ = _line(np.log(t), np.log(square))
+    return Regime(window[0], window[1], exponent / 2, slope / 2, offset)
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Slope and offset of the line that fits best."""
+    about = x - x.mean()
+    slope = float(about @ y / (about @ about))
+    return slope, float(y.mean() - slope * x.mean())

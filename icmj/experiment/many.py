@@ -1,0 +1,287 @@
+"""Very many runs of one case that differ in seed, start or numbers, in several processes; what is kept of each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.base.card import Card, Shown
+from icmj.case.case import Case, PlantKind, prepare, simulate, simulate_plant
+from icmj.case.plants import linear_plant
+from icmj.errors import SimulationError
+from icmj.measurement.sway import FEWEST, measure_sway
+from icmj.runfile.schema import RunFile
+from icmj.series.series import Series
+from icmj.simulation.settings import Noise, Settings
+from icmj.simulation.simulation import Simulation
+from icmj.work.workers import Task, Workers
+
+SIGNALS = ("x", "y", "u", "x_o", "x_h")
+NAMES = (*SIGNALS, "events", "sway")
+Keep = Sequence[str] | Callable[[Simulation], Mapping[str, ArrayLike]]
+_MEASURES = ("mean", "rms", "mean_distance", "range", "prediction_range", "speed", "rotation_frequency")
+_FREQUENCIES, _STRETCH = ("mean", "median", "edge", "slope"), ("H", "D")
+_AT_ONCE = 50  # runs that a process is given
+_SAME = 1e-9  # s
+_ALONE = 8  # runs that are not worth a process
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(Shown):
+    """Runs of one case side by side; see :func:`simulate_many`.
+
+    Attributes:
+        file: the run file that all depart from.
+        seeds: of each run, shape (n,).
+        varied: values by key of the run file, each of shape (n,).
+        t: times of the rows that signals are kept at [s], shape (K,).
+        outcome: how each run ended (``completed``, ``sliding``, ``fell``, …), length n.
+        kept: what was asked for, by name, each of shape (n, …); see :func:`simulate_many`.
+    """
+
+    file: RunFile
+    seeds: np.ndarray
+    varied: Mapping[str, np.ndarray]
+    t: Array
+    outcome: tuple[str, ...]
+    kept: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def __getitem__(self, name: str) -> Array:
+        """What was kept under this name."""
+        return self.kept[name]
+
+    def case(self, index: int) -> Case:
+        """The case of one of these runs, to be simulated again with all that it records."""
+        varied = {key: values[index].item() for key, values in self.varied.items()}
+        return _reseeded(prepare(self.file.with_(**varied) if varied else self.file), int(self.seeds[index]))
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        ended = {kind: self.outcome.count(kind) for kind in dict.fromkeys(self.outcome)}
+        rows = tuple((name, f"shape {values.shape}") for name, values in self.kept.items())
+        words = ", ".join(f"{count} {kind}" for kind, count in ended.items())
+        return Card(f"{len(self)} runs of {self.file.case.name}: {words}", rows)
+
+
+def simulate_many(
+    case: Case,
+    n: int | None = None,
+    *,
+    plant: PlantKind = "linear",
+    seeds: Sequence[int] | None = None,
+    vary: Mapping[str, ArrayLike] | None = None,
+    keep: Keep = ("y",),
+    jobs: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Batch:
+    """Simulate one case many times, under noise of other seeds or with other numbers, and keep the same of every run.
+
+    Args:
+        case: the case.
+        n: how many runs; by default as many as there are ``seeds`` or values to ``vary``.
+        plant: ``linear`` or ``mujoco``.
+        seeds: one number a run, 0, 1, 2, … by default. With the noise's own it makes the
+            seed of every noise: noises of one run stay different signals, and a run is the same whoever computes it.
+        vary: values by key of the run file (``simulation.initial.ankle``, ``actual.gain``), one a run. What is not of
+            ``simulation`` is designed and analysed anew for every value.
+        keep: names, or a function. Signals (``x``, ``y``, ``u``, ``x_o``, ``x_h``) are kept at the multiples of
+            ``record_interval``, shape (n, K, w), NaN after a run has ended early; ``events`` their times [s], shape
+            (n, most events), NaN beyond the last; ``sway`` the numbers of :func:`icmj.measure_sway` of the outputs, as
+            ``sway.shank.rms`` or ``sway.shank.frequency.median``, shape (n,), NaN where a run was too short. A function
+            takes the run and returns numbers or arrays by name, of the same shapes for every run; for several processes
+            it must be importable.
+        jobs: processes; as many as there are cores by default. In one nothing is started.
+        progress: called now and then with the fraction done, 0–1.
+
+    Raises:
+        SimulationError: if numbers of runs differ, or what is to be kept is not known.
+        RunFileError: if a key is unknown, or a value not allowed.
+    """
+    varied = {key: np.asarray(values) for key, values in (vary or {}).items()}
+    lengths = {key: len(np.atleast_1d(values)) for key, values in varied.items()}
+    if seeds is not None:
+        lengths["seeds"] = len(seeds)
+    n = n if n is not None else next(iter(lengths.values()), 1)
+    wrong = [f"{key} has {length}" for key, length in lengths.items() if length != n]
+    if wrong or n < 1 or any(values.ndim != 1 for values in varied.values()):
+        raise SimulationError(f"{n} runs, but {', '.join(wrong) or 'a value for each is asked for'}; give one a run")
+    unknown = [] if callable(keep) else [name for name in keep if name not in NAMES]
+    if unknown or isinstance(keep, str):
+        raise SimulationError(f"keep: {unknown[:1] or [keep]}; expected some of {', '.join(NAMES)}, or a function")
+    each = np.arange(n) if seeds is None else np.asarray(seeds, dtype=np.int64)
+    if (each < 0).any():
+        raise SimulationError(f"seeds: {each.min()} is negative")
+    jobs = min(jobs or os.cpu_count() or 1, -(-n // _ALONE))
+    parts = [range(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE)]
+    if jobs > 1:
+        size = min(_AT_ONCE, -(-n // (2 * jobs)))
+        parts = [range(first, min(first + size, n)) for first in range(0, n, size)]
+    work = [
+        (case.run, plant, each[part.start : part.stop], {k: v[part.start : part.stop] for k, v in varied.items()}, keep)
+        for part in parts
+    ]
+    found: list[_Told] = [_Told([], {})] * len(parts)
+    if jobs == 1:
+        for index, arguments in enumerate(work):
+            found[index] = _some(*arguments, like=case)
+            if progress is not None:
+                progress((index + 1) / len(work))
+    else:
+        done = np.zeros(len(work))
+        with Workers(jobs) as workers:
+            for news in workers.run(Task(f"runs of {case.run.case.name}", _some, each_work) for each_work in work):
+                done[news.index] = news.done
+                if news.value is not None:
+                    found[news.index] = news.value
+                if progress is not None:
+                    progress(float(done.mean()))
+    names = list(dict.fromkeys(name for part in found for name in part.kept))
+    kept = {name: _stacked([array for part in found for array in part.kept[name]]) for name in names}
+    outcome = tuple(kind for part in found for kind in part.outcome)
+    return Batch(case.run, each, varied, _grid(case.settings), outcome, kept)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What some runs came to: how each ended, and what is kept of each."""
+
+    outcome: list[str]
+    kept: dict[str, list[Array]]
+
+
+def _some(
+    run: RunFile,
+    plant: PlantKind,
+    seeds: np.ndarray,
+    varied: Mapping[str, np.ndarray],
+    keep: Keep,
+    like: Case | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> _Told:
+    """Some of the runs, one after the other."""
+    told, base = _Told([], {}), like or _PREPARED.get(run)
+    for index, seed in enumerate(seeds):
+        case = _reseeded(_varied(base, {key: values[index].item() for key, values in varied.items()}), int(seed))
+        if callable(keep) or plant != "linear":
+            found = simulate(case, plant)
+        else:  # without the centre of pressure, which nobody asks for
+            actual = linear_plant(case.actual, case.settings)
+            found = simulate_plant(actual, case.controller, case.settings, match="position")
+        told.outcome.append(found.outcome.kind)
+        values = keep(found) if callable(keep) else _named(found, keep, case.settings)
+        for name, value in values.items():
+            told.kept.setdefault(name, []).append(np.asarray(value, dtype=float))
+        if progress is not None:
+            progress((index + 1) / len(seeds))
+    return told
+
+
+class _Prepared:
+    """The case that this process was asked for last: a worker is given many parts of the same."""
+
+    def __init__(self) -> None:
+        self._run: RunFile | None = None
+        self._case: Case | None = None
+
+    def get(self, run: RunFile) -> Case:
+        """The case of a run file."""
+        if self._case is None or self._run != run:
+            self._run, self._case = run, prepare(run)
+        return self._case
+
+
+_PREPARED = _Prepared()
+
+
+def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
+    """The case with other numbers; what is of the simulation alone leaves all else as it is."""
+    if not changes:
+        return case
+    run = case.run.with_(**changes)
+    if all(key.startswith("simulation.") for key in changes):
+        return replace(case, run=run, settings=run.simulation.settings())
+    return prepare(run, like=case)
+
+
+def _reseeded(case: Case, seed: int) -> Case:
+    """The case under noise of another seed: each noise's own, and this one, make it together."""
+    settings = case.settings
+    sources = tuple(
+        replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
+        if isinstance(of, Noise)
+        else of
+        for of in settings.disturbance
+    )
+    return replace(case, settings=replace(settings, disturbance=sources))
+
+
+def _grid(settings: Settings) -> Array:
+    step = settings.record_interval
+    return step * np.arange(int(settings.duration / step * (1 + 1e-12)) + 1, dtype=float)
+
+
+def _named(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:
+    """What is kept under these names."""
+    kept: dict[str, Array] = {}
+    for name in keep:
+        if name == "events":
+            kept[name] = found.events.t
+        elif name == "sway":
+            y = _rows(found, "y", settings)
+            there = np.isfinite(y).all(axis=1)
+            labels = found.labels
+            kept |= _sway(Series(_grid(settings)[there], y[there], labels.outputs, labels.output_units))
+        else:
+            kept[name] = _rows(found, name, settings)
+    return kept
+
+
+def _rows(found: Simulation, name: str, settings: Settings) -> Array:
+    """A signal at the multiples of the record interval, NaN after the end."""
+    t, values = _grid(settings), getattr(found, name)
+    at = np.minimum(np.searchsorted(found.t, t - _SAME), len(found.t) - 1)
+    there = np.abs(found.t[at] - t) < _SAME
+    rows = np.full((len(t), values.shape[1]), np.nan)
+    if there[t <= found.t[-1]].all():
+        rows[there] = values[at[there]]
+        return rows
+    # a fixed timestep goes on from every event
+    series = found.to_series(rate=1 / settings.record_interval)
+    columns = [place for place, column in enumerate(series.names) if column.startswith(f"{name}.")]
+    rows[: len(series)] = series.values[: len(t), columns]
+    return rows
+
+
+def _sway(series: Series) -> dict[str, Array]:
+    """Measures of sway as numbers by name, NaN of a run that was too short."""
+    sway = measure_sway(series) if len(series) >= FEWEST else None
+    found: dict[str, Array] = {}
+    for place, signal in enumerate(series.names):
+        parts: list[tuple[object, str, tuple[str, ...]]] = [(None, "", _MEASURES), (None, "frequency.", _FREQUENCIES)]
+        parts += [(None, "short.", _STRETCH), (None, "long.", _STRETCH)]
+        if sway is not None:
+            of = sway.coordinates[place]
+            whole = (of, of.frequencies, of.diffusion.short, of.diffusion.long)
+            parts = [(part, *names) for part, (_, *names) in zip(whole, parts, strict=True)]  # type: ignore[misc]
+        for part, where, names in parts:
+            found |= {f"sway.{signal}.{where}{name}": np.asarray(getattr(part, name, np.nan)) for name in names}
+    return found
+
+
+def _stacked(arrays: list[Array]) -> Array:
+    """Arrays of one shape stacked; vectors of several lengths are filled up with NaN."""
+    if len({array.shape for array in arrays}) > 1 and all(array.ndim == 1 for array in arrays):
+        longest = max(map(len, arrays))
+        arrays = [np.pad(array, (0, longest - len(array)), constant_values=np.nan) for array in arrays]
+    if len({array.shape for array in arrays}) > 1:
+        raise SimulationError("keep: returns arrays of other shapes for other runs; they cannot be stacked")
+    return np.stack(arrays)

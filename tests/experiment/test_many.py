@@ -1,0 +1,94 @@
+"""Many runs of one case are what each is alone."""
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.errors import RunFileError, SimulationError
+from icmj.series.series import Series
+
+
+@pytest.fixture(scope="module")
+def standing(root):
+    run = icmj.load_run(root / "runs" / "quiet-standing.toml")
+    return icmj.prepare(run.with_(**{"simulation.duration": 4.0}))
+
+
+def test_each_run_is_what_it_is_alone(standing):
+    batch = icmj.simulate_many(standing, 3, keep=("y", "events", "sway"), jobs=1)
+    assert len(batch) == 3
+    assert batch.t[-1] == 4.0
+    assert len({values.tobytes() for values in batch["y"]}) == 3  # other noise
+    for index in range(3):
+        run = icmj.simulate(batch.case(index), "linear")
+        grid = np.isin(np.round(run.t, 9), np.round(batch.t, 9))
+        np.testing.assert_array_equal(run.y[grid], batch["y"][index])
+        np.testing.assert_array_equal(run.events.t, batch["events"][index][: len(run.events.t)])
+        assert np.isnan(batch["events"][index][len(run.events.t) :]).all()
+        sway = icmj.measure_sway(Series(run.t[grid], run.y[grid], run.labels.outputs))
+        assert batch["sway.thigh.rms"][index] == pytest.approx(sway.coordinates[1].rms, rel=1e-12)
+        assert batch["sway.trunk.frequency.median"][index] == pytest.approx(sway.coordinates[2].frequencies.median)
+    assert batch.outcome == ("completed",) * 3
+    assert "3 runs of quiet-standing" in repr(batch)
+
+
+def test_noises_of_one_run_differ_and_a_seed_is_a_run(standing):
+    batch = icmj.simulate_many(standing, seeds=[5, 0, 5], jobs=1)
+    seeds = {source.seed for source in batch.case(0).settings.disturbance}
+    assert len(seeds) == len(standing.settings.disturbance)
+    np.testing.assert_array_equal(batch["y"][0], batch["y"][2])
+    np.testing.assert_array_equal(batch["y"][1], icmj.simulate_many(standing, 1, jobs=1)["y"][0])
+
+
+def test_numbers_vary_of_the_start_and_of_the_plant(standing):
+    quiet = icmj.prepare(standing.run.with_(**{"simulation.disturbance": []}))
+    varied = {"simulation.initial.ankle": [0.002, 0.004], "actual.gain": [0.9, 0.85]}
+    batch = icmj.simulate_many(quiet, vary=varied, keep=("x",), jobs=1)
+    np.testing.assert_array_equal(batch["x"][:, 0, 0], [0.002, 0.004])
+    alone = icmj.prepare(quiet.run.with_(**{"simulation.initial.ankle": 0.004, "actual.gain": 0.85}))
+    np.testing.assert_array_equal(batch["x"][1, -1], icmj.simulate(alone, "linear").x[-1])
+
+
+def test_a_function_keeps_what_it_likes_and_what_falls_is_not_a_number(standing):
+    batch = icmj.simulate_many(
+        standing, 2, keep=lambda run: {"peak": np.abs(run.y).max(axis=0), "count": len(run.events)}, jobs=1
+    )
+    assert batch["peak"].shape == (2, 3)
+    assert (batch["count"] >= 5).all()
+    fallen = icmj.simulate_many(standing, 2, vary={"simulation.limit": [1.0, 0.0021]}, jobs=1)
+    assert fallen.outcome[1] == "fell"
+    assert np.isfinite(fallen["y"][0]).all()
+    assert np.isnan(fallen["y"][1, -1]).all()
+
+
+def test_runs_on_the_engine(standing):
+    batch = icmj.simulate_many(standing, 1, plant="mujoco", vary={"simulation.duration": [4.0]}, jobs=1)
+    np.testing.assert_allclose(batch["y"][0, 0], standing.actual.linearisation.plant.C[:, 0] * 0.002, rtol=1e-4)
+    assert np.isfinite(batch["y"]).all()
+
+
+@pytest.mark.slow
+def test_processes_change_no_bit(standing):
+    ways = [icmj.simulate_many(standing, 20, keep=("y", "sway"), jobs=jobs) for jobs in (1, 2)]
+    for name, values in ways[0].kept.items():
+        np.testing.assert_array_equal(values, ways[1][name])
+
+
+@pytest.mark.parametrize(
+    ("words", "asked"),
+    [
+        ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
+        ("expected some of x, y", {"n": 1, "keep": ("z",)}),
+        ("expected some of x, y", {"n": 1, "keep": "y"}),
+        ("is negative", {"seeds": [-1]}),
+        ("give one a run", {"n": 0}),
+    ],
+)
+def test_what_does_not_fit_is_refused(standing, words, asked):
+    with pytest.raises(SimulationError, match=words):
+        icmj.simulate_many(standing, jobs=1, **asked)
+
+
+def test_an_unknown_key_is_refused(standing):
+    with pytest.raises(RunFileError, match=r"simulation\.initail"):
+        icmj.simulate_many(standing, vary={"simulation.initail.ankle": [0.1]}, jobs=1)
