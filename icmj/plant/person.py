@@ -1,9 +1,10 @@
 """A standing person by height and mass: segments after Winter, and passive torque at the joints.
 
-Segments are fractions of height and mass (Winter 2009, *Biomechanics and Motor Control of Human Movement*, table 4.1,
-after Dempster), both legs in one. With G_j = g · (moment of the mass above joint j), the toppling stiffness, passive
-stiffness and damping are shares of G_j. These shares are this project's calibration to the published critical intervals
-of a man of 80 kg and 1.80 m; that they are the same for every person is an assumption.
+Segments are fractions of height and mass: masses, centres of mass and radii of gyration after Winter (2009,
+*Biomechanics and Motor Control of Human Movement*, table 4.1, from Dempster), lengths after Drillis and Contini (1966;
+Winter's figure 4.1). Both legs are one segment. With G_j = g · (moment of the mass above joint j), the toppling
+stiffness, passive stiffness and damping are shares of G_j. These shares are this project's calibration to the published
+critical intervals, for a person of 80 kg and 1.80 m; that they are the same for every person is an assumption.
 """
 
 from __future__ import annotations

@@ -59,8 +59,12 @@ def test_a_near_miss_is_told(given, meant, elsewhere):
         load_run(given)
 
 
-def test_what_is_like_nothing_is_only_missing():
+def test_what_is_like_nothing_is_only_missing_and_a_bare_name_is_told_all_shipped_ones():
     with pytest.raises(RunFileError, match=r"cannot be read: No such file or directory$"):
+        load_run("quite/another thing.toml")
+    with pytest.raises(
+        RunFileError, match=r"No such file or directory; shipped cases: neglected-0.1, .*three-link-1.1$"
+    ):
         load_run("quite another thing")
     with pytest.raises(ModelError, match=r"thre_link.xml: no such model file; did you mean three_link\?"):
         model_file(Path("models/thre_link.xml"))
