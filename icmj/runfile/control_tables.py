@@ -31,20 +31,20 @@ _RULES = ("quadratic", "box")
 
 
 class Weights(TomlTable):
-    """LQ weights of state feedback (Q_c, R_c) and observer (Q_o, R_o), or gains k and L in their place."""
+    """LQ weights of the state feedback (Q_c, R_c) and the observer (Q_o, R_o), or the gains k and L instead."""
 
     Q_c: Weight = "output"
-    """On the states: ``"output"`` is ĈᵀĈ, ``"identity"`` I; or its diagonal, or the matrix."""
+    """Weight of the states: ``"output"`` for ĈᵀĈ, ``"identity"`` for I, the diagonal, or the matrix."""
     R_c: Positive | Positives = 1.0
-    """On the inputs: a number for all, or one for each."""
+    """Weight of the inputs: one number for all, or a list with one for each."""
     Q_o: Literal["input", "identity"] | Numbers | Matrix = "input"
-    """Of the process noise: ``"input"`` is B̂B̂ᵀ, ``"identity"`` I; or its diagonal, or the matrix."""
+    """Covariance of the process noise: ``"input"`` for B̂B̂ᵀ, ``"identity"`` for I, the diagonal, or the matrix."""
     R_o: Positive | Positives = 1.0
-    """Of the sensor noise: a number for all outputs, or one for each."""
+    """Variance of the sensor noise: one number for all outputs, or a list with one for each."""
     k: Matrix | Numbers | None = None
-    """State-feedback gain k̂ instead of weights, row by row; of a single input also its entries."""
+    """State-feedback gain k̂ instead of weights, row by row; for a single input, also a list of its entries."""
     L: Matrix | Numbers | None = None
-    """Observer gain instead of weights, row by row; of a single output also its entries."""
+    """Observer gain L instead of weights, row by row; for a single output, also a list of its entries."""
 
     @model_validator(mode="after")
     def _weights_or_gains(self) -> Weights:
@@ -62,24 +62,24 @@ class Control(TomlTable):
     """
 
     hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
-    """What drives the plant between events: the model under feedback, the last control, held, or A_h; or the
-    ``module:name`` of a function that makes a hold, or its matrix, of the design."""
+    """What drives the plant between events: the assumed closed loop (system-matched), the last control (zero-order), or
+    A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the design."""
     A_h: Matrix | None = None
-    """Matrix of a hold of one's own, ẋ_h = A_h x_h, row by row."""
+    """Matrix of the hold ``own``, ẋ_h = A_h x_h, row by row."""
     rule: Literal["quadratic", "box"] | Reference = "quadratic"
-    """Which event rule; or the ``module:name`` of a class of event rules of one's own."""
+    """Event rule; or the ``module:name`` of a class of event rules."""
     parameters: Parameters = {}
-    """Of a rule of one's own, by name."""
+    """Parameters by name of a rule given as ``module:name``."""
     hold_parameters: Parameters = {}
-    """Of a hold of one's own, by name."""
+    """Parameters by name of a hold given as ``module:name``."""
     Q_t: Weight = "output"
-    """Weight of the hold error in the quadratic rule: as ``design.Q_c``."""
+    """Weight of the hold error in the quadratic rule, given as ``design.Q_c`` is."""
     q_t: Positive | None = None
-    """Threshold of the quadratic rule, which needs it: an event is due at √(eᵀQ_te) = q_t [unit of the outputs]."""
+    """Threshold of the quadratic rule, required for it: an event occurs when √(eᵀQ_te) = q_t [unit of the outputs]."""
     on: Literal["output", "state"] = "output"
-    """Whether the box rule looks at outputs or at states."""
+    """Whether the box rule compares outputs or states."""
     threshold: Positive | Positives | None = None
-    """Threshold of the box rule, which needs it: one for all, or one for each [unit of each]."""
+    """Threshold of the box rule, required for it: one for all, or a list with one for each [unit of each]."""
     delta_min: NonNegative = 1e-3
     """Least interval between two events [s]: the refractory period."""
 
@@ -145,9 +145,9 @@ class Control(TomlTable):
 
 
 class Analysis(TomlTable):
-    """Range of Δ searched for crossings [s], and what to go on with although it makes a prediction doubtful."""
+    """Range of the search for crossings, and doubts about a prediction that are accepted."""
 
     delta_max: Interval = 3.0
-    """Range of intervals searched for crossings [s]."""
+    """Upper end of the search for crossings [s]."""
     allow: list[Kind] = []
-    """Notices that are errors otherwise, and are to be told and gone on with."""
+    """Kinds of notice that are reported instead of stopping the run as errors."""

@@ -17,14 +17,14 @@ class MatrixTable(TomlTable):
     A: Matrix | None = None
     """State matrix of a plant given by matrices, row by row."""
     B: Matrix | Numbers | None = None
-    """Input matrix, row by row; of a single input also its entries."""
+    """Input matrix, row by row; for a single input, also a list of its entries."""
     C: Matrix | Numbers | None = None
-    """Output matrix, row by row; of a single output also its entries."""
+    """Output matrix, row by row; for a single output, also a list of its entries."""
     B_d: Matrix | Numbers | None = None
-    """What a push of size 1 along each input does, which no gain changes, as B; B if it is not there."""
+    """Effect of a push of size 1 along each input, which no gain changes, given as B is (default: B)."""
     matrices: str | None = None
-    """File with A, B, C, if it is there B_d, and names, beside the run file: ``.npz``, or ``.json`` as
-    ``icmj linearise --json`` prints."""
+    """File with A, B, C, optionally B_d, and names, relative to the run file: ``.npz``, or ``.json`` as printed by
+    ``icmj linearise --json``."""
     units: dict[str, str] = {}
     """Units of states, inputs and outputs of a plant given by matrices, by name."""
 

@@ -9,31 +9,31 @@ from icmj.runfile.table import NonNegative, Positive, TomlTable
 
 
 class SegmentTable(TomlTable):
-    """What is not Winter's of a segment; see :class:`icmj.plant.person.Segment`."""
+    """Values of a segment that replace the default ones; see :class:`icmj.plant.person.Segment`."""
 
     mass: Positive | None = None
-    """As a fraction of the body's, both sides together."""
+    """Mass as a fraction of that of the body, both sides together."""
     length: Positive | None = None
-    """As a fraction of the height."""
+    """Length as a fraction of the height."""
     com: Positive | None = None
     """Centre of mass from the lower end, as a fraction of the length."""
     gyration: Positive | None = None
-    """Radius of gyration about it, as a fraction of the length."""
+    """Radius of gyration about the centre of mass, as a fraction of the length."""
 
 
 class PersonTable(TomlTable):
     """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.person.Person`."""
 
     height: Positive = 1.80
-    """Of the body [m]."""
+    """Height of the person [m]."""
     mass: Positive = 80.0
-    """Of the body [kg]."""
+    """Mass of the person [kg]."""
     stiffness: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.8, 0.8)
-    """Passive, of ankle, knee and hip, as shares of the toppling stiffness."""
+    """Passive stiffness of ankle, knee and hip, as shares of the toppling stiffness."""
     damping: NonNegative = 0.005
-    """Passive, of every joint, over its toppling stiffness [s]."""
+    """Passive damping of every joint, divided by its toppling stiffness [s]."""
     segments: dict[Literal["shank", "thigh", "trunk", "foot"], SegmentTable] = {}
-    """By name, where they are not Winter's."""
+    """Segments by name whose values differ from the default ones."""
 
     def person(self) -> Person:
         """The person that it stands for."""

@@ -1,4 +1,4 @@
-"""The tables of the two plants: what the controller believes in, and what is really there."""
+"""The tables of the two plants: the one that the controller assumes, and the actual one."""
 
 from __future__ import annotations
 
@@ -27,40 +27,40 @@ ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "d
 
 
 class PlantTable(MatrixTable):
-    """What both plants have: a model with its operating point, or matrices; inputs, outputs and states, by name."""
+    """What both plants have: a model with an operating point, or matrices; names of inputs, outputs and states."""
 
     model: str | None = None
-    """MJCF file, beside the run file; of the actual plant the assumed one's if none is named."""
+    """MJCF file, relative to the run file (default of the actual plant: that of the assumed plant)."""
 
     keyframe: str | None = None
-    """Of the model, where it rests; the reference configuration if none is named."""
+    """Keyframe of the operating point (default: the reference configuration)."""
     operating_point: OperatingKind | None = None
-    """What follows from the pose: ``"as given"`` nothing, ``"static control"`` the controls that hold it,
-    ``"balance"`` those and the joints. By default as given; of the actual plant, as of the assumed one."""
+    """How the operating point is completed: ``"as given"``, ``"static control"`` (controls only) or ``"balance"``
+    (controls and pose). Default: as given; for the actual plant, that of the assumed plant."""
     free: list[str] = []
-    """Joints that a balance may move; all if none is named."""
+    """Joints that a balance may move (default: all)."""
     pose: dict[str, Finite] = {}
-    """Joints by name, and where they are instead of in the keyframe [rad or m]."""
+    """Positions of joints by name, which replace those of the keyframe [rad or m]."""
     inputs: list[str] | None = None
-    """Actuators that the controller uses, in this order; all by default."""
+    """Actuators that the controller uses, in this order (default: all)."""
     outputs: list[str] | Literal["joints"] | None = None
-    """Sensors, entries ``sensor.0`` of one, or joints, in this order; ``"joints"`` takes all joints; by default all
-    sensors."""
+    """Outputs in this order: sensors, single entries such as ``sensor.0``, or joints; ``"joints"`` takes all joints
+    (default: all sensors)."""
     states: list[str] | None = None
-    """States that are kept; all by default."""
+    """States that are kept (default: all)."""
     drop: list[str] = []
     """States that are left out."""
     person: PersonTable | None = None
-    """Measures of the person that the model is made into."""
+    """Height, mass and segments to which the model is scaled."""
 
     @property
     def measures(self) -> Person | None:
-        """Whose measures the model gets, if anyone's."""
+        """The person whose measures the model gets, if one is given."""
         return self.person.person() if self.person else None
 
     @property
     def operating(self) -> OperatingRule:
-        """The rule for the operating point that it stands for."""
+        """The rule for the operating point."""
         named = self.keyframe is not None or self.pose
         return OperatingRule(self.operating_point or ("as given" if named else "found"), tuple(self.free), self.pose)
 
@@ -82,16 +82,16 @@ class PlantTable(MatrixTable):
 
     @property
     def selection(self) -> Selection:
-        """The selection that it stands for."""
+        """The selection of inputs, outputs and states."""
         outputs = self.outputs if isinstance(self.outputs, str) else _names(self.outputs)
         return Selection(_names(self.inputs), outputs, _names(self.states), tuple(self.drop))
 
 
 class Assumed(PlantTable):
-    """The plant that the controller believes in."""
+    """The plant that the controller assumes."""
 
     delay: NonNegative = 0.0
-    """That the predictor bridges [s]."""
+    """Delay that the predictor compensates [s]."""
 
     @model_validator(mode="after")
     def _is_there(self) -> Assumed:
@@ -104,13 +104,13 @@ class ChangeTable(TomlTable):
     """One named change; see :mod:`icmj.plant.change` for what there is."""
 
     what: What
-    """The property that is changed."""
+    """Property to change."""
     of: str | None = None
-    """Whose, by name; without it, of all that have it."""
+    """Name of what has the property (default: all that have it)."""
     factor: Finite | None = None
-    """On it, or"""
+    """Factor on the property; give either ``factor`` or ``value``."""
     value: Finite | list[Finite] | None = None
-    """in its place [unit of the property]."""
+    """New value of the property [unit of the property]."""
 
     def change(self) -> Change:
         """The change that it stands for.
@@ -131,26 +131,26 @@ class ChangeTable(TomlTable):
 
 
 class Actual(PlantTable):
-    """The plant that is really there: another model, or the same one, with or without changes.
+    """The actual plant: another model, or the same one, with or without changes.
 
     Where it names no inputs or outputs they are those of the assumed plant, by name; where it has no operating point it
     finds its own by the assumed plant's rule, from where the assumed plant rests.
     """
 
     gain: Finite | Numbers = 1.0
-    """b in ctrl = ctrl₀ + b (u + d): a number for all inputs, or one for each, in the order of ``inputs``."""
+    """Input gain b in ctrl = ctrl₀ + b (u + d): one number for all inputs, or a list in the order of ``inputs``."""
     dynprm: dict[str, Annotated[list[Finite], Field(max_length=10)]] = {}  # as many as MuJoCo keeps
-    """First parameters of the dynamics of actuators, by name."""
+    """First parameters of the dynamics of actuators, by the name of the actuator."""
     change: list[ChangeTable] = []
-    """Whatever else is wrong with the assumed model."""
+    """Further differences from the assumed model."""
     edit: Reference | None = None
     """The ``module:name`` of a function that changes the model itself: it is given the ``mujoco.MjSpec`` and ρ."""
     edit_parameters: Parameters = {}
-    """Of that function, by name."""
+    """Parameters by name of the function ``edit``."""
     rho: Finite = 1.0
-    """Share ρ of all changes that is applied: 0 none, 1 the whole."""
+    """Share ρ of all changes that is applied, from 0 (none) to 1 (all)."""
     delay: NonNegative | None = None
-    """That is there [s]; the assumed one by default."""
+    """Actual delay [s] (default: the assumed one)."""
 
 
 def _names(given: list[str] | None) -> tuple[str, ...] | None:

@@ -30,35 +30,35 @@ from icmj.work.own_code import Code
 
 
 class Paper(TomlTable):
-    """What the paper says of this case; shown beside our numbers, never used in a computation.
+    """What the paper says of this case; shown beside the results, never used in a computation.
 
-    ``fingerprint`` is that of the run file it speaks of (:attr:`RunFile.fingerprint`). In a copy with another plant,
-    design or rule the block stands for nothing and is left out, with a word. Without a fingerprint it is as stated.
+    ``fingerprint`` is that of the run file which the block describes (:attr:`RunFile.fingerprint`). In a copy with
+    another plant, design or rule the block is ignored, and a note says so. Without a fingerprint it always holds.
     """
 
     figure: str = ""
-    """The paper's name of the figure, by which the report finds its statements."""
+    """Name of the figure in the source of the paper, by which the report finds its statements."""
     delta_crit: Positive | None = None
-    """The critical interval that is printed [s]."""
+    """Critical interval as printed [s]."""
     eigenvalue: Literal[1, -1] | None = None
-    """The eigenvalue there."""
+    """Eigenvalue at the critical interval."""
     cycle: bool | None = None
     """Whether a limit cycle is reported."""
     statements: list[str] = []
-    """What the paper says of it, in words of one's own."""
+    """Statements of the paper on the case, paraphrased."""
     note: str = ""
-    """What to say of the case beside the paper."""
+    """Note on the case for the report."""
     fingerprint: str = ""
-    """Of the run file that the block speaks of (:attr:`RunFile.fingerprint`)."""
+    """Fingerprint of the run file that the block describes."""
 
 
 class Identity(TomlTable):
-    """Name (also the log's file name) and title."""
+    """Name and title of the case."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
-    """Short, without blanks; also the name of the log."""
+    """Short name without blanks; also the name of the log."""
     title: Line
-    """For tables and figures."""
+    """Title in tables and figures."""
     paper: Paper = Paper()
     """What the paper says of this case."""
 
@@ -67,17 +67,17 @@ class RunFile(TomlTable):
     """A validated run file."""
 
     case: Identity
-    """What the case is called."""
+    """Name and title."""
     assumed: Assumed
-    """The plant that the controller believes in."""
+    """The plant that the controller assumes."""
     actual: Actual = Actual()
-    """The plant that is there: what is wrong with the belief."""
+    """The actual plant, as differences from the assumed one."""
     design: Weights = Weights()
     """Weights of the linear-quadratic design."""
     controller: Control
     """Hold and event rule."""
     analysis: Analysis = Analysis()
-    """How far the theory is taken."""
+    """Range of the analysis."""
     simulation: SimulationTable = SimulationTable()
     """The run."""
     study: StudyTable = StudyTable()

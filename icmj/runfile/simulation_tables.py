@@ -25,22 +25,22 @@ LONGEST = 1e9  # s, thirty years: the viewer counts nanoseconds in 64 bits
 
 
 class PlaceTable(TomlTable):
-    """Where something acts: on an input, or on any body of a model, at any point. Its shape is in the table's kind."""
+    """Where a disturbance acts: on an input, or at any point of any body of a model."""
 
     input: str | None = None
-    """That it acts on, by name, or"""
+    """Name of the input that is disturbed; give either ``input`` or ``body``."""
     on: On | None = None
-    """Of an input: ``"body"`` is on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the actuator
-    has, where its length grows; so impulses and steps are by default. ``"command"`` is beside the command and goes
-    through all these; so noise is by default."""
+    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the actuator
+    has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to the
+    command and passes through all these (default of noise)."""
     body: str | None = None
-    """the body that is pushed, by name, which a model must have,"""
+    """Name of the body that is pushed; needs a model."""
     force: Vector = ZERO
-    """by this force [N], times ``size``, along the axes of the world,"""
+    """Force on the body in world axes, multiplied by ``size`` [N]."""
     torque: Vector = ZERO
-    """by this torque [N m], times ``size``, about the axes of the world,"""
+    """Torque on the body in world axes, multiplied by ``size`` [N m]."""
     point: Vector | None = None
-    """at this point in the body's frame [m]; its centre of mass by default."""
+    """Point of application in the frame of the body [m] (default: its centre of mass)."""
 
     @property
     def placed(self) -> dict[str, Any]:
@@ -51,7 +51,7 @@ class PlaceTable(TomlTable):
         }
 
     def sized(self, size: float | None) -> float:
-        """The size, which may be left out where force and torque say all."""
+        """The size; 1 where force and torque are given and it is left out."""
         if size is None and self.body is None:
             raise SimulationError("size is required")
         return 1.0 if size is None else size
@@ -61,13 +61,14 @@ class ImpulseTable(PlaceTable):
     """An impulse on an input or a body: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
 
     kind: Literal["impulse"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Finite | None = None
-    """Of the impulse [N m s, or the input's unit times s]; of a body times its force and torque, 1 by default."""
+    """Size of the impulse [N m s, or the unit of the input times s]; for a body, a factor on force and torque (default:
+    1)."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
     duration: Positive = 0.05
-    """Over which it is spread [s]."""
+    """Duration [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -78,11 +79,11 @@ class StepTable(PlaceTable):
     """A step on an input or a body: ``size`` [N m] from ``start`` [s] on."""
 
     kind: Literal["step"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Finite | None = None
-    """Of the step [N m, or the input's unit]; of a body times its force and torque, 1 by default."""
+    """Size of the step [N m, or the unit of the input]; for a body, a factor on force and torque (default: 1)."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -97,21 +98,21 @@ class NoiseTable(PlaceTable):
     """
 
     kind: Literal["noise"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Positive | None = None
-    """Standard deviation [unit of the input or output]; of a body times its force and torque, 1 by default."""
+    """Standard deviation [unit of the input or output]; for a body, a factor on force and torque (default: 1)."""
     bandwidth: Positive | None = None
-    """Up to which the spectrum is flat [Hz], or"""
+    """Upper end of a flat spectrum [Hz]; give either ``bandwidth`` or ``corner``."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
-    """Of frequencies and phases."""
+    """Seed of frequencies and phases."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
     output: str | None = None
-    """the output that it acts on, by name."""
+    """Name of the output whose reading is disturbed, instead of an input or body."""
     corner: Positive | None = None
-    """where a low-pass spectrum has fallen to half [Hz]."""
+    """Frequency at which a low-pass spectrum has fallen to half [Hz]."""
     terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
-    """Sinusoids that it is made of."""
+    """Number of sinusoids of which the noise is the sum."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -126,13 +127,13 @@ class BiasTable(TomlTable):
     """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
 
     kind: Literal["bias"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     output: str
-    """That is misread, by name."""
+    """Name of the output."""
     size: Finite
-    """Of the error [unit of the output]."""
+    """Size of the error [unit of the output]."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -143,29 +144,29 @@ SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field
 
 
 class SimulationTable(TomlTable):
-    """How long, from where, and how finely; see :class:`icmj.simulation.Settings`."""
+    """Duration, initial state and accuracy of a run; see :class:`icmj.simulation.Settings`."""
 
     duration: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)] = 30.0
-    """Of the run [s]."""
+    """Duration of the run [s]."""
     initial: dict[str, Finite] = {}
-    """States of the plant by name, and how far from the operating point they start; the others start at it."""
+    """Initial departures of plant states from the operating point, by name; the others are zero."""
     observer: dict[str, Finite] = {}
-    """States of the observer by name; the others start at zero."""
+    """Initial states of the observer, by name; the others are zero."""
     timestep: Positive | None = None
-    """Of the engine [s], in place of a tolerance. The linear plant needs none."""
+    """Timestep of the engine, instead of a tolerance [s]. The linear plant needs none."""
     integrator: Integrator | None = None
-    """Of the engine; the model's own by default."""
+    """Integrator of the engine (default: that of the model)."""
     record_interval: Positive = 0.01
-    """Between recorded rows [s]; events are always recorded."""
+    """Time between recorded rows [s]; events are always recorded."""
     limit: Positive | dict[str, Positive] | None = None
-    """The run has fallen when a position departs further than this: a number for all [rad or m, and as much in another
-    unit of angle or length], or positions by name, each in its own unit. By default 1 rad or 1 m; of plants given by
-    matrices, what is neither an angle nor a length by its unit has no limit."""
+    """Departure of a position at which the run counts as fallen: one number for all [rad or m, converted to other units
+    of angle or length], or positions by name, each in its own unit. Default: 1 rad or 1 m; in plants given by matrices,
+    positions with other units have no limit."""
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
-    """What acts beside the controller."""
+    """Disturbances."""
     tolerance: Positive | None = None
-    """Relative error of an open-loop interval to which the engine's steps are adapted. Without it, timestep and
-    integrator: 10⁻⁸ where nothing can touch, rub or reach a limit; else the model's own timestep."""
+    """Relative error of an open-loop interval to which the steps of the engine are adapted. Default, if neither timestep
+    nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the model."""
 
     def settings(self) -> Settings:
         """The settings that it stands for.
@@ -179,7 +180,7 @@ class SimulationTable(TomlTable):
     @model_validator(mode="before")
     @classmethod
     def _of_older_files(cls, data: Any) -> Any:
-        """Older files say ``native = true``, which is all that there is by now."""
+        """Accepts ``native = true`` of older files; it has no effect any more."""
         if isinstance(data, dict) and "native" in data:
             if data["native"] is not True:
                 raise ValueError(f"native = {str(data['native']).lower()} is no key any more: {SWITCH}")
@@ -202,14 +203,14 @@ class StudyTable(TomlTable):
     """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8
-    """Clock-driven points for panel (a) of the report."""
+    """Number of clock-driven simulations in panel (a) of the report."""
     law_q_t: Annotated[list[Positive], Field(max_length=MOST)] = []
-    """Thresholds for the amplitude law, two at least [unit of ``controller.q_t``]."""
+    """Thresholds of the amplitude law, at least two [unit of ``controller.q_t``]."""
     attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
-    """Random starts in search of other attractors."""
+    """Number of random starts in the search for other attractors."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Of these starts."""
+    """Seed of these starts."""
     magnification: Positive = 10.0
-    """Of the sway in the second figure of the viewer."""
+    """Magnification of the sway in the second body of the viewer."""
     measures: Annotated[list[Reference], Field(max_length=MOST)] = []
-    """Measures of one's own: the ``module:name`` of functions of a simulation that give numbers by name."""
+    """Further measures: the ``module:name`` of functions that take a simulation and return numbers by name."""

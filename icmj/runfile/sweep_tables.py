@@ -1,4 +1,4 @@
-"""The sweep file: one case at very many points, of which fields, and what is asked for at each."""
+"""The sweep file: one case at many points; which fields vary, and what is computed at each point."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ _Plant = Literal["linear", "mujoco"]
 
 
 class SweepTable(TomlTable):
-    """What is swept: name and title, base run file, and how the sampled fields are drawn."""
+    """Name and title of the sweep, its run file, and how samples are drawn."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
-    """Name, also of its folder."""
+    """Name of the sweep and of its folder."""
     title: Line = ""
-    """For tables and figures."""
+    """Title in tables and figures."""
     run: str
-    """The run file whose fields vary: beside the sweep file, or the name of one that comes with icmj."""
+    """Run file whose fields vary, relative to the sweep file, or the name of a shipped case."""
     samples: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
-    """Points drawn in all fields that have only ``low`` and ``high``."""
+    """Number of samples of the fields that have only ``low`` and ``high``."""
     method: Literal["random", "sobol"] = "sobol"
-    """How they are drawn: independent of each other, or a scrambled Sobol sequence, which fills the space evenly."""
+    """How samples are drawn: independently, or as a scrambled Sobol sequence, which fills the space evenly."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Of what is drawn."""
+    """Seed of the samples."""
     chunk: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    """Points of one task of a process; a few seconds of work by default."""
+    """Number of points in a task of a process (default: a few seconds of work)."""
 
 
 class DeviationTable(TomlTable):
-    """A named change whose factor, or value, is what varies; see :mod:`icmj.plant.change`."""
+    """A change of the actual plant whose factor or value varies; see :mod:`icmj.plant.change`."""
 
     what: What
-    """What of the model changes."""
+    """Property to change."""
     of: str | None = None
-    """Whose it is, by name."""
+    """Name of what has the property (default: all that have it)."""
     by: Literal["factor", "value"] = "factor"
-    """Whether what varies is a factor on it, or its value."""
+    """Whether the factor on the property varies, or its value."""
 
 
 class VaryTable(TomlTable):
@@ -62,21 +62,21 @@ class VaryTable(TomlTable):
     """
 
     field: str | Annotated[list[str], Field(min_length=1, max_length=20)] | None = None
-    """A field of the run file by its dotted key, as ``actual.gain``; several, if they go together."""
+    """Field of the run file by its dotted key, such as ``actual.gain``; a list of fields gets the same value."""
     change: DeviationTable | None = None
-    """Or a change of the actual plant by name."""
+    """Change of the actual plant that varies, instead of a field."""
     name: _Name | None = None
-    """Of its column; the last part of the key by default."""
+    """Name of the column (default: the last part of the key)."""
     values: Annotated[list[Any], Field(min_length=1, max_length=100_000)] | None = None
-    """What it may be: numbers, texts, lists, whatever the field takes."""
+    """Values: numbers, texts or lists, as the field takes them."""
     low: Finite | None = None
-    """Least value."""
+    """Lowest value."""
     high: Finite | None = None
-    """Largest value."""
+    """Highest value."""
     count: Annotated[int, Field(ge=2, le=100_000)] | None = None
-    """Values from ``low`` to ``high``, both included."""
+    """Number of values from ``low`` to ``high``, both included."""
     spacing: Literal["linear", "log"] = "linear"
-    """Equal differences or equal ratios; of what is drawn, too."""
+    """Spacing of the values or samples: equal differences or equal ratios."""
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ class VaryTable(TomlTable):
 
     @property
     def column(self) -> str:
-        """Its name in the table."""
+        """Name of the column."""
         if self.name:
             return self.name
         if self.change:
@@ -94,7 +94,7 @@ class VaryTable(TomlTable):
 
     @property
     def sampled(self) -> bool:
-        """Whether it is drawn, not listed."""
+        """Whether values are sampled rather than listed."""
         return self.values is None and self.count is None
 
     @model_validator(mode="after")
@@ -118,27 +118,28 @@ class VaryTable(TomlTable):
 
 
 class AskTable(TomlTable):
-    """What is asked for at each point, beside the prediction, which is always there."""
+    """What is computed at each point in addition to the prediction."""
 
     motion: Annotated[list[_Plant], Field(max_length=2)] = []
-    """Plants on which the case is run, and its motion measured; under noise, its statistics."""
+    """Plants on which the case is simulated and its motion measured; under noise, its statistics."""
     cycle: Annotated[list[_Plant], Field(max_length=2)] = []
     """Plants whose exact cycle is found by Newton, attracting or not."""
     attractors: Annotated[int, Field(ge=0, le=1000)] = 0
-    """Random starts of the linear plant in search of coexisting motions; seed and scale are the run file's."""
+    """Number of random starts of the linear plant in the search for coexisting motions; seed and scale are those of the
+    run file."""
 
 
 class SweepFile(TomlTable):
     """A validated sweep file; ``base`` is the run file that it names."""
 
     sweep: SweepTable
-    """What is swept."""
+    """Name, run file and sampling."""
     vary: Annotated[list[VaryTable], Field(min_length=1, max_length=20)]
-    """What varies."""
+    """Fields or changes that vary."""
     ask: AskTable = AskTable()
-    """What is asked for."""
+    """What is computed."""
     set: dict[str, Any] = {}
-    """What is changed at every point, as in the run file: ``set.simulation.duration = 20.0``."""
+    """Values of the run file that are replaced at every point, such as ``set.simulation.duration = 20.0``."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("sweep.toml"))
