@@ -31,29 +31,29 @@ def verdict_in_words(result: Result, converged: bool) -> str:
         if result.simulation.plant == "mujoco" and measurement.kind == "cycle":
             # odd symmetry makes the departure cubic: the interval grows by 2 ln 10/λ for each decade of the threshold
             ended += (
-                ". No linear model is exact for this nonlinear plant: its departure from linearity acts as a small "
-                "model error that ends the growth of the intervals, the later the smaller the threshold"
+                ". No linear model of this nonlinear plant is exact: its nonlinearity acts as a model error that "
+                "limits the growth of the intervals; the smaller the threshold, the longer they become"
             )
         if not prediction.crossings and prediction.observer_feedback_stable:
             return f"No cycle predicted: no eigenvalue reaches the unit circle {_searched(prediction)}; {ended}."
         return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1 {_searched(prediction)}; {ended}."
     if not prediction.cycle:
         why = _why_no_cycle(prediction)
-        return f"Does not settle on a cycle at Δ_crit, and none is predicted: {why}; {ended}."
+        return f"No cycle at Δ_crit, as predicted: {why}; {ended}."
     if prediction.verdict == "repelling":
         return f"Does not settle on the predicted cycle: it is repelling ({_multiplier(prediction)}); {ended}."
     if prediction.verdict == "not admissible":
         reason = prediction.orbit.reason if prediction.orbit is not None else ""
         return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
-    return f"Does not settle on the predicted cycle, though it is attracting; {ended}."
+    return f"Does not settle on the predicted cycle, although it attracts; {ended}."
 
 
 def _searched(prediction: Prediction) -> str:
     """Over which range that is known, and what a quick look beyond it shows."""
     words = f"up to Δ = {prediction.delta_max:.4g} s (the range searched)"
     if prediction.beyond is not None:
-        return f"{words}, but one does at {prediction.beyond.delta:.3g} s: raise analysis.delta_max"
-    return f"{words}, at whose end the largest |λ| still grows" if prediction.growing else words
+        return f"{words}, but one does beyond it, at {prediction.beyond.delta:.3g} s; raise analysis.delta_max"
+    return f"{words}, where the largest |λ| still grows" if prediction.growing else words
 
 
 def _in_distribution(measurement: Measurement, prediction: Prediction) -> str:
@@ -61,10 +61,10 @@ def _in_distribution(measurement: Measurement, prediction: Prediction) -> str:
         "no open-loop interval" if measurement.interval is None else f"mean interval {measurement.interval:.3g} s"
     )
     if not prediction.cycle:
-        return f"Driven by noise, no cycle closes, and none is predicted without it: {interval}"
+        return f"The motion is driven by noise, and no cycle is predicted without it: {interval}"
     attracting = "" if prediction.verdict == "attracting" else f" ({prediction.verdict})"
     return (
-        f"Driven by noise, no cycle closes: {interval}, where the predicted cycle{attracting} has "
+        f"The motion is driven by noise: {interval}; the predicted cycle{attracting} without noise has "
         f"{prediction.delta_crit:.4g} s"
     )
 

@@ -51,7 +51,7 @@ def critical_interval(delta: float, digits: int, sign: int, reservation: str = "
         why = f"Δ_crit = {number(prediction.delta_crit)} s, λ = {eigenvalue(prediction.eigenvalue)}"
         ok = abs(prediction.delta_crit - delta) <= 0.5 * 10**-digits and abs(prediction.eigenvalue - sign) < 1e-6
         if not ok:
-            why += f", where the paper has {delta:.{digits}f} s and {sign:+d}".replace("-", "−")
+            why += f"; the paper has {delta:.{digits}f} s and {sign:+d}".replace("-", "−")
         return _answer(ok, why, reservation)
 
     return check
@@ -69,7 +69,7 @@ def further_eigenvalue(delta: float, digits: int) -> Callable[[CaseRuns], Answer
         why = f"{answer.why.rstrip('.')}; the further eigenvalue has magnitude {others[0]:.3f} at this interval"
         if others[0] <= 1:
             return Answer("not reproduced", f"{why}, inside the circle.")
-        return _answer(True, why, "it lies outside the circle, not on it: the two do not cross −1 together")
+        return _answer(True, why, "it lies outside the circle, not on it; the two eigenvalues do not cross −1 together")
 
     return check
 
@@ -125,7 +125,7 @@ def no_limit_cycle(case: CaseRuns) -> Answer:
         side = "repelling" if largest > 1 else "attracting"
         parts.insert(0, f"The orbit at Δ_crit is {side} (largest multiplier {largest:.3f})")
     other_cycle = any(result.measurement.kind == "cycle" for result in case.runs.values())
-    reservation = "the run does settle, but on another cycle, far from Δ_crit" if ok and other_cycle else ""
+    reservation = "the run settles on another cycle, with an interval far from Δ_crit" if ok and other_cycle else ""
     return _answer(ok, _sentence(parts), reservation)
 
 
@@ -141,7 +141,7 @@ def neglected_dynamics(case: CaseRuns) -> Answer:
     dynprm = case.first.run.actual.dynprm
     values = next(iter(dynprm.values()), None)
     fast = [pole for pole in actual.poles if abs(pole) > 2 * max(abs(assumed.poles)) and pole.imag > 0]
-    why = f"{actual.n} states against {assumed.n} assumed"
+    why = f"{actual.n} states; {assumed.n} are assumed"
     if fast:
         damping = -fast[0].real / abs(fast[0])
         why += f"; neglected poles {number(fast[0].real)} ± {number(fast[0].imag)}j, ζ = {damping:.3g}"
@@ -149,7 +149,7 @@ def neglected_dynamics(case: CaseRuns) -> Answer:
         why += f"; actuator parameters {values}"
     as_printed = bool(fast) and abs(-fast[0].real / abs(fast[0]) - 0.5) < 1e-3
     if as_printed:
-        why += ", as the paper prints it"
+        why += ", as printed in the paper"
     return _answer(actual.n > assumed.n, why, "" if as_printed else MISPRINT)
 
 

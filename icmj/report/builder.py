@@ -16,7 +16,7 @@ from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
-from icmj.report.notation import notation, unbroken
+from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.statements import in_paper_order
@@ -124,6 +124,7 @@ def render(
         finalize=unbroken,
     )
     environment.filters["notation"] = notation
+    environment.globals["symbols"] = SYMBOLS
     environment.globals["next_table"] = count(1).__next__
     return environment.get_template("page.html.j2").render(
         title=TITLE,

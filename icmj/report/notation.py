@@ -15,6 +15,24 @@ _MINUS = re.compile(r"(?<![\w-])-(?=\d)")
 _MAGNITUDE = re.compile(r"\|(\S{1,12}?)\|")  # lines may be broken after a bar
 _LONGEST = 10_000  # characters of what is text; pictures are longer
 
+SYMBOLS = {
+    "Δ_ol": "open-loop interval: the time between two events [s]",
+    "Δ_crit": "critical open-loop interval, at which an eigenvalue of φ reaches the unit circle [s]",
+    "Δ_min": "least interval between two events, the refractory period [s]",
+    "λ_crit": "eigenvalue of φ at the critical interval: +1 or −1",
+    "φ": "maps the state at one event to the state at the next, as a function of the interval",
+    "γ": "size of the critical mode at events on the cycle; proportional to the threshold",
+    "χ_k1": "critical mode: the coordinate of the state along the eigenvector of λ_crit",
+    "χ": "coordinates of the state at events in the eigenvectors of φ",
+    "b": "input gain: the actual effect of the inputs as a multiple of what the controller assumes",
+    "ρ": "share of the changes of the model that is applied",
+    "q_t": "threshold of the event rule [unit of the outputs]",
+    "Q_t": "weight of the hold error in the event rule",
+    "ζ": "damping ratio",
+    "μ": "multiplier: factor on a small deviation over one turn of the cycle; the cycle attracts if all |μ| < 1",
+}
+"""What each symbol of the page means, shown where a pointer rests on it, and in the legend."""
+
 _GREEK = {"delta": "Δ", "gamma": "γ", "lambda": "λ", "rho": "ρ", "zeta": "ζ"}
 
 
@@ -23,7 +41,14 @@ def notation(text: str) -> Markup:
     printed = _POWER.sub(
         lambda m: f"{m[1]} × 10<sup>{m[2].replace('-', '−').strip('+')}{m[3]}</sup>", str(escape(text))
     )
-    return Markup(_SUBSCRIPT.sub(r"\1<sub>\2</sub>", _MINUS.sub("−", printed)))
+    return Markup(_SUBSCRIPT.sub(_explained, _MINUS.sub("−", printed)))
+
+
+def _explained(found: re.Match[str]) -> str:
+    """A symbol with its subscript, and with its meaning where the page knows it."""
+    shown = f"{found[1]}<sub>{found[2]}</sub>"
+    meaning = SYMBOLS.get(found[0])
+    return shown if meaning is None else f'<abbr title="{escape(meaning)}">{shown}</abbr>'
 
 
 def unbroken(value: object) -> object:

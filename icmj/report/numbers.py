@@ -77,11 +77,6 @@ def mark(value: bool | None) -> str:
     return MISSING if value is None else "✓" if value else "✗"
 
 
-def reached(settled: bool, on_predicted: bool) -> str:
-    """What became of a run: ✓ on the predicted cycle, ○ on another, ✗ on none."""
-    return "✓" if on_predicted else "○" if settled else "✗"
-
-
 def setting(value: object) -> str:
     """A setting or fact of a run."""
     if isinstance(value, bool):

@@ -20,8 +20,8 @@ from icmj.report.answers import (
 from icmj.report.pairing import CaseRuns
 
 CALIBRATED = (
-    "the paper does not print the three-link parameters; this plant is a calibration to the published pair of "
-    "intervals, not the author’s model"
+    "the paper does not print the three-link parameters; this plant was calibrated to the published pair of "
+    "intervals and is not the author’s model"
 )
 
 
@@ -94,10 +94,10 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
         found.append(
             Difference(
                 "A misprint",
-                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and leaves out a factor s beside "
-                "it). With that value the recovered design has Δ_crit = 2.169 s and a stable A − Bk, where the paper "
-                "has 3.6 s and an unstable one. With ζ = 0.1 both of its statements hold. So ζ = 0.1 is taken as the "
-                "paper’s case, and ζ = 0.5 is kept “as printed”.",
+                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and omits a factor s next to "
+                "it). With this value the recovered design has Δ_crit = 2.169 s and a stable A − Bk; the paper has "
+                "3.6 s and an unstable A − Bk. With ζ = 0.1 both statements of the paper hold. Therefore ζ = 0.1 is "
+                "taken as the case of the paper, and ζ = 0.5 is shown in addition, “as printed”.",
             )
         )
     if any(figure.startswith("three=") for figure in figures):
@@ -105,23 +105,23 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
             Difference(
                 "The three-link plant is a calibration",
                 "The paper takes its standing model from earlier work and prints none of its parameters. Here the "
-                "segments are Winter’s for a person of 80 kg and 1.80 m; passive stiffness and damping of the joints "
-                "were chosen so that both published intervals come out. It is not the author’s model.",
+                "segments are those of Winter (2009) for a person of 80 kg and 1.80 m; passive stiffness and damping "
+                "of the joints were chosen to obtain both published intervals. It is not the author’s model.",
             )
         )
     if figures:
         found.append(
             Difference(
                 "The design was recovered",
-                "The paper prints no weights. One choice of LQ weights reproduces every figure of its two second-order "
-                "systems and is used for all of them; the weights of the three-link system belong to its calibration.",
+                "The paper prints no weights. One set of LQ weights reproduces every figure of its two second-order "
+                "systems and is used for all of them; those of the three-link system are part of its calibration.",
             )
         )
         found.append(
             Difference(
-                "Choices of this project",
-                "Q_t, q_t, Δ_min, initial states and durations are not printed either. Δ_crit does not depend on them; "
-                "they set the amplitude, and which attractor a run finds.",
+                "Choices of this study",
+                "The paper does not print Q_t, q_t, Δ_min, initial states and durations either. Δ_crit does not depend "
+                "on them; they determine the amplitude, and which attractor a run reaches.",
             )
         )
     return found
@@ -163,8 +163,8 @@ STATEMENTS: tuple[Statement, ...] = (
     ),
     Statement("three=1o1", 3, MIRRORED, periodic(-1)),
     Statement("three=1o1", 4, CONVERGES, interval_converges()),
-    Statement("simple-neglected", 1, "The simple system behind dynamics that the design neglects.", neglected_dynamics),
+    Statement("simple-neglected", 1, "The simple system with dynamics that the design neglects.", neglected_dynamics),
     Statement("simple-neglected", 2, "Δ_crit is 3.6 s, with the eigenvalue at +1.", critical_interval(3.6, 1, 1)),
     Statement("simple-neglected", 3, PERIOD, periodic(1)),
-    Statement("simple-neglected", 4, "The continuous-time design beneath is unstable.", continuous_unstable),
+    Statement("simple-neglected", 4, "The underlying continuous-time design is unstable.", continuous_unstable),
 )

@@ -30,9 +30,9 @@ class PlaceTable(TomlTable):
     input: str | None = None
     """Name of the input that is disturbed; give either ``input`` or ``body``."""
     on: On | None = None
-    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the actuator
-    has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to the
-    command and passes through all these (default of noise)."""
+    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the
+    actuator has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to
+    the command and passes through all these (default of noise)."""
     body: str | None = None
     """Name of the body that is pushed; needs a model."""
     force: Vector = ZERO
@@ -165,8 +165,8 @@ class SimulationTable(TomlTable):
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """Disturbances."""
     tolerance: Positive | None = None
-    """Relative error of an open-loop interval to which the steps of the engine are adapted. Default, if neither timestep
-    nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the model."""
+    """Relative error of an open-loop interval to which the steps of the engine are adapted. Default, if neither
+    timestep nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the model."""
 
     def settings(self) -> Settings:
         """The settings that it stands for.

@@ -62,7 +62,7 @@ def test_damaged_statistics_are_refused() -> None:
 def test_it_is_compared_in_distribution() -> None:
     compared = compare(noisy())
     assert (compared.measured.kind, compared.measured.converged) == ("noisy", False)
-    assert "where the predicted cycle has 1.807 s" in compared.words
+    assert "the predicted cycle without noise has 1.807 s" in compared.words
     assert to_json(compared)["measured"]["kind"] == "noisy"
 
 
@@ -78,9 +78,7 @@ def test_the_summary_has_every_number_with_its_confidence() -> None:
 
 def test_a_noisy_case_is_not_counted_among_the_cycles() -> None:
     both = paired([result("b0.8"), noisy()])
-    assert "Of the 1 case without noise below, the linear eigen-analysis predicts a limit cycle for 1." in (
-        sections.abstract(both)
-    )
+    assert "Of the 1 case without noise below, linear theory predicts a limit cycle for 1." in (sections.abstract(both))
     quiet, row = sections.summary(both).context["rows"]
     assert (quiet["runs"]["linear"]["mark"], row["runs"]["linear"]["mark"]) == ("✓", "–")
     assert row["runs"]["linear"]["error"] == ""

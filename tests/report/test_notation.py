@@ -5,14 +5,20 @@ from __future__ import annotations
 import pytest
 from markupsafe import Markup
 
-from icmj.report.notation import notation, symbol, unbroken
+from icmj.report.notation import SYMBOLS, notation, symbol, unbroken
+
+
+def explained(letter: str, index: str) -> str:
+    """A symbol that the page knows, with its meaning where a pointer rests on it."""
+    return f'<abbr title="{SYMBOLS[f"{letter}_{index}"]}">{letter}<sub>{index}</sub></abbr>'
 
 
 @pytest.mark.parametrize(
     ("text", "html"),
     [
-        ("Δ_crit = 1.8 s", "Δ<sub>crit</sub> = 1.8 s"),
-        ("2Δ_crit, q_t", "2Δ<sub>crit</sub>, q<sub>t</sub>"),
+        ("Δ_crit = 1.8 s", f"{explained('Δ', 'crit')} = 1.8 s"),
+        ("2Δ_crit, q_t", f"2{explained('Δ', 'crit')}, {explained('q', 't')}"),
+        ("R_o", "R<sub>o</sub>"),
         ("hinge_rate", "hinge_rate"),
         ("a < b & c", "a &lt; b &amp; c"),
         ("closes to 1.7e-12, at -1, not b-2", "closes to 1.7 × 10<sup>−12</sup>, at −1, not b-2"),

@@ -136,7 +136,7 @@ def test_a_case_has_the_further_panels_that_it_has_something_for():
     drawn = line(figure.axes[0], "what acts")
     assert drawn[:, 1].max() == pytest.approx(most)
     assert line(figure.axes[0], "command $u$")[:, 1].max() > most
-    assert acting.caption(both) == "Command and what acts: within the limits of the actuators."
+    assert acting.caption(both) == "Command, and input that acts: limited by the actuators."
     figure = pressure.draw(both)
     assert_legible(figure)
     drawn = line(figure.axes[0], "linear")

@@ -19,7 +19,7 @@ def rows():
 
 def test_summary_has_all_four_columns_side_by_side():
     row = rows()["b0.8"]
-    assert row["paper"] == {"delta": "1.8", "eigenvalue": "+1", "cycle": "✓"}
+    assert row["paper"] == {"delta": "1.8", "eigenvalue": "+1", "cycle": "yes"}
     assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("1.8065", "+1")
     assert row["runs"]["linear"]["interval"] == "1.8065"
     assert row["runs"]["mujoco"]["interval"] == "1.8069"  # passed off with 2e-4 more
@@ -32,8 +32,8 @@ def test_what_was_told_of_a_run_stands_below_its_case():
     both = "kink: <b>the limits</b> of the actuator"
     told = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
     verdicts = sections.summary(paired(told)).context["rows"][0]["verdicts"]
-    assert verdicts[-2:] == [f"To note: {both}.", "To note (MuJoCo): large step: 0.1 s is long."]
-    assert not any("To note" in words for row in rows().values() for words in row["verdicts"])
+    assert verdicts[-2:] == [f"Note: {both}.", "Note (MuJoCo): large step: 0.1 s is long."]
+    assert not any("Note" in words for row in rows().values() for words in row["verdicts"])
 
 
 @pytest.mark.parametrize(
@@ -50,15 +50,17 @@ def test_what_was_told_of_a_run_stands_below_its_case():
 )
 def test_agreement_with_the_printed_value(name, agrees):
     assert sections.agrees_with_paper(paired([result(name)])[0]) is agrees
-    departs = any("Departs from the paper" in words for words in rows()[name]["verdicts"])
+    departs = any("Differs from the paper" in words for words in rows()[name]["verdicts"])
     assert departs is (agrees is False)
 
 
-def test_a_cross_says_no_cycle_and_a_circle_another():
-    for name, mark in (("b1.7", "○"), ("exact", "✗")):  # the first settles on a cycle of four events
+def test_no_cycle_as_predicted_looks_like_agreement_and_a_circle_says_another():
+    """It was a red cross: "no cycle, as predicted" looked like a failure."""
+    for name, mark, word in (("b1.7", "○", "another cycle"), ("exact", "✓", "none, as predicted")):
         row = rows()[name]
-        assert [row["runs"][plant]["mark"] for plant in ("linear", "mujoco")] == [mark, mark]
-        assert row["predicted"]["cycle"] == "✗"
+        for plant in ("linear", "mujoco"):
+            assert (row["runs"][plant]["mark"], row["runs"][plant]["word"]) == (mark, word)
+        assert row["predicted"]["cycle"] == "none"
         assert row["verdicts"]
     assert rows()["exact"]["runs"]["linear"]["interval"] == "grows"
     assert rows()["exact"]["paper"]["delta"] == "–"
@@ -77,8 +79,8 @@ def test_errors_name_every_output():
 
 def test_abstract_counts():
     text = sections.abstract(paired(everything()))
-    assert f"Of the {len(CASES)} cases below, the linear eigen-analysis predicts a limit cycle for 5." in text
-    assert "2 not reproduced" in text
+    assert f"Of the {len(CASES)} cases below, linear theory predicts a limit cycle for 5." in text
+    assert "and 2 not." in text
     assert "In MuJoCo all of them are reached" in text
 
 

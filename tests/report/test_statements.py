@@ -100,7 +100,7 @@ def test_differences_concern_the_cases_shown():
         return [difference.title for difference in differences(paired([result(name) for name in names]))]
 
     assert titles("exact") == []
-    assert titles("b0.8") == ["The design was recovered", "Choices of this project"]
+    assert titles("b0.8") == ["The design was recovered", "Choices of this study"]
     assert titles("printed")[0] == "A misprint"
     assert titles("three-link")[0] == "The three-link plant is a calibration"
     assert len(titles("neglected", "three-link")) == 4

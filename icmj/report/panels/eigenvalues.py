@@ -161,11 +161,11 @@ def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks
 
 
 def _modulus_caption(case: CaseRuns) -> str:
-    return "Largest |λ| of φ against the clock-driven interval; points: growth measured in simulation."
+    return "Largest |λ| of φ(Δ) against the interval Δ of a clock; points: growth measured in clock-driven simulations."
 
 
 def _locus_caption(case: CaseRuns) -> str:
-    return "Eigenvalues of φ about the unit circle; shade and arrowheads show growing interval."
+    return "Eigenvalues of φ(Δ) near the unit circle; darker shades and arrowheads point to longer intervals."
 
 
 MODULUS = Panel("a", _draw_modulus, _modulus_caption)

@@ -89,7 +89,7 @@ def draw_pressure(axes: Axes, case: CaseRuns, axis: str) -> None:
 
 def _acting_caption(case: CaseRuns) -> str:
     limits = any(float(r.simulation.precision.get("saturated_share", 0.0)) > 0 for r in case.runs.values())
-    return "Command and what acts: " + ("within the limits of the actuators." if limits else "with the disturbance.")
+    return "Command, and input that acts: " + ("limited by the actuators." if limits else "with the disturbance.")
 
 
 def _pressure_caption(case: CaseRuns) -> str:

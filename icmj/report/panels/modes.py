@@ -101,8 +101,8 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
 
 def _caption(case: CaseRuns) -> str:
     if case.prediction.V_inv is None:
-        return "Norm of x̄: without Δ_crit there is no V, hence no χ."
-    return "Critical mode and norm of the others, latter part; dotted: events and ±γ."
+        return "Norm of x̄. Without Δ_crit, χ is not defined."
+    return "Critical mode χ_k1 and norm of the other modes in the last part of the run; dotted: events and ±γ."
 
 
 MODES = Panel("f", _draw, _caption)

@@ -91,7 +91,7 @@ def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity) -> No
 
 
 def _caption(case: CaseRuns) -> str:
-    return "Velocity against position, latter part; circles: states at events."
+    return "Velocity against position in the last part of the run; circles: states at events."
 
 
 PHASE = Panel("d", _draw, _caption)

@@ -30,9 +30,9 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
     driven = [case for case in cases if is_noisy(case)]
     parts = [
-        "Event-driven intermittent control makes a plant settle into a limit cycle when the controller’s model of it "
-        f"is wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
-        f"the linear eigen-analysis predicts a limit cycle for {len(expected)}."
+        "Under event-driven intermittent control a plant settles on a limit cycle if the controller’s model of it is "
+        f"wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
+        f"linear theory predicts a limit cycle for {len(expected)}."
     ]
     for plant in ("linear", "mujoco"):
         found = [case.comparisons[plant] for case in expected if plant in case.comparisons]
@@ -52,8 +52,8 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
         reserved = answers.count("reproduced with a reservation")
         failed = answers.count("not reproduced")
         parts.append(
-            f"Put to these runs, the paper’s statements on its figures give {count(len(answers), 'answer')}: {kept} "
-            f"reproduced, {reserved} reproduced with a reservation, {failed} not reproduced."
+            f"Of {count(len(answers), 'statement')} in Gawthrop (2017), these runs reproduce {kept}, a further "
+            f"{reserved} with a reservation, and {failed} not."
         )
     return " ".join(parts)
 
@@ -67,12 +67,29 @@ def agrees_with_paper(case: CaseRuns) -> bool | None:
     return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
 
 
-_SAID = {
-    numbers.MISSING: "nothing to judge",
-    "✓": "settles on the predicted cycle",
-    "○": "settles on a cycle that is not the predicted one",
-    "✗": "settles on no cycle",
-}
+# mark, word and explanation of what a run did, beside what was predicted
+_AS_PREDICTED = ("✓", "as predicted", "settles on the predicted cycle")
+_NONE_AS_PREDICTED = ("✓", "none, as predicted", "settles on no cycle, and none is predicted")
+_ANOTHER = ("○", "another cycle", "settles on a cycle that is not the predicted one")
+_UNPREDICTED = ("○", "another cycle", "settles on a cycle where linear theory predicts none")
+_REPELLED = ("✓", "not reached, as predicted", "the predicted cycle does not attract, and the run settles on none")
+_MISSED = ("✗", "not reached", "does not settle, although the predicted cycle attracts")
+
+
+def _reached(comparison: Comparison | None) -> tuple[str, str, str]:
+    """How a run agrees with its prediction: a mark, a word and an explanation."""
+    if comparison is None:
+        return numbers.MISSING, "", "no run"
+    if comparison.measured.kind == "noisy":
+        return numbers.MISSING, "under noise", "a motion under noise has no cycle"
+    settled, predicted = comparison.measured.kind == "cycle", comparison.predicted
+    if comparison.measured.converged:
+        return _AS_PREDICTED
+    if not predicted.cycle:
+        return _UNPREDICTED if settled else _NONE_AS_PREDICTED
+    if settled:
+        return _ANOTHER
+    return _MISSED if predicted.verdict == "attracting" else _REPELLED
 
 
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
@@ -80,13 +97,13 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
     cells = {}
     for plant in ("linear", "mujoco"):
         comparison = case.comparisons.get(plant)
-        judged = None if comparison is None or is_noisy(case) else comparison.measured
-        mark = numbers.MISSING if judged is None else numbers.reached(judged.kind == "cycle", judged.converged)
+        mark, word, said = _reached(comparison)
         cells[plant] = {
             "interval": numbers.MISSING if comparison is None else _interval(comparison),
             "error": _shown_error(comparison),
             "mark": mark,
-            "said": _SAID[mark],
+            "word": word,
+            "said": said,
         }
     return {
         "title": case.first.run.case.title,
@@ -96,12 +113,12 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "eigenvalue": numbers.MISSING
             if paper.eigenvalue is None
             else numbers.eigenvalue(complex(paper.eigenvalue)),
-            "cycle": numbers.mark(paper.cycle),
+            "cycle": _cycle(paper.cycle),
         },
         "predicted": {
             "delta": numbers.number(prediction.delta_crit, 5),
             "eigenvalue": numbers.eigenvalue(prediction.eigenvalue),
-            "cycle": numbers.mark(prediction.cycle),
+            "cycle": _cycle(prediction.cycle),
             "verdict": prediction.verdict,
             "agrees": agrees_with_paper(case),
         },
@@ -110,12 +127,16 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
     }
 
 
+def _cycle(there: bool | None) -> str:
+    return numbers.MISSING if there is None else "yes" if there else "none"
+
+
 def _departures(case: CaseRuns) -> list[str]:
     paper, prediction = case.first.run.case.paper, case.prediction
     if agrees_with_paper(case) is not False:
         return []
     computed = "undefined" if prediction.delta_crit is None else f"{numbers.number(prediction.delta_crit)} s"
-    return [f"Departs from the paper: Δ_crit is {computed}, not {paper.delta_crit:g} s."]
+    return [f"Differs from the paper: Δ_crit is {computed}; the paper has {paper.delta_crit:g} s."]
 
 
 def _notices(case: CaseRuns) -> list[str]:
@@ -125,7 +146,7 @@ def _notices(case: CaseRuns) -> list[str]:
     words = []
     for notice in every:
         where = [plant for plant, notices in told.items() if notice in notices]
-        words.append(f"To note{'' if len(where) == len(told) else f' ({NAME[where[0]]})'}: {notice}.")
+        words.append(f"Note{'' if len(where) == len(told) else f' ({NAME[where[0]]})'}: {notice}.")
     return words
 
 
