@@ -1,5 +1,7 @@
 // Looks at the laid-out page and tells the frame around it what it found.
 (() => {
+  // what is folded away is looked at unfolded
+  document.querySelectorAll("details").forEach((e) => (e.open = true));
   const TEXT = "p, td, th, caption, figcaption, h1, h2, h3, h4, li, dt, dd, .matrix";
   const BLOCKS = "p, td, th, caption, figcaption, h1, h2, h3, h4, dt, dd, nav li, img";
   const name = (e) => `${e.tagName}.${e.className} ${(e.textContent || e.alt || "").trim().slice(0, 50)}`;

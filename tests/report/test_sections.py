@@ -56,7 +56,7 @@ def test_agreement_with_the_printed_value(name, agrees):
 
 def test_no_cycle_as_predicted_looks_like_agreement_and_a_circle_says_another():
     """It was a red cross: "no cycle, as predicted" looked like a failure."""
-    for name, mark, word in (("b1.7", "○", "another cycle"), ("exact", "✓", "none, as predicted")):
+    for name, mark, word in (("b1.7", "○", "another cycle"), ("exact", "✓", "none, agrees")):
         row = rows()[name]
         for plant in ("linear", "mujoco"):
             assert (row["runs"][plant]["mark"], row["runs"][plant]["word"]) == (mark, word)

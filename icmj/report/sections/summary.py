@@ -68,11 +68,11 @@ def agrees_with_paper(case: CaseRuns) -> bool | None:
 
 
 # mark, word and explanation of what a run did, beside what was predicted
-_AS_PREDICTED = ("✓", "as predicted", "settles on the predicted cycle")
-_NONE_AS_PREDICTED = ("✓", "none, as predicted", "settles on no cycle, and none is predicted")
+_AS_PREDICTED = ("✓", "agrees", "settles on the predicted cycle")
+_NONE_AS_PREDICTED = ("✓", "none, agrees", "settles on no cycle, and none is predicted")
 _ANOTHER = ("○", "another cycle", "settles on a cycle that is not the predicted one")
 _UNPREDICTED = ("○", "another cycle", "settles on a cycle where linear theory predicts none")
-_REPELLED = ("✓", "not reached, as predicted", "the predicted cycle does not attract, and the run settles on none")
+_REPELLED = ("✓", "agrees", "the predicted cycle does not attract, and the run settles on none")
 _MISSED = ("✗", "not reached", "does not settle, although the predicted cycle attracts")
 
 
