@@ -15,12 +15,14 @@ from pathlib import Path
 import numpy as np
 from engine_cases import MODELS, controller, plant
 from model_cases import CROWDED, HOOKED, MUSCLE, RICH, SERVO, pendulum, written
+from tapped_cases import SWITCHING, person
 
 import icmj
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
+from icmj.controller.law import Law
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
@@ -50,6 +52,7 @@ RICHLY = (
     Step(body="c", force=(0.1, 0.2, -0.1), torque=(0.01, 0, 0.02), point=(0, 0.1, 0)),
     Impulse("low", 0.02, 0.01, 0.02),
 )
+SWAYED = Noise("ankle", 2.0, bandwidth=3.0, seed=4), Bias("theta", 1e-2, 0.3), Step("ankle", 1.0, 0.7)
 TUGGED = (Step("ankle", 0.5, 0.1),)
 CALF = """<tendon><fixed name="calf"><joint joint="lean" coef="0.9"/></fixed></tendon><actuator>
   <motor name="ankle" tendon="calf" gear="20"/></actuator>"""
@@ -129,6 +132,12 @@ def diverging() -> Recorded:
     run = simulate(wrong, controller("three_link"), settings, x0=0.05 * np.ones(6), error_estimate=False)
     # the last state is of numbers beside which all digits of the one before are rounding
     return {name: value for name, value in recorded(run).items() if name in ("t", "events.t", "outcome", "steps")}
+
+
+def tapped(law: Law, settings: Settings) -> Recorded:
+    """A person whose controller reads delayed outputs."""
+    run = simulate(person(), law, settings, x0=np.array([0.1, 0.03]), error_estimate=False)
+    return recorded(run) | {"mode": run.mode}
 
 
 def due_at_once() -> Recorded:
@@ -223,6 +232,8 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     ),
     "pushed tendon": partial(driven, pendulum("").replace("<actuator></actuator>", CALF), by_steps(disturbance=TUGGED)),
     "hooked": partial(driven, HOOKED, by_steps(), "aside", 2e-4),
+    "tapped": partial(tapped, SWITCHING, by_steps(duration=2.5)),
+    "tapped and pushed": partial(tapped, SWITCHING, by_steps(disturbance=SWAYED)),
     "touching": touching,
     "diverging": diverging,
 }
@@ -238,6 +249,8 @@ ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted, continuous": partial(leaning, *PENDULUM, adapted(1e-7), Continuous()),
     "adapted, pushed body": partial(leaning, *THREE, adapted(1e-7, disturbance=PUSHED)),
     "adapted, hooked": partial(driven, HOOKED, adapted(1e-6), "aside", 2e-4),
+    "adapted, tapped": partial(tapped, SWITCHING, adapted(1e-7, duration=2.5)),
+    "adapted, tapped and pushed": partial(tapped, SWITCHING, adapted(1e-8, disturbance=SWAYED)),
     "balls": partial(rich, Settings(duration=0.2, tolerance=1e-5, limit=100.0), Continuous()),
     "due at once": due_at_once,
     "flights": flights,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -72,3 +74,31 @@ def two_taps() -> Tapped:
     """Position by a slow nerve, rate by a fast one."""
     none = np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((1, 0))
     return Tapped(BODY, (Mode("both", *none, np.array([[0.0, 150.0, 0.5 * MGH, 0.0]])),), (0.09, 0.21))
+
+
+PERSON = f"""<mujoco model="person">
+  <compiler angle="radian" inertiafromgeom="false"/>
+  <option gravity="0 0 -{G}" timestep="0.002" integrator="RK4"><flag constraint="disable" contact="disable"/></option>
+  <worldbody><body name="body">
+    <joint name="lean" axis="0 1 0" stiffness="{STIFFNESS}" damping="{DAMPING}"/>
+    <inertial pos="0 0 {H}" mass="{M}" diaginertia="1e-6 1e-6 1e-6"/>
+  </body></worldbody>
+  <actuator><motor name="ankle" joint="lean"/></actuator>
+  <sensor><jointpos name="theta" joint="lean"/><jointvel name="omega" joint="lean"/></sensor>
+</mujoco>"""
+
+
+@cache
+def person(turned: bool = False, gain: float = 1.0):
+    """The body on the engine, with its input scaled by ``gain``; its sensors the other way round where asked for."""
+    from icmj.engine.deviation import Deviation
+    from icmj.engine.plant import load_plant
+
+    text = PERSON
+    if turned:
+        first, second = '<jointpos name="theta" joint="lean"/>', '<jointvel name="omega" joint="lean"/>'
+        text = text.replace(first + second, second + first)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "person.xml"
+        path.write_text(text, encoding="utf-8")
+        return load_plant(path, Deviation(gain=gain))

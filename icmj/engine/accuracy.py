@@ -13,16 +13,20 @@ for the three-link, 5 ms for the pendulum) keep the relative error of an interva
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.environment import INTERPRETED
 from icmj.controller.controller import layout_of
 from icmj.engine.closed_loop import ComposedLoop, Record
 from icmj.engine.open_loop import EngineOpenLoop
-from icmj.engine.schedule import Schedule
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+from icmj.engine.stepping import Stepping
+from icmj.engine.tableau import METHODS
 from icmj.errors import SimulationError
 from icmj.simulation.simulation import Simulation
 
@@ -49,6 +53,39 @@ class Accuracy:
     stretch: float
     outputs: Array
 
+    def facts(self, schedule: Schedule, outputs: Sequence[str]) -> dict[str, float | int | str]:
+        """What a run tells of it, whose outputs have these names."""
+        each = (f"{name} {error:.2g}" for name, error in zip(outputs, self.outputs, strict=True))
+        return {
+            "interval_error": self.interval,
+            "output_error": self.output,
+            "error_stretch": self.stretch,
+            "fastest_rate": schedule.rate,
+            "output_errors": ", ".join(each),
+        }
+
+
+def facts(
+    loop: ComposedLoop, steps: Stepping, schedule: Schedule, record: Record, seconds: float
+) -> dict[str, float | int | str]:
+    """What a run tells of how it was integrated."""
+    found: dict[str, float | int | str] = {
+        "integrator": mujoco.mjtIntegrator(loop.model.opt.integrator).name.removeprefix("mjINT_"),
+        "order": order_of(loop.model),
+        "timestep": steps.timestep,
+        "event_tolerance": EVENT_TOLERANCE,
+        "steps": record.steps,
+        "seconds": seconds,
+        "implementation": "interpreted" if INTERPRETED else "compiled",
+    }
+    if steps.tolerance:
+        mean = float(record.rows[-1, 0]) / max(record.steps, 1)
+        found |= {"integrator": METHODS[schedule.method.order][0], "order": schedule.method.order}
+        found |= {"tolerance": steps.tolerance, "timestep": mean}
+    if steps.refusal:
+        found["not_adaptive"] = steps.refusal
+    return found
+
 
 def order_of(model: mujoco.MjModel) -> int:
     """Order of the model's integrator for plant, observer and hold together."""
@@ -72,8 +109,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     end = float(last[0]) + 0.1 * stretch + 10 * schedule.timestep
     hold = first.x_h[0] if loop.controller.delay else None
     flights = [
-        EngineOpenLoop(loop, replace(plan, t_end=end))(first.x[0], first.x_o[0], hold, begin)
-        for plan in _both(schedule)
+        EngineOpenLoop(loop, replace(plan, t_end=end))(first.x[0], first.x_o[0], hold, begin) for plan in both(schedule)
     ]
     if any(flight.outcome is not None for flight in flights):
         return _nothing(loop)
@@ -83,7 +119,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     least = loop.controller.least
     given = np.isfinite(schedule.clock) or min(coarse.length, fine.length) <= least * (1 + 1e-9) + 1e-12
     interval = float("nan") if given else abs(coarse.length - fine.length)
-    return _scaled(loop, schedule, interval, coarse.y - fine.y, size, stretch)
+    return scaled(loop, schedule, interval, coarse.y - fine.y, size, stretch)
 
 
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
@@ -98,24 +134,25 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     start = loop.departures(first[None, :])
     a = layout_of(loop.controller).join(x_o=start.x_o[0], x_h=start.x_h[0])
     ends, size = [], np.zeros(start.y.shape[1])
-    for plan in _both(schedule):
+    for plan in both(schedule):
         data = loop.data(start.x[0], a, float(first[0]))
         again = loop.departures(loop.run(data, replace(plan, t_end=float(last[0]))).rows)
         ends.append(again.y[-1])
         size = np.maximum(size, np.abs(again.y).max(axis=0))
-    return _scaled(loop, schedule, float("nan"), ends[0] - ends[1], size, stretch)
+    return scaled(loop, schedule, float("nan"), ends[0] - ends[1], size, stretch)
 
 
-def _both(schedule: Schedule) -> tuple[Schedule, Schedule]:
+def both(schedule: Schedule) -> tuple[Schedule, Schedule]:
     """As it is, and finer."""
     if schedule.tolerance > 0:
         return schedule, replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
     return schedule, replace(schedule, timestep=schedule.timestep / 2)
 
 
-def _scaled(
+def scaled(
     loop: ComposedLoop, schedule: Schedule, interval: float, output: Array, size: Array, stretch: float
 ) -> Accuracy:
+    """The error of a run from how far it and a finer one (:func:`both`) are apart at a stretch's end."""
     p = order_of(loop.model)
     scale = 1.0 if schedule.tolerance > 0 else 2**p / (2**p - 1)
     error, largest = scale * np.abs(output), float(size.max())

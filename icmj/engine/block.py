@@ -30,7 +30,7 @@ from icmj.engine.signals import CELL, SIGNAL, WEIGHTS, cells_of, signals_of, sor
 from icmj.simulation.disturbance import Disturbance
 
 MAGIC = 20170508228.0
-VERSION = 5.0
+VERSION = 6.0
 FOREVER = 1e30
 
 
@@ -74,9 +74,13 @@ class Slot(IntEnum):
     WAVES = 34  # terms of all
     AT_WEIGHTS = 35
     AT_CELLS = 36
+    POWERS = 37  # coefficients of the command as a function of time alone; 0 where it follows from the state
+    SINCE = 38  # when that begins [s]
+    UNIT = 39  # of its time [s]
+    AT_COURSE = 40
 
 
-HEADER = 37
+HEADER = 41
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -97,6 +101,7 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_SIGNALS, "signals", (Slot.SIGNALS, SIGNAL)),
     (Slot.AT_WEIGHTS, "weights", (Slot.WAVES, WEIGHTS)),
     (Slot.AT_CELLS, "cells", (Slot.SIGNALS, CELL)),
+    (Slot.AT_COURSE, "course", (Slot.N_U, Slot.POWERS)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -106,7 +111,7 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (37,).
+        header: by :class:`Slot`, shape (41,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_y).
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
@@ -121,6 +126,8 @@ class Block:
         sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
         signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
             28), (S, 201).
+        course: of a controller whose command is known ahead, the command as polynomials in (t − SINCE)/UNIT, which
+            whoever runs it writes; shape (n_u, POWERS).
     """
 
     header: Array
@@ -142,6 +149,7 @@ class Block:
     signals: Array
     weights: Array
     cells: Array
+    course: Array
 
     @property
     def act(self) -> slice:
@@ -165,6 +173,7 @@ def pack(
     sizes: Disturbance,
     act: int,
     stage: int,
+    powers: int = 0,
 ) -> Array:
     """The numeric's data.
 
@@ -177,6 +186,7 @@ def pack(
         sizes: how large it is there.
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
+        powers: coefficients of a command that is known ahead.
     """
     tables = [sorted_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
     signals = [signals_of(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
@@ -193,6 +203,7 @@ def pack(
         "signals": flat,
         "weights": weights_of(waves, flat),
         "cells": cells_of(flat),
+        "course": np.zeros((len(ctrl_0), powers)),
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
@@ -201,6 +212,7 @@ def pack(
     header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
     header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(sizes), len(waves)
     header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
+    header[[Slot.POWERS, Slot.UNIT]] = powers, 1.0
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at

@@ -13,10 +13,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.signals import unhurried
-from icmj.controller.controller import Controller, layout_of
+from icmj.controller.controller import Controller
 from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.callbacks import installed
-from icmj.engine.composition import compose, repack
+from icmj.engine.composition import compose, repack, standing
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
@@ -96,9 +96,9 @@ class ComposedLoop:
         Raises:
             ModelError, SimulationError: as there.
         """
-        if plant.spec is not self.plant.spec or _integrator(plant, settings) != self.model.opt.integrator:
+        if plant.spec is not self.plant.spec or integrator_of(plant, settings) != self.model.opt.integrator:
             return None
-        acting = _acting(plant, settings)
+        acting = acting_on(plant, settings)
         numbers = repack(self.model, plant, controller, *acting)
         if numbers is None:
             return None
@@ -256,7 +256,7 @@ class ComposedLoop:
         """Recorded rows as departures from the operating point."""
         point = self.plant.linearisation.point
         nq, nv, na = len(point.qpos), len(point.qvel), len(point.act)
-        layout = layout_of(self.controller)
+        layout = standing(self.controller)[0].layout
         qpos, qvel, act, a, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, layout.size]), axis=1)
         position = np.zeros((len(rows), nv))
         if nq == nv:
@@ -281,19 +281,20 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
         SimulationError: if a disturbance names an unknown input, output or body.
     """
-    acting = _acting(plant, settings)
+    acting = acting_on(plant, settings)
     model = compose(plant, controller, *acting)
-    model.opt.integrator = _integrator(plant, settings)
+    model.opt.integrator = integrator_of(plant, settings)
     return ComposedLoop(plant, controller, *acting, model)
 
 
-def _integrator(plant: MujocoPlant, settings: Settings) -> int:
+def integrator_of(plant: MujocoPlant, settings: Settings) -> int:
+    """The number of the integrator that the settings name, or the model's own."""
     if settings.integrator is None:
         return int(plant.spec.option.integrator)
     return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
 
 
-def _acting(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance, Pushes]:
+def acting_on(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance, Pushes]:
     """What the settings let act beside commands, on what is read of the outputs, and on the plant itself."""
     names, sources = plant.linearisation.plant, settings.disturbance
     return disturbance_of(sources, names.inputs), reading_error_of(sources, names.outputs), pushes_of(settings)

@@ -23,21 +23,23 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, realise
-from icmj.controller.realisation import Realisation
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import compiled, model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pushing import places
 from icmj.errors import ModelError
 from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, no_disturbance
+from icmj.simulation.taps import POWERS
 
 NAME = "icmj_controller"
 
 
 def compose(
     plant: MujocoPlant,
-    controller: Controller,
+    controller: Law,
     disturbance: Disturbance,
     errors: Disturbance | None = None,
     pushes: Pushes = NO_PUSHES,
@@ -56,9 +58,9 @@ def compose(
     bare, point = plant.spec.copy().compile(), plant.linearisation.point
     name = model_name(bare)
     _check(bare, name, plant, controller)
-    controls = realise(controller)
+    controls, powers = standing(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes)
+    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes, powers)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -87,10 +89,25 @@ def compose(
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
+def standing(controller: Law) -> tuple[Realisation, int]:
+    """How a controller stands in a model, and how many coefficients the course of its command has.
+
+    What a controller that reads delayed outputs commands is known ahead: it stands there by an idle state, and its
+    command as polynomials in time.
+    """
+    real = controller.realisation
+    if not real.tapped:
+        return real, 0
+    n_u, n_y = controller.plant.n_u, controller.plant.n_y
+    idle = Mode("idle", np.zeros((1, 1)), np.zeros((1, n_y)), np.zeros((n_u, 1)), np.zeros((n_u, n_y)))
+    layout = Layout.of(x_o=0, x_h=0, idle=1)
+    return Realisation(layout, (idle,), np.eye(1), np.eye(1), np.zeros((0, 1)), np.zeros(1, dtype=int)), POWERS
+
+
 def repack(
     model: mujoco.MjModel,
     plant: MujocoPlant,
-    controller: Controller,
+    controller: Law,
     disturbance: Disturbance,
     errors: Disturbance,
     pushes: Pushes,
@@ -103,10 +120,10 @@ def repack(
     Raises:
         ModelError: as for :func:`compose`.
     """
-    controls, held = realise(controller), numbers_of(model)
+    (controls, powers), held = standing(controller), numbers_of(model)
     _check(model, model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
-    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes)
+    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes, powers)
     return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
 
 
@@ -119,6 +136,7 @@ def _packed(
     disturbance: Disturbance,
     errors: Disturbance,
     pushes: Pushes,
+    powers: int,
 ) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
@@ -143,7 +161,7 @@ def _packed(
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
     scaled = replace(controls, modes=(replace(controls.modes[0], K=K, N=N),))
-    return pack(scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage)
+    return pack(scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, powers)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:
@@ -152,8 +170,8 @@ def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:
     return sorted({int(np.searchsorted(bare.sensor_adr, entry, side="right")) - 1 for entry in entries})
 
 
-def _check(bare: mujoco.MjModel, name: str, plant: MujocoPlant, controller: Controller) -> None:
-    mine, assumed = plant.linearisation.plant, controller.design.plant
+def _check(bare: mujoco.MjModel, name: str, plant: MujocoPlant, controller: Law) -> None:
+    mine, assumed = plant.linearisation.plant, controller.plant
     if (mine.n_u, mine.n_y) != (assumed.n_u, assumed.n_y):
         raise ModelError(
             f"model {name!r} has {mine.n_u} inputs and {mine.n_y} outputs, the controller's design "

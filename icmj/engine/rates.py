@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.controller.controller import Controller, realise
+from icmj.controller.law import Law
 from icmj.engine.tableau import STIFF
 from icmj.plant.linear_plant import LinearPlant
 
@@ -16,8 +16,12 @@ def is_stiff(plant: LinearPlant, fastest: float) -> bool:
     return bool(fastest > STIFF * moving.min(initial=fastest))
 
 
-def fastest_rate(plant: LinearPlant, controller: Controller) -> float:
-    """Largest |λ| of plant, observer and hold between events [rad/s]."""
-    controls = realise(controller)
-    closed = np.block([[plant.A, -plant.B @ controls.K], [controls.N @ plant.C, controls.M]])
-    return float(np.abs(np.linalg.eigvals(closed)).max())
+def fastest_rate(plant: LinearPlant, controller: Law) -> float:
+    """Largest |λ| of plant and controller between events, in any mode, as if nothing were delayed [rad/s]."""
+    controls = controller.realisation
+    C, fastest = np.tile(plant.C, (len(controls.taps), 1)), 0.0
+    for mode in controls.modes:
+        A = plant.A - plant.B @ mode.S @ C if mode.S.any() else plant.A
+        closed = np.block([[A, -plant.B @ mode.K], [mode.N @ C, mode.M]])
+        fastest = max(fastest, float(np.abs(np.linalg.eigvals(closed)).max()))
+    return fastest

@@ -5,25 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import mujoco
 from numpy.typing import ArrayLike
 
-from icmj.base.environment import INTERPRETED, single_threaded
+from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.engine.accuracy import estimate, order_of
+from icmj.engine.accuracy import estimate, facts
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, clipped, limited, shares
-from icmj.engine.schedule import EVENT_TOLERANCE
 from icmj.engine.stepping import stepping_of
-from icmj.engine.tableau import METHODS
-from icmj.errors import SimulationError
+from icmj.engine.tapped_run import simulate_tapped
 from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
+from icmj.simulation.taps import expect_no_observer
 
 
 @single_threaded()
@@ -42,7 +40,7 @@ def simulate(
 
     Args:
         plant: the actual plant.
-        controller: design, hold and trigger.
+        controller: design, hold and trigger, or one that reads delayed outputs only (:mod:`icmj.engine.tapped`).
         settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
@@ -65,7 +63,8 @@ def simulate(
             is not usable.
     """
     if not isinstance(controller, Controller):
-        raise SimulationError(f"a {controller.kind} controller is simulated on the linear plant only")
+        expect_no_observer(controller, settings, x_o0, x_h0)
+        return simulate_tapped(plant, controller, settings, x0=x0, progress=progress, error_estimate=error_estimate)
     x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
     loop = close_loop(plant, controller, settings)
     steps, model = stepping_of(loop, settings), loop.model
@@ -74,29 +73,9 @@ def simulate(
     begin = time.perf_counter()
     record = loop.run(loop.data(x, a), schedule, progress)
     seconds = time.perf_counter() - begin
-    precision: dict[str, float | int | str] = {
-        "integrator": mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_"),
-        "order": order_of(model),
-        "timestep": steps.timestep,
-        "event_tolerance": EVENT_TOLERANCE,
-        "steps": record.steps,
-        "seconds": seconds,
-        "implementation": "interpreted" if INTERPRETED else "compiled",
-    }
-    if steps.tolerance:
-        mean = float(record.rows[-1, 0]) / max(record.steps, 1)
-        precision |= {"integrator": METHODS[schedule.method.order][0], "order": schedule.method.order}
-        precision |= {"tolerance": steps.tolerance, "timestep": mean}
-    if steps.refusal:
-        precision["not_adaptive"] = steps.refusal
+    precision = facts(loop, steps, schedule, record, seconds)
     if error_estimate:
-        accuracy = estimate(loop, schedule, record)
-        precision |= {"interval_error": accuracy.interval, "output_error": accuracy.output}
-        precision |= {"error_stretch": accuracy.stretch, "fastest_rate": schedule.rate}
-        outputs = plant.linearisation.plant.outputs
-        precision["output_errors"] = ", ".join(
-            f"{name} {error:.2g}" for name, error in zip(outputs, accuracy.outputs, strict=True)
-        )
+        precision |= estimate(loop, schedule, record).facts(schedule, plant.linearisation.plant.outputs)
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
     u = -rows.x_h @ controller.design.k.T

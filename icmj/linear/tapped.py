@@ -81,7 +81,7 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(1), level=np.zeros(1, np.int64), counts=np.array([0, 1, 0, 0]), X=np.zeros((n, POWERS)),
+        t=np.zeros(2), level=np.zeros(1, np.int64), counts=np.array([0, 1, 0, 0]), X=np.zeros((n, POWERS)),
         y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
         events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),

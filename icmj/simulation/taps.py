@@ -36,7 +36,7 @@ class Taps(NamedTuple):
         table: the mode that follows by mode and signs, shape (modes, 2^G).
         F: to Bernstein coefficients of a guard, degree 2p.
         exact: whether what is remembered are Taylor series, else polynomials through values at nodes.
-        nodes, fit: nodes on (−1, 1), and the matrix from values at them to coefficients; empty where it is exact.
+        nodes, fit: nodes on (−1, 1), rising, and the matrix from values at them to coefficients; else empty.
     """
 
     unit: float
@@ -106,7 +106,7 @@ def taps_of(realisation: Realisation, rate: float, *, exact: bool) -> Taps:
     M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
     table = np.arange(len(modes))[:, None].repeat(1 << len(guards), axis=1)
     number = 0 if exact else _NODES
-    nodes = np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
+    nodes = -np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
     fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
     size = realisation.layout.size
     return Taps(

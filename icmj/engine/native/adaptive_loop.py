@@ -253,6 +253,10 @@ class AdaptiveLoop(FixedLoop):
         """How often the engine has been asked for rates."""
         return int(self._stepper.passes[0])
 
+    def look(self, often: int) -> None:
+        """Write down the outputs at least so often in every step."""
+        self._stepper = self._stepper._replace(looks=max(self._stepper.looks, often))
+
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""
         super().begin()

@@ -84,7 +84,7 @@ def _block(m, of):  # type: ignore[no-untyped-def]
 
 @compiled
 def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
-    """ctrl = ctrl_0 − K a + d(t)."""
+    """ctrl = ctrl_0 − K a + d(t), or with the course of the command instead of −K a; ``waves`` are of this time."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
     first = int(b[at_span])
     count = int(b[at_span + 1]) - first
@@ -94,6 +94,15 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     for k in range(int(b[Slot.COMMANDED])):
         ctrl[int(b[at])] += waves[k]
         at += _SIGNAL
+    powers = int(b[Slot.POWERS])
+    if powers > 0:
+        theta, at = (waves[int(b[Slot.SIGNALS])] - b[Slot.SINCE]) / b[Slot.UNIT], int(b[Slot.AT_COURSE])
+        for i in range(int(b[Slot.N_U])):
+            u = 0.0
+            for j in range(powers - 1, -1, -1):
+                u = u * theta + b[at + j]
+            ctrl[i] += u
+            at += powers
 
 
 @compiled

@@ -23,7 +23,7 @@ from icmj.engine.native.compilation import entry, exact, merged, run_guarded, so
 from icmj.engine.native.ledger import apply, conclude, planned, standing
 from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
-from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, rule_of
+from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, revise, rule_of
 from icmj.engine.native.step import refresh, save, step
 from icmj.engine.recording import Recording, Status
 from icmj.engine.schedule import Schedule
@@ -154,6 +154,13 @@ class FixedLoop:
         other._schedule = schedule
         other._run = engine, plan_of(schedule, qpos_0, self._model), *room
         return other
+
+    def resume(self, end: float, timestep: float, next_row: float) -> None:
+        """Make ready to go on until another end [s], by another timestep, after the command has changed."""
+        engine, plan, *room = self._run
+        self._run = engine, plan._replace(t_end=end, timestep=timestep), *room
+        revise(self._progress, grid=self._data.time, steps=0, next_row=next_row)
+        mujoco.mj_forward(self._model, self._data)
 
     def begin(self) -> None:
         """Start, or start anew, from where the data stand, right after an event."""

@@ -248,9 +248,18 @@ def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
         "fresh": 1,
     }
     if INTERPRETED:
-        vars(progress[0]).update(values)
+        revise(progress, **values)
     else:
         progress[0] = tuple(values.values())
+
+
+def revise(progress: Any, **values: Any) -> None:
+    """Set some of the record."""
+    if INTERPRETED:
+        vars(progress[0]).update(values)
+    else:
+        for name, value in values.items():
+            progress[name] = value
 
 
 def _ticks(schedule: Schedule) -> int:

@@ -69,7 +69,7 @@ class Track(NamedTuple):
     """Where a run is, and what it records.
 
     Attributes:
-        t: now, shape (1,).
+        t: now, and the last event, shape (2,).
         level: of what begins now, shape (1,).
         counts: next edge, next row by number, rows, events, shape (4,).
         X: state on the stretch, shape (n, p + 1).
@@ -225,7 +225,9 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         _add(body.errors, t, end, taps.unit, rows)
         ended = end >= body.end - SAME
         mode = now.mode[0]
-        switched = leave(taps, now, length, guard)
+        changed = leave(taps, now, length, guard)
+        # what switches again at the same instant is one event
+        switched = changed and end > track.t[1]
         if switched or ended or fallen <= length:
             after, now.mode[0] = now.mode[0], mode
             _row(now, track, end, length)
@@ -243,6 +245,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             for i in range(n_y):
                 track.high[i] = track.low[i] = evaluate(track.y[i], p, length)
             counts[3] += 1
+            track.t[1] = end
+        if changed:
             track.level[0] = 0
         if fallen <= length:
             return _FELL

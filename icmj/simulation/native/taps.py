@@ -24,6 +24,8 @@ from icmj.base.roots import evaluate, first_root
 SMOOTH = 1 << 20  # the level of a smooth instant
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
 SAME = 1e-12  # instants this close [s] are one
+_STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
+_SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
 
 
@@ -62,10 +64,15 @@ def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
 
     ``values`` has shape (nodes, rows), ``length`` is that of the stretch in units of time.
     """
-    half = length / 2
+    half, last = length / 2, len(values) - 1
     for i in range(len(out)):
         for j in range(out.shape[1]):
             out[i, j] = 0.0
+        if length < _STRAIGHT:
+            # further powers of so little time are rounding, and grow beyond bounds just beyond it
+            out[i, 1] = (values[last, i] - values[0, i]) / (half * (taps.nodes[last] - taps.nodes[0]))
+            out[i, 0] = (values[0, i] + values[last, i]) / 2 - out[i, 1] * half
+            continue
         for j in range(len(taps.fit)):
             total = 0.0
             for k in range(len(taps.fit)):
@@ -106,7 +113,8 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
 def _turn(taps, now, length):  # type: ignore[no-untyped-def]
     """Where on [0, length] the sign of a guard changes first, and of which; infinity and −1 where none does.
 
-    A sign has changed where the guard is beyond zero by more than rounding: so none changes back by rounding.
+    A sign has changed where the guard is beyond zero by more than rounding, and by more than it is so already at the
+    begin, where polynomials of two stretches meet: so none changes back because they do not quite.
     """
     first, which, n, p = np.inf, -1, now.v.shape[0], now.v.shape[1] - 1
     g = now.g
@@ -135,7 +143,10 @@ def _turn(taps, now, length):  # type: ignore[no-untyped-def]
             g[j] *= scale
             scale *= length
             rest += abs(g[j]) if j > 0 else 0.0
-        g[0] -= _ROUNDING * size
+        margin = _ROUNDING * size
+        if 0 < g[0] < _SEAM * size:
+            margin = max(margin, 2 * g[0])
+        g[0] -= margin
         if g[0] + rest < 0:
             continue
         theta = first_root(g, len(g) - 1, taps.F, now.stack, now.spans)

@@ -1,0 +1,298 @@
+"""A controller that reads delayed outputs, on the engine: stretches in which its command is known ahead.
+
+Over a stretch (:mod:`icmj.simulation.native.taps`) the engine integrates under a command that is a polynomial in time,
+as it would under any other input. What it wrote down of the outputs, at every step or within adaptive steps, is made a
+polynomial again for the taps: by splines of degree seven, of a higher order than any of the integrators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.compilation import called
+from icmj.base.signals import unhurried
+from icmj.controller.law import Law
+from icmj.engine.block import Slot
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, acting_on, integrator_of
+from icmj.engine.composition import compose
+from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
+from icmj.engine.fault import EngineFault, words
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.rates import fastest_rate, is_stiff
+from icmj.engine.recording import Status, recording
+from icmj.engine.schedule import Schedule, phases_of
+from icmj.simulation import ending
+from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, entries
+from icmj.simulation.settings import LEAST_TOLERANCE, Settings
+from icmj.simulation.taps import History, Now, Taps, begun, taps_of, widened
+
+if TYPE_CHECKING:
+    from icmj.engine.native.loop import FixedLoop
+
+_DEGREE = 7  # of the splines
+_LEAST = 8  # steps of a stretch, or looks at the outputs within a step, as many as such a spline takes
+_SHORT = 1e-6  # s; what stretches of that length do is straight
+
+
+@dataclass(eq=False)
+class Stand:
+    """How far a run has come, apart from the engine's own state: enough to go on from there once more.
+
+    Attributes:
+        t: now [s].
+        history, now: of the controller.
+        level: of what begins now.
+        edge: number of the next edge of a disturbance.
+        next_row: when the next row is due [s].
+        state: (qpos, qvel, act) of the engine.
+    """
+
+    t: float
+    history: History
+    now: Now
+    level: int
+    edge: int
+    next_row: float
+    state: tuple[Array, Array, Array]
+
+    def copy(self, data: mujoco.MjData) -> Stand:
+        """As it is now, with the state of the engine."""
+        state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+        return replace(self, history=deepcopy(self.history), now=deepcopy(self.now), state=state)
+
+
+@dataclass(frozen=True, eq=False)
+class TappedRecord(Record):
+    """What a run recorded.
+
+    Attributes:
+        u, mode: command and mode at the rows, shapes (N, n_u), (N,).
+        stand: a while before the end, to repeat what came after.
+    """
+
+    u: Array
+    mode: Array
+    stand: Stand
+
+
+@dataclass(frozen=True, eq=False)
+class TappedLoop(ComposedLoop):
+    """Plant and a controller that reads delayed outputs, in one model."""
+
+    controller: Law  # type: ignore[assignment]
+
+    def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
+        """The times of a run with these settings; see :meth:`icmj.engine.closed_loop.ComposedLoop.schedule`."""
+        acting = self.disturbance, self.errors, self.pushes.size
+        edges = np.unique(np.concatenate([terms.edges for terms in acting]))
+        plant = self.plant.linearisation.plant
+        own = fastest_rate(plant, self.controller)
+        noise = max(terms.omega.max(initial=0.0) for terms in acting)
+        # what errs comes back through the taps
+        tolerance = max(tolerance / 10, LEAST_TOLERANCE) if tolerance else 0.0
+        return Schedule(
+            timestep=timestep, tolerance=tolerance, t_end=settings.duration, delta_min=0.0, clock=np.inf, delay=0.0,
+            edges=edges, phases=phases_of(edges), record_interval=settings.record_interval,
+            limits=self.plant.limits(settings.limit), rate=max(own, float(noise)), stiff=is_stiff(plant, own),
+        )  # fmt: skip
+
+    def outcome(
+        self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array
+    ) -> ending.Outcome:
+        """How it ended, from why the loop returned."""
+        if status == Status.COMPLETED:
+            return ending.ran(t, np.zeros(0), 0.0)
+        return super().outcome(status, t, data, schedule, events)
+
+    def run(
+        self,
+        data: mujoco.MjData,
+        schedule: Schedule,
+        progress: Callable[[float], None] | None = None,
+        stand: Stand | None = None,
+    ) -> TappedRecord:
+        """Run from ``data``, which are at the run's begin or at a ``stand``, until the schedule's end or another."""
+        from icmj.engine.native.adaptive_loop import AdaptiveLoop
+
+        run = _Run(self, data, schedule, stand)
+        status, stopped, fault, crowded = Status.RUNNING, False, "", None
+        pace, every = ending.EventPace(schedule.t_end), max(1.0, 3 * self.controller.realisation.taps[-1])
+        stands = [run.stand.copy(data)] * 2
+        with self.ready():
+            stepper = self.stepper(data, schedule)
+            if isinstance(stepper, AdaptiveLoop):
+                stepper.look(_LEAST)
+            try:
+                while status == Status.RUNNING and crowded is None:
+                    if run.stand.t >= stands[-1].t + every:
+                        stands = [stands[-1], run.stand.copy(data)]
+                    try:
+                        status, switched = run.stretch(stepper)
+                    except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
+                        fault = str(error) if isinstance(error, EngineFault) else words(error)
+                        status, switched = Status.DIVERGED, False
+                    if switched:
+                        crowded = pace.stalled(run.stand.t)
+                    if progress is not None:
+                        progress(min(data.time / schedule.t_end, 1.0))
+            except KeyboardInterrupt:
+                stopped = True
+                if not run.steps:  # there is nothing to keep; it may have been compiling
+                    raise
+        rows, events = np.concatenate(run.rows), np.concatenate(run.events)
+        t = float(rows[-1, 0])
+        outcome = self.outcome(Status.RUNNING if stopped else status, t, data, schedule, events[:, 0])
+        if fault:
+            outcome = ending.diverged(t, fault)
+        elif crowded is not None and status == Status.RUNNING and not stopped:
+            outcome = ending.stalled(t, crowded)
+        y_max, y_min = run.tracker.result()
+        u, mode = np.concatenate(run.u), np.concatenate(run.mode)
+        return TappedRecord(rows, events, y_max, y_min, run.steps, outcome, u, mode, stands[0])
+
+
+def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop:
+    """Compose plant and controller; what errs in the readings stays outside the model.
+
+    Raises:
+        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
+    """
+    acting, errors, pushes = acting_on(plant, settings)
+    model = compose(plant, law, acting, None, pushes)
+    model.opt.integrator = integrator_of(plant, settings)
+    return TappedLoop(plant, law, acting, errors, pushes, model)
+
+
+class _Run:
+    """A run under way, with what it has recorded."""
+
+    def __init__(self, loop: TappedLoop, data: mujoco.MjData, schedule: Schedule, stand: Stand | None) -> None:
+        realisation = loop.controller.realisation
+        self.loop, self.data, self.schedule = loop, data, schedule
+        # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
+        self.taps: Taps = taps_of(realisation, 2 * max(schedule.rate, 1 / realisation.taps[0]), exact=False)
+        mujoco.mj_forward(loop.model, data)
+        here = np.concatenate([[data.time], data.qpos, data.qvel, data.act, data.sensordata])
+        y = loop.y(data.sensordata)
+        if stand is None:
+            history, now = begun(self.taps, realisation, y + loop.errors(0.0))
+            stand = Stand(0.0, history, now, 0, 0, schedule.record_interval, (here[:0],) * 3)
+        self.stand = stand
+        self.levels = np.where(np.isin(schedule.edges, loop.errors.edges), -1, 0)
+        self.record = recording(CHUNK, loop.model.nsensordata, loop.width)
+        v = np.concatenate([stand.history.r[k, :, 0] for k in stand.history.at])
+        mode = stand.now.mode
+        self.rows, self.u, self.mode = [here[None, :]], [-self.taps.S[mode] @ v], [mode.copy()]
+        self.events: list[Array] = [np.empty((0, loop.width))]
+        self.rough: list[float] = []
+        points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
+        self.tracker = ExtremesTracker(data.time, y, self._cuts, points)
+        self.since: list[tuple[Array, Array]] = []  # outputs since the last event
+        self.last = self.rows[0], self.u[0], self.mode[0]  # the row at the last stretch's end
+        self.kept = True
+        self.steps = 0
+
+    def stretch(self, stepper: FixedLoop) -> tuple[Status, bool]:
+        """One stretch; how the run goes on, and whether the mode has changed."""
+        stand, schedule, taps = self.stand, self.schedule, self.taps
+        plan, note, go = entries()
+        t, level, edges = stand.t, stand.level, schedule.edges
+        while stand.edge < len(edges) and edges[stand.edge] <= t + SAME:
+            level = min(level, int(self.levels[stand.edge]))
+            stand.edge += 1
+        longest = min(schedule.t_end, edges[stand.edge] if stand.edge < len(edges) else np.inf)
+        level, end, guard = called(plan, taps, stand.history, stand.now, t, longest, level)
+        length, status = (end - t) / taps.unit, Status.COMPLETED
+        if end > t:
+            if level < ROUGH:
+                self.rough.append(t)
+            self._command(t)
+            times, y, status = self._fly(stepper, end)
+            if status == Status.COMPLETED:
+                values = self._at_nodes(times, y)
+                if not called(note, taps, stand.history, t, level, values, length):
+                    stand.history = widened(stand.history)
+                level = SMOOTH
+        switched = status == Status.COMPLETED and called(go, taps, stand.now, length, guard)
+        with unhurried():
+            ended = status != Status.COMPLETED or end >= schedule.t_end
+            self._conclude(end, switched, ended)
+            stand.t, stand.level = end, min(level, 0) if switched else level
+        return (status if ended else Status.RUNNING), switched
+
+    def _command(self, t: float) -> None:
+        block, ports = self.loop.block, self.loop.plant.linearisation.ports
+        block.header[Slot.SINCE], block.header[Slot.UNIT] = t, self.taps.unit
+        block.course[ports.actuators] = ports.b[:, None] * self.stand.now.u
+
+    def _fly(self, stepper: FixedLoop, end: float) -> tuple[Array, Array, Status]:
+        """Step to the stretch's end: times and outputs on the way, from its begin on, and why the loop came back."""
+        record, t = self.record, self.stand.t
+        steps = _LEAST if end - t > _SHORT else 1
+        stepper.resume(end, min(self.schedule.timestep, (end - t) / steps), self.stand.next_row)
+        times, y, status = [np.array([t])], [self.loop.y(self.data.sensordata)[None, :]], Status.RUNNING
+        while status == Status.RUNNING:
+            record.clear()
+            status = stepper.advance(record, CHUNK)
+            with unhurried():
+                n_dense, n_rows, _, taken = (int(n) for n in record.count)
+                self.steps += taken
+                rows, dense = record.rows[:n_rows].copy(), record.dense[:n_dense].copy()
+                theta = (rows[:, 0] - t) / self.taps.unit
+                u = np.asarray(np.polynomial.polynomial.polyval(theta, self.stand.now.u.T).T, dtype=float)
+                self._keep(rows, u, np.repeat(self.stand.now.mode, n_rows))
+                times.append(dense[:, 0])
+                y.append(self.loop.y(dense[:, 1:]))
+        self.since.append((np.concatenate(times[1:]), np.concatenate(y[1:])))
+        return np.concatenate(times), np.concatenate(y), status
+
+    def _at_nodes(self, times: Array, y: Array) -> Array:
+        """What is read of these outputs at the stretch's nodes, shape (nodes, n_y)."""
+        from scipy.interpolate import make_interp_spline
+
+        half = (times[-1] - times[0]) / 2
+        nodes = half * (1 + self.taps.nodes)
+        # samples much closer together than the others would magnify rounding
+        gap = 0.05 * 2 * half / (len(times) - 1)
+        ahead, behind = times[1:-1] - times[:-2], times[-1] - times[1:-1]
+        inside = np.flatnonzero((ahead > gap) & (behind > gap) & (2 * half > _SHORT)) + 1
+        kept = np.r_[0, inside, len(times) - 1]
+        spline = make_interp_spline(times[kept] - times[0], y[kept], min(_DEGREE, len(kept) - 1))
+        return np.ascontiguousarray(spline(nodes) + self.loop.errors(times[0] + nodes))
+
+    def _keep(self, rows: Array, u: Array, mode: np.ndarray) -> None:
+        self.rows.append(rows)
+        self.u.append(u)
+        self.mode.append(mode)
+
+    def _conclude(self, end: float, switched: bool, ended: bool) -> None:
+        """The row at a stretch's end stays where it is due, at a switch and at the run's end."""
+        stand, interval = self.stand, self.schedule.record_interval
+        if end > stand.t:
+            rows, u, mode = self.rows.pop(), self.u.pop(), self.mode.pop()
+            inside, self.last, self.kept = rows[:-1, 0], (rows[-1:], u[-1:], mode[-1:]), False
+            self._keep(rows[:-1], u[:-1], mode[:-1])
+            stand.next_row = float(inside[-1]) + interval if len(inside) else stand.next_row
+        due = end >= stand.next_row - 1e-9 * self.schedule.timestep
+        if (switched or ended or due) and not self.kept:
+            self._keep(*self.last)
+            stand.next_row, self.kept = end + interval, True
+        # what switches again at the same instant is one event
+        if switched and self.since:
+            self.events.append(self.last[0])
+            times, y = (np.concatenate(parts) for parts in zip(*self.since, strict=True))
+            self.tracker.add(times, y, np.array([len(times) - 1]))
+            self.since.clear()
+            self.rough.append(end)
+
+    def _cuts(self, start: float, end: float) -> Array:
+        """Times strictly between two others at which something is not smooth."""
+        rough = np.unique(self.rough)
+        return rough[(rough > start) & (rough < end)]

@@ -1,0 +1,222 @@
+"""Controllers that read delayed outputs on the engine, against the linear plant, and DOP853 by the method of steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles.delay import Delayed
+from tapped_cases import (
+    BODY,
+    CONTINUOUS,
+    DAMPING,
+    DELAY,
+    HOMOGENEOUS,
+    INERTIA,
+    MGH,
+    STIFFNESS,
+    SWITCHING,
+    person,
+    pid,
+    two_taps,
+)
+
+import icmj
+from icmj.engine.run import simulate
+from icmj.errors import SimulationError
+from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+
+START = np.array([0.1, 0.03])
+DISTURBED = (
+    Noise("ankle", 5.0, bandwidth=4.0, seed=1, start=0.2), Impulse("ankle", 4.0, start=0.5003, duration=0.0371),
+    Step("ankle", 3.0, 1.1), Noise(output="theta", size=3e-3, bandwidth=3.0, seed=2), Bias("omega", 2e-2, 0.9),
+)  # fmt: skip
+
+
+def swinging(law, start, settings: Settings) -> Delayed:
+    """The same person by hand: I θ'' = mgh sin θ − K θ − B θ' + u + d, by DOP853."""
+    real, sources = law.realisation, settings.disturbance
+    acting, pushes = disturbance_of(sources, BODY.inputs), pushes_of(settings)
+    errors = reading_error_of(sources, BODY.outputs)
+
+    def rate(t, z, v, mode):
+        m = real.modes[mode]
+        u = -m.K @ z[2:] - m.S @ v + acting(t) + pushes.size(t).sum(axis=-1)
+        force = MGH * np.sin(z[0]) - STIFFNESS * z[0] - DAMPING * z[1] + u[0]
+        return np.concatenate([[z[1], force / (INERTIA + 1e-6)], m.M @ z[2:] + m.N @ v])
+
+    edges = sorted({*acting.edges, *pushes.size.edges, *errors.edges})
+    guards = tuple((lambda v, g=g: float(v @ g.Q @ v + g.c)) for g in real.guards)
+    return Delayed(
+        rate, lambda t, z: z[:2] + errors(t), real.taps, np.concatenate([start, np.zeros(real.layout.size)]), guards,
+        lambda mode, signs: real.chosen(mode, signs), tuple(edges),
+    )  # fmt: skip
+
+
+def apart(run, oracle) -> float:
+    """How far the rows of a run are from an oracle's, relative to the largest of each state."""
+    there = np.array([oracle.z(t)[:2] for t in run.t])
+    return float((np.abs(run.x - there).max(axis=0) / np.abs(there).max(axis=0)).max())
+
+
+@pytest.mark.parametrize("law", [CONTINUOUS, HOMOGENEOUS, replace(SWITCHING, dead_zone=0.04), pid(), two_taps()])
+@pytest.mark.parametrize("steps", [{"timestep": 1e-3, "integrator": "RK4"}, {"tolerance": 1e-11}])
+def test_it_is_what_the_method_of_steps_gives(law, steps) -> None:
+    settings = Settings(duration=5.0, record_interval=0.05, **steps)
+    run = simulate(person(), law, settings, x0=START)
+    oracle = swinging(law, START, settings).run(5.0)
+    assert apart(run, oracle) < 2e-10
+    assert run.events.t == pytest.approx(oracle.switches, abs=1e-9)
+    assert run.outcome.kind == "completed"
+    assert run.t[-1] == 5.0
+    # what it says of its error is of the order of the error that it has
+    assert run.precision["output_error"] < 2e-10
+
+
+@pytest.mark.parametrize("law", [CONTINUOUS, replace(SWITCHING, dead_zone=0.04), pid(), two_taps()])
+@pytest.mark.parametrize("steps", [{"timestep": 1e-3, "integrator": "RK4"}, {"tolerance": 1e-10}])
+def test_disturbances_noise_and_pushes_act_on_it(law, steps) -> None:
+    settings = Settings(duration=3.0, record_interval=0.05, disturbance=DISTURBED, **steps)
+    run = simulate(person(), law, settings, x0=START)
+    oracle = swinging(law, START, settings).run(3.0)
+    assert apart(run, oracle) < 1e-9
+    assert run.events.t == pytest.approx(oracle.switches, abs=1e-8)
+    assert run.noisy
+    assert run.applied == pytest.approx(run.u + disturbance_of(DISTURBED, BODY.inputs)(run.t))
+
+
+@pytest.mark.parametrize("law", [CONTINUOUS, pid(), two_taps(), HOMOGENEOUS])
+def test_it_is_the_linear_plant_to_third_order_in_the_sway(law) -> None:
+    """The body is odd in its angle: what it departs by from its linearisation is of third order."""
+    exact, errors = person().linearisation.plant, []
+    for size in (0.2, 0.1, 0.05):
+        settings = Settings(duration=2.5, record_interval=2.5, tolerance=1e-12)
+        run = simulate(person(), law, settings, x0=START * size, error_estimate=False)
+        linear = icmj.simulate_plant(exact, law, settings, x0=START * size)
+        errors.append(np.abs(run.x[-1] - linear.x[-1]).max())
+        assert len(run.events) == len(linear.events)
+    slopes = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert slopes == pytest.approx([3.0, 3.0], abs=0.05)
+
+
+def test_without_a_dead_zone_a_mirrored_start_gives_the_mirrored_motion() -> None:
+    settings = Settings(duration=6.0, timestep=2e-3)
+    one, other = (simulate(person(), HOMOGENEOUS, settings, x0=s * START, error_estimate=False) for s in (1, -1))
+    assert other.events.t == pytest.approx(one.events.t, abs=1e-12)
+    assert other.x == pytest.approx(-one.x, abs=1e-13)
+
+
+@pytest.mark.parametrize("law", [CONTINUOUS, HOMOGENEOUS, pid()])
+def test_fixed_steps_converge_with_their_order(law) -> None:
+    fine = simulate(person(), law, Settings(duration=3.0, tolerance=1e-13), x0=START, error_estimate=False)
+    errors = []
+    for h in (0.01, 0.005, 0.0025):
+        settings = Settings(duration=3.0, timestep=h, integrator="RK4")
+        run = simulate(person(), law, settings, x0=START, error_estimate=False)
+        errors.append(np.abs(run.x[-1] - fine.x[-1]).max())
+    slopes = np.log2(np.divide(errors[:-1], errors[1:]))
+    if law is HOMOGENEOUS:  # stretches between many jumps are short, and their steps shorter than asked for
+        assert (slopes > 3.7).all()
+    else:
+        assert slopes == pytest.approx([4.0, 4.0], abs=0.2)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_other_integrators_converge_with_theirs(integrator: str) -> None:
+    fine = simulate(person(), SWITCHING, Settings(duration=2.0, tolerance=1e-13), x0=START, error_estimate=False)
+    errors = []
+    for h in (2e-3, 1e-3):
+        settings = Settings(duration=2.0, timestep=h, integrator=integrator)
+        run = simulate(person(), SWITCHING, settings, x0=START, error_estimate=False)
+        errors.append(np.abs(run.x[-1] - fine.x[-1]).max())
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("law", [CONTINUOUS, HOMOGENEOUS])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_adapted_steps_keep_their_tolerance(law, tolerance: float) -> None:
+    settings = Settings(duration=4.0, record_interval=0.05)
+    oracle = swinging(law, START, settings).run(4.0)
+    run = simulate(person(), law, replace(settings, tolerance=tolerance), x0=START)
+    assert apart(run, oracle) < tolerance
+    assert run.precision["tolerance"] == tolerance
+    assert run.precision["output_error"] < tolerance
+
+
+def test_rows_events_and_extremes() -> None:
+    for steps in ({"timestep": 2e-3}, {"tolerance": 1e-9}):
+        run = simulate(person(), SWITCHING, Settings(duration=6.0, record_interval=0.01, **steps), x0=0.1 * START)
+        assert (np.diff(run.t) > 0).all()
+        assert np.diff(run.t).max() < 0.0125
+        assert len(run.t) < 605 + 2 * len(run.events)
+        at = np.searchsorted(run.t, run.events.t)
+        assert run.t[at] == pytest.approx(run.events.t, abs=0)
+        assert (run.mode[at] != run.mode[at + 1]).all()
+        assert run.modes == ("on", "off")
+        assert (run.u[run.mode == 1] == 0).all()
+        dense = simulate(person(), SWITCHING, Settings(duration=6.0, record_interval=1e-3, **steps), x0=0.1 * START)
+        for k, (begin, end) in enumerate(zip([0.0, *run.events.t], run.events.t, strict=False)):
+            inside = dense.y[(dense.t >= begin - 1e-9) & (dense.t <= end + 1e-9)]
+            assert run.events.y_max[k] == pytest.approx(inside.max(axis=0), abs=1e-8)
+            assert run.events.y_min[k] == pytest.approx(inside.min(axis=0), abs=1e-8)
+        assert run.x_o.shape == run.x_h.shape == (len(run.t), 0)
+        assert run.qpos.shape == (len(run.t), 1)
+        assert run.events.x_o.shape == (len(run.events), 0)
+
+
+def test_it_falls_and_can_be_interrupted() -> None:
+    weak = replace(CONTINUOUS, P=0.0, D=0.0)
+    fallen = simulate(person(), weak, Settings(duration=60.0, timestep=2e-3), x0=START)
+    assert fallen.outcome.kind == "fell"
+    assert abs(fallen.x[-1, 0]) == pytest.approx(1.0, abs=5e-3)
+    assert len(fallen.u) == len(fallen.t)
+
+    def stop(done: float) -> None:
+        if done > 0.4:
+            raise KeyboardInterrupt
+
+    whole = simulate(person(), CONTINUOUS, Settings(duration=20.0), x0=START)
+    part = simulate(person(), CONTINUOUS, Settings(duration=20.0), x0=START, progress=stop)
+    assert part.outcome.kind == "interrupted"
+    assert 7.5 < part.t[-1] < 8.5
+    assert (part.x[:-1] == whole.x[: len(part.t) - 1]).all()
+
+
+def test_inputs_and_outputs_are_matched_by_name_and_what_does_not_fit_is_refused() -> None:
+    settings = Settings(duration=2.0, tolerance=1e-9)
+    one = icmj.simulate_plant(person(), SWITCHING, settings, x0=START)
+    other = icmj.simulate_plant(person(True), SWITCHING, settings, x0=START)
+    assert other.x[-1] == pytest.approx(one.x[-1], abs=1e-12)
+    assert one.control == "switching"
+    with pytest.raises(SimulationError, match="neither observer nor hold"):
+        icmj.simulate_plant(person(), SWITCHING, settings, x0=START, x_h0=START)
+    small = replace(BODY, C=BODY.C[:1], outputs=("theta",), output_units=("",))
+    with pytest.raises(SimulationError, match="must agree"):
+        simulate(person(), replace(pid(), model=small), settings)
+
+
+def test_a_run_before_or_after_leaves_no_trace() -> None:
+    """The model is the loop's own, and what the callbacks read is put back."""
+    settings = Settings(duration=2.0, timestep=2e-3)
+    one, two = (simulate(person(), SWITCHING, settings, x0=START) for _ in range(2))
+    assert (one.x == two.x).all()
+    assert (one.events.t == two.events.t).all()
+
+
+def test_a_gain_that_the_controller_does_not_know_acts() -> None:
+    settings = Settings(duration=3.0, tolerance=1e-10)
+    run = simulate(person(gain=0.8), CONTINUOUS, settings, x0=START)
+    P, D = 0.8 * CONTINUOUS.P, 0.8 * CONTINUOUS.D  # the same as four fifths of the gains
+    same = simulate(person(), replace(CONTINUOUS, P=P, D=D), settings, x0=START)
+    assert run.x[-1] == pytest.approx(same.x[-1], abs=1e-9)
+    assert run.u[-1] == pytest.approx(same.u[-1] / 0.8, abs=1e-5)
+
+
+def test_delay_of_the_first_command() -> None:
+    """Until the delay has gone by the command is what the start makes it."""
+    run = simulate(person(), CONTINUOUS, Settings(duration=1.0, timestep=1e-3), x0=START)
+    early = run.t <= DELAY
+    expected = -CONTINUOUS.realisation.modes[0].S @ START
+    assert run.u[early] == pytest.approx(np.tile(expected, (early.sum(), 1)), rel=1e-12)
