@@ -82,7 +82,7 @@ def _all() -> list[str]:
     import icmj
 
     # a public module has a page of its own
-    return [*(name for name in icmj.__all__ if not inspect.ismodule(getattr(icmj, name))), "BoxTrigger"]
+    return [name for name in icmj.__all__ if not inspect.ismodule(getattr(icmj, name))]
 
 
 def _public(name: str) -> object:

@@ -69,7 +69,7 @@ def _bracketed(powers, degree, start, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def _turn(powers, degree, sign, start, end):  # type: ignore[no-untyped-def]
-    """Where the slope of sign · polynomial falls through zero between ``start`` and ``end``, likewise."""
+    """Where the slope of sign · polynomial falls through zero between ``start`` and ``end``, found in the same way."""
     theta, step = (start + end) / 2, end - start
     while True:
         value, rate = -sign * slope(powers, degree, theta), -sign * _curvature(powers, degree, theta)

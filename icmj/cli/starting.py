@@ -115,7 +115,7 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
     for name, target in models.items():
         source = shipped.parent / name
         if target.exists() and target.read_bytes() != source.read_bytes():
-            raise RunFileError(f"{target}: is there already, and is another model; choose another folder with --out")
+            raise RunFileError(f"{target}: exists already and is another model; choose another folder with --out")
     for name, target in models.items():
         write_bytes(target, (shipped.parent / name).read_bytes())
     write_text(out, text)
@@ -124,6 +124,6 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
 
 def _free(out: Path) -> None:
     if os.path.lexists(out):
-        raise RunFileError(f"{out}: is there already; choose another name with --out")
+        raise RunFileError(f"{out}: exists already; choose another name with --out")
     if not out.parent.is_dir():
         raise RunFileError(f"{out}: no such folder; make it first")

@@ -19,7 +19,7 @@ from icmj.cycle.point import Point
 
 Test = Literal["+1", "-1", "pair"]
 TESTS: tuple[Test, ...] = ("+1", "-1", "pair")
-_NEAR = 1e-2  # a κ this near to the circle is on it; a neutral saddle, two real ones of product 1, is none of ours
+_NEAR = 1e-2  # a κ this near to the circle is on it; a neutral saddle, two real ones of product 1, does not count
 
 
 def kappas(multipliers: NDArray[np.complex128], sign: int, neutral: int) -> NDArray[np.complex128]:

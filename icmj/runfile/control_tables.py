@@ -121,7 +121,7 @@ class Control(TomlTable):
     @model_validator(mode="after")
     def _own_hold_has_its_matrix(self) -> Control:
         if self.hold_parameters and ":" not in self.hold:
-            raise ValueError(f"the {self.hold} hold has no parameters; they are for one of your own, module:name")
+            raise ValueError(f"the {self.hold} hold has no parameters; only a hold given as module:name has parameters")
         if (self.hold == "own") != (self.A_h is not None):
             raise ValueError('A_h is the matrix of hold = "own", which needs it')
         return self
@@ -131,10 +131,10 @@ class Control(TomlTable):
         if self.rule not in _RULES:
             theirs = [name for name in ("Q_t", "q_t", "on", "threshold") if name in self.model_fields_set]
             if theirs:
-                raise ValueError(f"a rule of one's own has no {theirs[0]}; its numbers are its parameters")
+                raise ValueError(f"a rule given as module:name has no {theirs[0]}; put its numbers into parameters")
             return self
         if self.parameters:
-            raise ValueError(f"the {self.rule} rule has no parameters; they are for a rule of one's own, module:name")
+            raise ValueError(f"the {self.rule} rule has no parameters; only a rule given as module:name has parameters")
         needed, others = ("threshold", ("Q_t", "q_t")) if self.rule == "box" else ("q_t", ("on", "threshold"))
         if getattr(self, needed) is None:
             raise ValueError(f"the {self.rule} rule needs {needed}")

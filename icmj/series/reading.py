@@ -27,7 +27,7 @@ SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6
 
 MOST_LINE = 1_000_000  # bytes
 _PART = 8_000_000  # bytes of a file that are looked at together
-_ROWS = 100_000  # likewise
+_ROWS = 100_000  # rows read at a time
 _MOST_WORDS = 10_000_000  # bytes of names and units
 
 _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")

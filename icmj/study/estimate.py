@@ -27,7 +27,7 @@ from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
-BLOCKS = 1e6  # likewise, on the linear plant
+BLOCKS = 1e6  # the same on the linear plant
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PROBE = 0.1  # s of simulation to estimate from

@@ -24,7 +24,7 @@ def test_a_model_gets_a_run_file_that_analyse_takes(capsys):
     assert "attracting" in capsys.readouterr().out
     before = Path("pendulum.toml").read_bytes()
     assert main(["new", "pendulum"]) == 2
-    assert capsys.readouterr().err == "icmj: pendulum.toml: is there already; choose another name with --out\n"
+    assert capsys.readouterr().err == "icmj: pendulum.toml: exists already; choose another name with --out\n"
     assert Path("pendulum.toml").read_bytes() == before
     assert main(["new", "pendulum", "--out", "another.toml"]) == 0
     assert load_run("another.toml").case.name == "pendulum"
@@ -75,7 +75,7 @@ def test_a_shipped_case_comes_with_its_models(capsys, root):
     capsys.readouterr()
     Path("three_link.xml").write_text("<mujoco/>")
     assert main(["new", "three-link-0.9"]) == 2
-    assert "three_link.xml: is there already, and is another model" in capsys.readouterr().err
+    assert "three_link.xml: exists already and is another model" in capsys.readouterr().err
     assert not Path("three-link-0.9.toml").exists()
     assert Path("three_link.xml").read_text() == "<mujoco/>"
 

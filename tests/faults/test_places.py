@@ -106,7 +106,7 @@ def test_nothing_but_a_file_is_replaced(
         (line,) = [line for line in said.err.splitlines() if " after " not in line]
         assert said.out == ""
         assert target.name in line
-        assert f"a {kind.split()[-1]} is there" in line or "is there already" in line
+        assert f"a {kind.split()[-1]} is there" in line or "exists already" in line
         # as it was, and nothing beside it, and nothing where a link leads
         assert {path.relative_to(here): path.lstat().st_ino for path in here.rglob("*")} == before
         assert not (target.parent / "nobody").exists()
