@@ -6,6 +6,9 @@ from .case.case import prepare as prepare
 from .case.case import simulate as simulate
 from .case.case import simulate_plant as simulate_plant
 from .case.iosystem import to_iosystem as to_iosystem
+from .case.trial import Trial as Trial
+from .case.trial import prepare_trial as prepare_trial
+from .case.trial import simulate_trial as simulate_trial
 from .comparison.comparison import Comparison as Comparison
 from .comparison.comparison import compare as compare
 from .controller.controller import Controller as Controller
@@ -17,6 +20,10 @@ from .controller.hold import Hold as Hold
 from .controller.hold import system_matched as system_matched
 from .controller.hold import zero_order as zero_order
 from .controller.law import Law as Law
+from .controller.law import RecordedLaw as RecordedLaw
+from .controller.realisation import Guard as Guard
+from .controller.realisation import Mode as Mode
+from .controller.realisation import Realisation as Realisation
 from .controller.switching import SwitchingPD as SwitchingPD
 from .controller.trigger import BoxTrigger as BoxTrigger
 from .controller.trigger import ClockTrigger as ClockTrigger
@@ -51,8 +58,9 @@ from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed
 from .identification.unknown import Unknown as Unknown
-from .log import read_log as read_log
-from .log import write_log as write_log
+from .log.reader import read_log as read_log
+from .log.reader import read_trial as read_trial
+from .log.writer import write_log as write_log
 from .measurement.measurement import Measurement as Measurement
 from .measurement.measurement import measure as measure
 from .measurement.stabilogram import Diffusion as Diffusion
@@ -72,6 +80,7 @@ from .plant.selection import Selection as Selection
 from .report import build_report as build_report
 from .report import plots as plots
 from .result.result import Result as Result
+from .result.tried import Tried as Tried
 from .runfile.composing import compose_run as compose_run
 from .runfile.reading import load_run as load_run
 from .runfile.reading import parse_run as parse_run
@@ -90,6 +99,7 @@ from .simulation.settings import Step as Step
 from .simulation.simulation import Simulation as Simulation
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study
+from .study.trial import try_law as try_law
 from .sweeps.dataset import read_sweep as read_sweep
 from .sweeps.sweep import sweep as sweep
 from .theory.delay_roots import DelayLoop as DelayLoop

@@ -111,10 +111,11 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         ModelError: if a plant makes a prediction meaningless, and the run file does not allow it.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
+    run.intermittent  # noqa: B018, nothing is loaded for another controller
     known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
     assumed = known.assumed if known else assumed_plant(run)
     actual = actual_plant(run, assumed)
-    _check_names(run, assumed.linearisation.plant, actual)
+    check_names(run, assumed.linearisation.plant, actual)
     notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
         design = known.controller.design if known and known.run.design == run.design else None
@@ -138,8 +139,8 @@ def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) ->
         DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
     """
     design = design or designed(assumed.linearisation.plant, run.design)
-    rule = run.controller.trigger(design, run.code)
-    return Controller(design, run.controller.made_hold(design, run.code), rule, _delay(run)), rule
+    rule = run.intermittent.trigger(design, run.code)
+    return Controller(design, run.intermittent.made_hold(design, run.code), rule, delay_of(run)), rule
 
 
 def revised(case: Case, run: RunFile) -> Case:
@@ -152,11 +153,11 @@ def revised(case: Case, run: RunFile) -> Case:
     """
     known = case.run
     same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
-    control = run.controller.model_copy(update={"q_t": known.controller.q_t})
+    control = run.intermittent.model_copy(update={"q_t": known.intermittent.q_t})
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
-    _check_names(run, case.assumed.linearisation.plant, case.actual)
-    rule = run.controller.trigger(case.controller.design, run.code)
+    check_names(run, case.assumed.linearisation.plant, case.actual)
+    rule = run.intermittent.trigger(case.controller.design, run.code)
     prediction = case.prediction
     if rule.size != case.rule.size:
         prediction = scaled(prediction, rule.size / case.rule.size)
@@ -283,14 +284,14 @@ def _parts(
     return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings
 
 
-def _delay(run: RunFile) -> Delay:
+def delay_of(run: RunFile) -> Delay:
     """The assumed delay, and the actual one, which departs from it by ρ of what the run file says."""
     assumed = run.assumed.delay
     actual = assumed if run.actual.delay is None else assumed + run.actual.rho * (run.actual.delay - assumed)
     return Delay(actual, assumed)
 
 
-def _check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
+def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
     """Names in the run file are checked before anything is computed from them."""
     settings, actual = run.simulation, plant.linearisation.plant
     bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()

@@ -63,7 +63,8 @@ def study(command: arguments.Study) -> None:
         record = plain_comparisons(outputs.comparisons, logs=outputs.logs, report=outputs.report)
         OUT.show(record | {"summary": str(outputs.summary)})
         return
-    show_comparisons(outputs.comparisons, OUT, changed=bool(command.set))
+    if outputs.comparisons:
+        show_comparisons(outputs.comparisons, OUT, changed=bool(command.set))
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
     OUT.say(f"{count} in {command.out}", wrap=False)
@@ -136,6 +137,11 @@ def run(command: arguments.Run) -> None:
     from icmj.study.study import open_folder, plants_of, run_case
 
     run_file = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    if run_file.tries:
+        from icmj.cli.trying import carry_out
+
+        carry_out(command, run_file, OUT, ERR)
+        return
     plant = command.plant or plants_of(run_file)[-1]
     with Working(run_file.case.name, ERR) as working:
         case = prepare(run_file)

@@ -78,7 +78,7 @@ def simulate_tapped(
         precision |= shares(linear.outputs, short, "clipped")
     return Simulation(
         plant="mujoco",
-        control=law.kind,  # type: ignore[arg-type]
+        control=law.kind,
         t=record.rows[:, 0],
         x=rows.x,
         y=rows.y,

@@ -126,7 +126,7 @@ def simulate_tapped(
     y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
     return Simulation(
         plant="linear",
-        control=law.kind,  # type: ignore[arg-type]
+        control=law.kind,
         t=when,
         x=X,
         y=X @ plant.C.T,

@@ -21,34 +21,6 @@ entity                             what
 Series of a group are the columns of one entity, named by its static ``SeriesLines:names``.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from icmj.result.result import Result
-
-
-def write_log(result: Result, path: Path | str) -> None:
-    """Write ``result`` to ``path``; see :func:`icmj.log.writer.write_log`."""
-    from icmj.log.writer import write_log  # rerun takes 0.4 s to import
-
-    write_log(result, path)
-
-
-def read_log(path: Path | str) -> Result:
-    """Read a log; see :func:`icmj.log.reader.read_log`."""
-    from icmj.log.reader import read_log
-
-    return read_log(path)
-
-
-def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
-    """The properties of a log by topic; see :func:`icmj.log.reader.read_summary`."""
-    from icmj.log.reader import read_summary
-
-    return read_summary(path)
-
-
-__all__ = ["read_log", "read_summary", "write_log"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)  # rerun takes 0.4 s to import

@@ -20,6 +20,10 @@ from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
+from icmj.controller.law import RecordedLaw, recorded_law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Rates, Realisation
+from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import TRIGGERS, recorded
 from icmj.errors import IcmjError, LogError
 from icmj.log.validation import validate
@@ -31,6 +35,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.result.attractor import Attractor
 from icmj.result.result import AmplitudeLaw, Growth, Result
+from icmj.result.tried import Tried
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
@@ -48,17 +53,18 @@ _DATA: tuple[type, ...] = (
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
-    *(Growth, AmplitudeLaw, Attractor, Result),
+    *(Growth, AmplitudeLaw, Attractor, Result, Tried),
+    *(Layout, Rates, Mode, Guard, Realisation, SwitchingPD, RecordedLaw),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
-_LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
+_LEFT_OUT = {("Result", "scene"), ("Tried", "scene")}  # stored as what it is for, the 3D entities
 
 _KINDS = "fciub"  # float, complex, integers, bool
 
 Flat = dict[str, NDArray[Any]]
 
 
-def pack(result: Result) -> tuple[str, Flat]:
+def pack(result: Result | Tried) -> tuple[str, Flat]:
     """The tree as JSON text, and the arrays by their dotted place in it, flattened row by row.
 
     Complex arrays are stored as (re, im) pairs; dtype and shape are in the tree.
@@ -67,13 +73,16 @@ def pack(result: Result) -> tuple[str, Flat]:
         LogError: if the result holds something that has no place in a log.
     """
     arrays: Flat = {}
-    controller = result.controller
-    # of a rule of somebody's own a log carries the numbers, and says where the code is
-    result = replace(result, controller=controller.triggered_by(recorded(controller.trigger, controller.design)))
+    # of a rule, or a controller, of somebody's own a log carries the numbers, and says where the code is
+    if isinstance(result, Tried):
+        result = replace(result, law=recorded_law(result.law))
+    else:
+        controller = result.controller
+        result = replace(result, controller=controller.triggered_by(recorded(controller.trigger, controller.design)))
     return json.dumps(_encode(result, "", arrays), ensure_ascii=False), arrays
 
 
-def unpack(tree: str, arrays: Flat) -> Result:
+def unpack(tree: str, arrays: Flat) -> Result | Tried:
     """The result from what :func:`pack` gave, every array bit for bit.
 
     Raises:
@@ -86,7 +95,7 @@ def unpack(tree: str, arrays: Flat) -> Result:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError, RecursionError) as error:
         raise LogError(f"the archive is not one of this version of icmj ({one_line(error, 200)})") from error
-    if not isinstance(result, Result):
+    if not isinstance(result, Result | Tried):
         raise LogError("the archive holds no result")
     validate(result)
     return result

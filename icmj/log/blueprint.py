@@ -13,6 +13,7 @@ from icmj.log.columns import TIMELINE
 from icmj.log.figure import eye
 from icmj.log.phase import WIDE
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 from icmj.view.quantity import in_brackets, shared_unit
 
 BACKGROUND = (52, 58, 66, 255)
@@ -25,40 +26,44 @@ def blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``; views of what it does not have are left out."""
     control = result.simulation.control
     window = _window(result)
-    left: list[Any] = [_figures(result)] if result.scene is not None else []
+    left: list[Any] = [body(result)] if result.scene is not None else []
     beside = charts(result)
     pictures = [_phase_plane(), *(_chart(CHARTS[path], path) for path in beside)]
     left.append(rrb.Tabs(*pictures, active_tab=0) if beside else pictures[0])
     states = [
-        _plot("Hold state x_h", "states/hold", window),
-        _plot("Observer state x_o", "states/observer", window),
-        _plot("Plant state x", "states/plant", window),
+        plot("Hold state x_h", "states/hold", window),
+        plot("Observer state x_o", "states/observer", window),
+        plot("Plant state x", "states/plant", window),
     ]
     if control == "event":
-        states.insert(0, _plot("Event function E / threshold²", "trigger", window))
+        states.insert(0, plot("Event function E / threshold²", "trigger", window))
     middle: list[Any] = [
-        _plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", window),
-        _plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", window),
+        plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", window),
+        plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", window),
         rrb.Tabs(*states, active_tab=0),
     ]
     if result.simulation.pressure is not None:
         ground = [
-            _plot("Centre of pressure [m]", "pressure", window),
-            _plot("Load on the ground [N]", "load", window),
+            plot("Centre of pressure [m]", "pressure", window),
+            plot("Load on the ground [N]", "load", window),
         ]
         middle.insert(2, rrb.Tabs(*ground, active_tab=0))
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
-        right.append(_plot("Open-loop interval [s], whole run", "interval", _whole(result), rrb.Corner2D.RightBottom))
+        right.append(plot("Open-loop interval [s], whole run", "interval", whole_run(result), rrb.Corner2D.RightBottom))
     if result.prediction.V_inv is not None:
-        right.append(_plot("Eigenvector analysis χ", "modes", window))
+        right.append(plot("Eigenvector analysis χ", "modes", window))
+    return arranged(
+        rrb.Vertical(*left, row_shares=[3, 2][: len(left)]),
+        rrb.Vertical(*middle),
+        rrb.Vertical(*right, row_shares=[4, 3, 3][: len(right)]),
+    )
+
+
+def arranged(*columns: rrb.Vertical) -> rrb.Blueprint:
+    """These columns beside each other, the first a little wider, playing from the start."""
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(*left, row_shares=[3, 2][: len(left)]),
-            rrb.Vertical(*middle),
-            rrb.Vertical(*right, row_shares=[4, 3, 3][: len(right)]),
-            column_shares=[6, 5, 5],
-        ),
+        rrb.Horizontal(*columns, column_shares=[6, 5, 5][: len(columns)]),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
@@ -81,7 +86,7 @@ def _window(result: Result) -> rrb.TimeAxis:
     )
 
 
-def _whole(result: Result) -> rrb.TimeAxis:
+def whole_run(result: Result | Tried) -> rrb.TimeAxis:
     """A time axis over the whole run."""
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
@@ -91,13 +96,13 @@ def _whole(result: Result) -> rrb.TimeAxis:
     )
 
 
-def _plot(
-    name: str, origin: str, axis: rrb.TimeAxis, legend: rrb.Corner2D = rrb.Corner2D.LeftTop
-) -> rrb.TimeSeriesView:
+def plot(name: str, origin: str, axis: rrb.TimeAxis, legend: rrb.Corner2D = rrb.Corner2D.LeftTop) -> rrb.TimeSeriesView:
+    """Series of one entity over time."""
     return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis, plot_legend=rrb.PlotLegend(corner=legend))
 
 
-def _figures(result: Result) -> rrb.Spatial3DView:
+def body(result: Result | Tried) -> rrb.Spatial3DView:
+    """The body, and its sway magnified, in 3D."""
     assert result.scene is not None
     position, target = eye(result.scene)
     return rrb.Spatial3DView(

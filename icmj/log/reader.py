@@ -14,6 +14,7 @@ from icmj.log import archive
 from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 from icmj.work.own_code import Code, digest_of
 
 
@@ -35,6 +36,34 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
         LogError: if the file is missing, not a log of icmj, cut short, or its archive has changed since it was
             written.
     """
+    result = read_any(path)
+    if isinstance(result, Tried):
+        raise LogError(
+            f"{path}: the log of a {result.law.kind} controller, which has no prediction; icmj.read_trial reads it"
+        )
+    return _own(result) if allow_code else result
+
+
+def read_trial(path: Path | str) -> Tried:
+    """The run under a controller that is not intermittent that a log was written from; ``scene`` is ``None``.
+
+    A controller of somebody's own is read as its numbers (:class:`icmj.controller.law.RecordedLaw`).
+
+    Raises:
+        LogError: as of :func:`read_log`, or if its controller is intermittent.
+    """
+    result = read_any(path)
+    if isinstance(result, Result):
+        raise LogError(f"{path}: the log of an intermittent controller; read_log reads it")
+    return result
+
+
+def read_any(path: Path | str) -> Result | Tried:
+    """What a log was written from, whatever its controller.
+
+    Raises:
+        LogError: as of :func:`read_log`.
+    """
     path = Path(path)
     row = static_row(path, "/archive")
     columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
@@ -52,10 +81,9 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
     if archive.digest(tree, arrays) != digest:
         raise LogError(f"{path}: the archive has changed since it was written (SHA-256 differs); take another copy")
     try:
-        result = archive.unpack(tree, arrays)
+        return archive.unpack(tree, arrays)
     except IcmjError as error:
         raise LogError(f"{path}: {one_line(error)}") from error
-    return _own(result) if allow_code else result
 
 
 def _own(result: Result) -> Result:

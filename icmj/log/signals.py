@@ -15,6 +15,7 @@ from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 from icmj.view.acting import acting
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import modes, reduced
@@ -52,8 +53,8 @@ class Group:
 def groups(result: Result) -> Iterator[Group]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
     yield from _signals(result)
-    yield from _acting(result)
-    yield from _pressure(result)
+    yield from acting_groups(result)
+    yield from pressure_groups(result)
     yield from _trigger(result)
     yield from _intervals(result)
     yield from _modes(result)
@@ -84,7 +85,7 @@ def _signals(result: Result) -> Iterator[Group]:
         yield Group(path, t, values, names, palette.series(len(names)))
 
 
-def _acting(result: Result) -> Iterator[Group]:
+def acting_groups(result: Result | Tried) -> Iterator[Group]:
     """What acts on the inputs where it is not the command: within limits, and with disturbance."""
     inputs = acting(result)
     if inputs:
@@ -101,7 +102,7 @@ def _acting(result: Result) -> Iterator[Group]:
         yield Group("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
-def _pressure(result: Result) -> Iterator[Group]:
+def pressure_groups(result: Result | Tried) -> Iterator[Group]:
     """Centre of pressure with where it is at rest, and the load of each contact."""
     simulation, pressure = result.simulation, result.simulation.pressure
     if pressure is None:

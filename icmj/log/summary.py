@@ -115,9 +115,9 @@ def markdown(result: Result, compared: Comparison) -> str:
         f"- outcome: the run {simulation.outcome.message}",
         f"- motion: {result.measurement.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
-        *(f"- {key.replace('_', ' ')}: {_plain(value)}" for key, value in simulation.precision.items()),
+        *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in simulation.precision.items()),
         *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
-        *(f"- {name}: {_plain(value)}" for name, value in result.measures.items()),
+        *(f"- {name}: {in_words(value)}" for name, value in result.measures.items()),
         "",
         "## Provenance",
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
@@ -152,7 +152,8 @@ def _each(name: str, of: tuple[str, ...], values: Any) -> dict[str, float]:
     return {} if values is None else {f"{name}_{k}": float(v) for k, v in zip(of, values, strict=True)}
 
 
-def _plain(value: float | int | str) -> str:
+def in_words(value: float | int | str) -> str:
+    """A fact as people read it."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

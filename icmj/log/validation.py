@@ -14,6 +14,7 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError, LogError
 from icmj.log.conformity import conform
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
@@ -21,16 +22,21 @@ from icmj.theory.prediction import Prediction
 MOST_EVENTS = 64  # of one period; eight are looked for
 
 
-def validate(result: Result) -> None:
+def validate(result: Result | Tried) -> None:
     """Check everything that readers of a result rely on.
 
     Raises:
         LogError: at the first thing that is not as promised, by its dotted place.
     """
     conform(result)
+    if isinstance(result, Tried):
+        actual, assumed = result.actual, result.law.plant
+        _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
+        _simulation(result, "simulation", result.simulation, 0)
+        return
     _plants(result)
     for name, simulation in (("simulation", result.simulation), ("continuous", result.continuous)):
-        _simulation(result, name, simulation)
+        _simulation(result, name, simulation, result.assumed.n)
     _require(result.simulation.plant == result.continuous.plant, "continuous.plant", "is not that of the simulation")
     _measurement(result)
     _prediction(result, result.prediction)
@@ -53,8 +59,8 @@ def _plants(result: Result) -> None:
         raise LogError(f"controller.trigger does not fit the design: {error}") from error
 
 
-def _simulation(result: Result, name: str, simulation: Simulation) -> None:
-    n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
+def _simulation(result: Result | Tried, name: str, simulation: Simulation, m: int) -> None:
+    n, n_u, n_y = result.actual.n, result.actual.n_u, result.actual.n_y
     N = _rising(f"{name}.t", simulation.t, least=1)
     for key, width in (("x", n), ("y", n_y), ("u", n_u), ("x_o", m), ("x_h", m)):
         _shape(f"{name}.{key}", getattr(simulation, key), N, width)
@@ -67,7 +73,7 @@ def _simulation(result: Result, name: str, simulation: Simulation) -> None:
         _shape(f"{name}.qpos", simulation.qpos, N, None)
     _require(simulation.qpos.ndim == 2, f"{name}.qpos", f"has shape {simulation.qpos.shape}")
     _pressure(f"{name}.pressure", simulation)
-    for key, width in (("states", n), ("inputs", n_u), ("outputs", n_y), ("assumed", m)):
+    for key, width in (("states", n), ("inputs", n_u), ("outputs", n_y), ("assumed", result.assumed.n)):
         for kind in (key, f"{key.removesuffix('s')}_units"):
             count = len(getattr(simulation.labels, kind))
             _require(count in (0, width), f"{name}.labels.{kind}", f"has {count} words for {width} columns")

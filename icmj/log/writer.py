@@ -18,7 +18,7 @@ from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.comparison.comparison import compare
 from icmj.errors import LogError
-from icmj.log import archive, signals, summary
+from icmj.log import archive, signals, summary, tried
 from icmj.log.blueprint import blueprint
 from icmj.log.chart import write_charts
 from icmj.log.columns import time_column
@@ -26,6 +26,7 @@ from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
 from icmj.log.sink import in_memory
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 
 APPLICATION = "icmj"
 LITTLE = 20_000_000  # bytes; the longest shipped run logs half of it
@@ -33,7 +34,7 @@ FORMAT = 1
 """Version of what the archive holds; raised when an older reader could misread a newer log."""
 
 
-def write_log(result: Result, path: Path | str) -> None:
+def write_log(result: Result | Tried, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
     It is written under another name, read back for completeness, and renamed: under its name a log is whole.
@@ -67,7 +68,7 @@ def strictly() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
+def _write(result: Result | Tried, tree: str, arrays: archive.Flat, sink: Path) -> None:
     digest = archive.digest(tree, arrays)
     # one identity for one content: two versions of a case stay two recordings in the viewer
     identity = uuid.uuid5(uuid.NAMESPACE_OID, digest)
@@ -75,21 +76,26 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording = rr.RecordingStream(
         APPLICATION, recording_id=identity, batcher_config=rr.ChunkBatcherConfig(flush_num_rows=1)
     )
-    recording.save(sink, default_blueprint=blueprint(result))
+    recording.save(sink, default_blueprint=tried.blueprint(result) if isinstance(result, Tried) else blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
-    compared = compare(result)
-    for name, facts in summary.properties(result, compared).items():
+    if isinstance(result, Tried):
+        properties, words, groups = tried.properties(result), tried.markdown(result), tried.groups(result)
+    else:
+        compared = compare(result)
+        properties, words = summary.properties(result, compared), summary.markdown(result, compared)
+        groups = signals.groups(result)
+    for name, facts in properties.items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
-    document = rr.TextDocument(summary.markdown(result, compared), media_type=rr.MediaType.MARKDOWN)
-    recording.log("summary", document, static=True)
+    recording.log("summary", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN), static=True)
     _write_archive(recording, tree, arrays, digest)
-    for group in signals.groups(result):
+    for group in groups:
         _write_group(recording, group)
-    write_phase_plane(recording, result)
-    write_charts(recording, result)
+    if isinstance(result, Result):
+        write_phase_plane(recording, result)
+        write_charts(recording, result)
     if result.scene is not None:
         write_figures(recording, result.scene, result.simulation.t)
     recording.flush(timeout_sec=60.0)

@@ -22,6 +22,7 @@ from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.statements import in_paper_order
 from icmj.result.result import Result
 from icmj.result.swept import Swept
+from icmj.result.tried import Tried
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +35,7 @@ SUBTITLE = "What the paper reports, what linear theory predicts, and what two si
 
 FOLLOWED = "Cycles of the event-driven loop along a parameter: where they are, attract, change and end."
 SWEPT = "What linear theory predicts and what simulated plants do, over what varies from point to point."
+TRIED = "How simulated plants move under controllers of which nothing is predicted."
 
 
 def build_report(
@@ -43,6 +45,7 @@ def build_report(
     figures: Path | None = None,
     sweeps: Sequence[Swept] = (),
     branches: Sequence[Branch] = (),
+    tried: Sequence[Tried] = (),
     draw: Draw | None = None,
 ) -> None:
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
@@ -55,6 +58,7 @@ def build_report(
         sweeps: sweeps as read from their folders, shown after the runs, or alone.
         branches: of cycles, as read from their files, shown after these, or alone; those of one run file along one
             parameter in one figure, those of the linear plant beneath.
+        tried: runs under controllers that are not intermittent, shown after these, or alone.
         draw: draws the figures of all cases into a folder, see :func:`icmj.report.drawing.draw_case`; one after the
             other if ``None``.
 
@@ -62,14 +66,14 @@ def build_report(
         ReportError: if there are no results, sweeps or branches, two of the same run, or the files cannot be written.
             Nothing is left under the page's name then, unless it was there before.
     """
-    cases = in_paper_order(paired(results)) if results or not (sweeps or branches) else []
+    cases = in_paper_order(paired(results)) if results or not (sweeps or branches or tried) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch(out) as staged:
             (draw or draw_all)(cases, staged)
-            page = render(cases, staged, sweeps, branches)
+            page = render(cases, staged, sweeps, branches, tried)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
@@ -92,7 +96,11 @@ def draw_all(cases: Sequence[CaseRuns], folder: Path) -> None:
 
 
 def render(
-    cases: Sequence[CaseRuns], folder: Path, sweeps: Sequence[Swept] = (), branches: Sequence[Branch] = ()
+    cases: Sequence[CaseRuns],
+    folder: Path,
+    sweeps: Sequence[Swept] = (),
+    branches: Sequence[Branch] = (),
+    tried: Sequence[Tried] = (),
 ) -> str:
     """The page's HTML; the figures of the cases are in ``folder``, those of sweeps and branches are drawn into it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -101,7 +109,8 @@ def render(
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
     grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
-    parts: list[Section | None] = [swept, grown]
+    others = sections.tried(tried, _tried(tried, folder), before + 1 + numbered(swept) + numbered(grown))
+    parts: list[Section | None] = [swept, grown, others]
     if cases:
         parts = [
             sections.summary(cases),
@@ -112,6 +121,7 @@ def render(
             sections.attractors(cases),
             swept,
             grown,
+            others,
             sections.designs(cases),
             sections.settings(cases),
         ]
@@ -129,7 +139,7 @@ def render(
     return environment.get_template("page.html.j2").render(
         title=TITLE,
         subtitle=SUBTITLE,
-        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED,
+        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else TRIED,
         sections=[part for part in parts if part is not None],
         version=VERSION,
     )
@@ -187,6 +197,20 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
             alt = f"{group[0].run.case.title}, cycles along {parameter}"
             found.append((group, _drawn(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
     return found
+
+
+def _tried(runs: Sequence[Tried], folder: Path) -> dict[str, Picture]:
+    """Outputs over time of every case under another controller."""
+    from icmj.report.trial import trial_figure
+
+    cases: dict[str, list[Tried]] = {}
+    for run in runs:
+        cases.setdefault(run.run.case.name, []).append(run)
+    with style.applied():
+        return {
+            name: _drawn(trial_figure(same), folder, f"{name}_trial", f"{same[0].run.case.title}, over time")
+            for name, same in cases.items()
+        }
 
 
 def _drawn(figure: Figure, folder: Path, name: str, alt: str) -> Picture:

@@ -61,6 +61,8 @@ class Control(TomlTable):
     ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
     """
 
+    kind: Literal["intermittent"] = "intermittent"
+    """Which controller: this one, ``"switching"``, or the ``module:name`` of one of one's own."""
     hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
     """What drives the plant between events: the assumed closed loop (system-matched), the last control (zero-order), or
     A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the design."""

@@ -127,6 +127,8 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         pattern = context["pattern"]
         what = "holds control characters" if r"\x00" in pattern else f"does not match the pattern {pattern}"
         return f"{what}, got {short(got)}"
+    if kind == "controller_kind":
+        return str(error["msg"])
     if kind == "value_error":
         return str(context.get("error", error["msg"]))
     if kind in ("union_tag_not_found", "union_tag_invalid"):
@@ -154,10 +156,10 @@ def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
 
 
 def _tables(schema: type[BaseModel]) -> dict[str, list[str]]:
-    tables = {}
+    tables: dict[str, list[str]] = {}
     for name, field in schema.model_fields.items():
         for model in _members(field.annotation):
-            tables[name] = list(getattr(model, "model_fields", {}))
+            tables.setdefault(name, []).extend(getattr(model, "model_fields", {}))
     return tables
 
 
@@ -217,5 +219,7 @@ def _element(annotation: Any) -> Any:
 
 
 def _tag(model: Any) -> str | None:
+    if (own := getattr(model, "tag", None)) is not None:
+        return str(own)
     field = getattr(model, "model_fields", {}).get("kind")
     return str(get_args(field.annotation)[0]) if field is not None and get_args(field.annotation) else None

@@ -17,6 +17,7 @@ from icmj.errors import RunFileError
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.keys import put
+from icmj.runfile.law_tables import AnyController, OwnController, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
@@ -74,8 +75,8 @@ class RunFile(TomlTable):
     """The actual plant, as differences from the assumed one."""
     design: Weights = Weights()
     """Weights of the linear-quadratic design."""
-    controller: Control
-    """Hold and event rule."""
+    controller: AnyController
+    """The controller: hold and event rule of the intermittent one, or another one by its ``kind``."""
     analysis: Analysis = Analysis()
     """Range of the analysis."""
     simulation: SimulationTable = SimulationTable()
@@ -135,7 +136,10 @@ class RunFile(TomlTable):
         for table in (data["assumed"], data["actual"]):
             if "model" in table:
                 table["model"] = Path(table["model"]).name
-        rule = self.controller.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.controller.A_h else set()))
+        if isinstance(self.controller, Control):
+            rule = self.controller.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.controller.A_h else set()))
+        else:
+            rule = self.controller.model_dump()
         content = json.dumps(data | {"rule": rule}, sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 
@@ -163,6 +167,36 @@ class RunFile(TomlTable):
         if len(self.study.law_q_t) == 1:
             raise ValueError("study.law_q_t needs at least two thresholds to fit a slope")
         return self
+
+    @property
+    def intermittent(self) -> Control:
+        """Hold and event rule.
+
+        Raises:
+            RunFileError: if the controller is another one, of which theory, cycles and thresholds say nothing.
+        """
+        if isinstance(self.controller, Control):
+            return self.controller
+        raise RunFileError(
+            f"{self._path}: the controller is of kind {self.controller.kind!r}, which has no event rule and no "
+            "critical interval; icmj run and icmj study simulate it"
+        )
+
+    @property
+    def tries(self) -> bool:
+        """Whether its controller is not intermittent, so that it is tried and nothing is predicted."""
+        return not isinstance(self.controller, Control)
+
+    @property
+    def rival(self) -> Switching | OwnController:
+        """The controller where it is not intermittent.
+
+        Raises:
+            RunFileError: if it is.
+        """
+        if not isinstance(self.controller, Control):
+            return self.controller
+        raise RunFileError(f"{self._path}: the controller is intermittent")
 
     @property
     def code(self) -> Code:

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount, amounts, count
 from icmj.controller.controller import Controller
-from icmj.controller.trigger.trigger import Kind
 from icmj.plant.push import Push
 from icmj.series.even import step_of
 from icmj.series.pieces import piecewise
@@ -88,7 +87,7 @@ class Simulation(Shown):
     """
 
     plant: Literal["linear", "mujoco"]
-    control: Kind
+    control: str
     t: Array
     x: Array
     y: Array

@@ -42,15 +42,20 @@ def report(
         LogError, ReportError: if a log cannot be read or the page cannot be built.
     """
     from icmj.comparison.comparison import compare, to_json
-    from icmj.log import read_log
+    from icmj.log import read_any
     from icmj.report import build_report
+    from icmj.result.tried import Tried, to_record
 
     tell = progress or (lambda part: None)
-    results, of_case = [], dict[str, list[Path]]()
-    for log in logs:
-        results.append(read_log(log))
-        of_case.setdefault(results[-1].run.case.name, []).append(log)
-        tell(0.2 * len(results) / len(logs))
+    results, tried, of_case = [], list[Tried](), dict[str, list[Path]]()
+    for number, log in enumerate(logs, 1):
+        result = read_any(log)
+        if isinstance(result, Tried):
+            tried.append(result)
+        else:
+            results.append(result)
+            of_case.setdefault(result.run.case.name, []).append(log)
+        tell(0.2 * number / len(logs))
     comparisons = tuple(compare(result) for result in results)
     try:
         ready(out.parent)
@@ -66,9 +71,9 @@ def report(
                 done[news.index] = news.done
                 tell(0.2 + 0.7 * sum(done) / len(tasks))
 
-    build_report(results, out, sweeps=sweeps, branches=branches, draw=draw)
+    build_report(results, out, sweeps=sweeps, branches=branches, tried=tried, draw=draw)
     if summary is not None:
-        records = json.dumps([to_json(c) for c in comparisons], indent=2, allow_nan=False)
+        records = json.dumps([*map(to_json, comparisons), *map(to_record, tried)], indent=2, allow_nan=False)
         try:
             write_text(summary, records + "\n")
         except OSError as error:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.files import clear_leftovers, ready
-from icmj.base.text import one_line
 from icmj.errors import LogError, RunFileError, SimulationError
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
@@ -96,6 +95,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
+    from icmj.study.trial import measured_by
     from icmj.work.provenance import provenance
 
     def report(done: float) -> None:
@@ -138,22 +138,8 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
         statistics=statistics(simulation) if simulation.noisy else None,
-        measures=_measures(run, simulation),
+        measures=measured_by(run, simulation),
     )
-
-
-def _measures(run: RunFile, simulation: Simulation) -> dict[str, float]:
-    """What measures of the user's own say of the run."""
-    found: dict[str, float] = {}
-    for reference in run.study.measures:
-        told = run.code.made(reference, simulation)
-        try:
-            found |= {str(name): float(value) for name, value in dict(told).items()}
-        except (TypeError, ValueError) as error:
-            raise RunFileError(
-                f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
-            ) from error
-    return found
 
 
 def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
@@ -190,6 +176,11 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
     from icmj.case.case import prepare
     from icmj.study.estimate import estimate, refuse_long, startable
 
+    if run.tries:
+        from icmj.case.trial import prepare_trial
+
+        prepare_trial(run)
+        return
     case = prepare(run)
     for plant in plants_of(run):
         startable(case, plant)
@@ -200,8 +191,9 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
     from icmj.log import write_log
+    from icmj.study.trial import try_law
 
-    result = run_case(run, plant, progress)
+    result = (try_law if run.tries else run_case)(run, plant, progress)
     log = folder / f"{run.case.name}.{plant}.rrd"
     write_log(result, log)
     return log

@@ -115,8 +115,8 @@ def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
     So it has the same bits whichever points were computed before it.
     """
     base, reference = plan.file.base, run
-    if run.controller.rule == base.controller.rule == "quadratic":
-        reference = run.with_(**{"controller.q_t": base.controller.q_t})
+    if run.intermittent.rule == base.intermittent.rule == "quadratic":
+        reference = run.with_(**{"controller.q_t": base.intermittent.q_t})
     tables = {"assumed", "actual", "design", "controller", "analysis"}
     key = json.dumps(reference.model_dump(include=tables), sort_keys=True, default=str)
     if bench.case is None or bench.key != key:

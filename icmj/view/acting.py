@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 
 
-def acting(result: Result) -> list[int]:
+def acting(result: Result | Tried) -> list[int]:
     """Indices of the inputs where ``applied`` is not ``u``; a difference by rounding is none."""
     simulation = result.simulation
     if not simulation.applied.size:

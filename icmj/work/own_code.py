@@ -17,12 +17,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
+from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, RunFileError
 
 REFERENCE = r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$"
 """What names code: a module, a colon, and a name in it."""
 _ORIGIN = "__icmj_module__"  # of a module from a folder: its name there
+
+Fact = bool | int | float | str | Array | None
+"""A parameter as a log keeps it."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +129,14 @@ def accepted(make: Callable[..., Any], parameters: Mapping[str, Any]) -> dict[st
     except (TypeError, ValueError):
         return {}
     return {name: value for name, value in parameters.items() if name in known}
+
+
+def plain(value: Any) -> Fact:
+    """A parameter as a log has a place for it: numbers, text, arrays of numbers; else its text."""
+    if isinstance(value, bool | int | float | str) or value is None:
+        return value
+    array = np.asarray(value)
+    return array.astype(float) if array.dtype.kind in "fiub" else str(value)
 
 
 def _words(error: BaseException) -> str:

@@ -11,12 +11,10 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.trigger import EventRule, Trigger
-from icmj.work.own_code import digest_of, reference_of
+from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 if TYPE_CHECKING:
     from icmj.controller.design import Design
-
-Fact = bool | int | float | str | Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +71,6 @@ def recorded(rule: Trigger, design: Design) -> Trigger:
         float(rule.delta_min),
         reference_of(rule),
         digest_of(rule),
-        {name: _plain(value) for name, value in parameters.items()},
-        {name: _plain(value) for name, value in rule.facts().items() if name != "delta_min"},
+        {name: plain(value) for name, value in parameters.items()},
+        {name: plain(value) for name, value in rule.facts().items() if name != "delta_min"},
     )
-
-
-def _plain(value: Any) -> Fact:
-    """A value that a log has a place for: numbers, text, arrays of numbers; else its text."""
-    if isinstance(value, bool | int | float | str) or value is None:
-        return value
-    array = np.asarray(value)
-    return array.astype(float) if array.dtype.kind in "fiub" else str(value)

@@ -10,6 +10,7 @@ from icmj.report.sections.settings import rule_fact, settings
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
 from icmj.report.sections.sweeps import sweeps
+from icmj.report.sections.tried import tried
 
 __all__ = [
     "DrawnPanel",
@@ -30,4 +31,5 @@ __all__ = [
     "statements",
     "summary",
     "sweeps",
+    "tried",
 ]

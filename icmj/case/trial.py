@@ -1,0 +1,82 @@
+"""A controller that is not intermittent on the two plants of a run file: made, and simulated.
+
+There is no critical interval and no event rule; what there is to know comes from its runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from icmj.base.environment import single_threaded
+from icmj.case.case import PlantKind, check_names, delay_of, simulate_plant
+from icmj.case.doubts import doubts, slow_noise
+from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
+from icmj.controller.law import Law
+from icmj.engine.plant import MujocoPlant
+from icmj.errors import IcmjError, SimulationError
+from icmj.plant.notice import Notice, permitted
+from icmj.runfile.schema import RunFile
+from icmj.simulation.settings import Settings
+from icmj.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A run file whose controller is not intermittent, made real.
+
+    Attributes:
+        run: the run file.
+        assumed, actual: plants, as of :class:`icmj.case.case.Case`.
+        law: the controller, made for the assumed plant.
+        settings: of its runs.
+        notices: what there is to tell of its plants and settings.
+    """
+
+    run: RunFile
+    assumed: AnyPlant
+    actual: AnyPlant
+    law: Law
+    settings: Settings
+    notices: tuple[Notice, ...] = ()
+
+
+@single_threaded()
+def prepare_trial(run: RunFile) -> Trial:
+    """Load and linearise both plants, and make the controller.
+
+    Raises:
+        RunFileError: if the run file's controller is intermittent, or it asks for what its models do not have.
+        ModelError, AnalysisError: if a plant or the controller fails.
+    """
+    table = run.rival
+    assumed = assumed_plant(run)
+    actual = actual_plant(run, assumed)
+    check_names(run, assumed.linearisation.plant, actual)
+    told = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
+    try:
+        law = table.law(assumed.linearisation.plant, delay_of(run).t_d, run.code)
+    except IcmjError as error:
+        raise type(error)(f"{run.path}: {error}") from error
+    settings = run.simulation.settings()
+    return Trial(run, assumed, actual, law, settings, (*told, *slow_noise(settings)))
+
+
+def simulate_trial(
+    trial: Trial, plant: PlantKind = "mujoco", *, progress: Callable[[float], None] | None = None
+) -> Simulation:
+    """Simulate it on the linear plant or on the engine.
+
+    Raises:
+        SimulationError: if the simulation cannot be started.
+    """
+    if plant == "linear":
+        there: AnyPlant | object = linear_plant(trial.actual, trial.settings)
+    elif isinstance(trial.actual, MujocoPlant):
+        there = trial.actual
+    else:
+        raise SimulationError(
+            f"{trial.run.path}: the actual plant is given by matrices, which MuJoCo does not simulate; take the linear "
+            "plant (--plant linear)"
+        )
+    return simulate_plant(there, trial.law, trial.settings, progress=progress, match="position")  # type: ignore[arg-type]

@@ -1,0 +1,40 @@
+"""What ``icmj run`` does under a controller that is not intermittent."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from icmj.base.signals import heard_once
+from icmj.cli.working import Working
+
+if TYPE_CHECKING:
+    from icmj.cli.arguments import Run
+    from icmj.cli.terminal import Terminal
+    from icmj.runfile.schema import RunFile
+
+
+def carry_out(command: Run, run: RunFile, out: Terminal, err: Terminal) -> None:
+    """Simulate the run, write its log and say what it did."""
+    from icmj.case.trial import prepare_trial
+    from icmj.log import write_log
+    from icmj.study.study import open_folder, plants_of
+    from icmj.study.trial import try_law
+
+    plant = command.plant or plants_of(run)[-1]
+    with Working(run.case.name, err) as working:
+        trial = prepare_trial(run)
+        log = command.out / f"{run.case.name}.{plant}.rrd"
+        open_folder(command.out, log.name)
+        with heard_once() as heard:
+            result = try_law(trial, plant, lambda done: working.tell(run.case.name, done))
+            working.tell("writing the log", 0.95)
+            with heard.postponed():
+                write_log(result, log)
+    for notice in result.notices:
+        out.say(f"note: {notice}", style="yellow")
+    out.say(result.words)
+    for name, value in result.measures.items():
+        out.say(f"{name}: {value:.6g}")
+    out.say(f"log  {log}")
+    if result.simulation.outcome.kind == "interrupted":
+        raise KeyboardInterrupt

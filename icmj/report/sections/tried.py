@@ -1,0 +1,72 @@
+"""Runs under controllers that are not intermittent: how they moved, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from icmj.report import numbers
+from icmj.report.sections.section import Picture, Section
+from icmj.report.style import NAME
+from icmj.result.tried import Tried
+from icmj.view.quantity import quantities
+
+
+def tried(runs: Sequence[Tried], pictures: Mapping[str, Picture], first_number: int) -> Section | None:
+    """A table of the runs, and a figure of each case, or ``None`` where there are none.
+
+    Args:
+        runs: of any case, on any plant.
+        pictures: outputs over time, by case.
+        first_number: number of the first figure.
+    """
+    cases: dict[str, list[Tried]] = {}
+    for run in runs:
+        cases.setdefault(run.run.case.name, []).append(run)
+    items = [
+        {
+            "title": same[0].run.case.title,
+            "number": number,
+            "picture": pictures[name],
+            "facts": _facts(same[0]),
+            "outputs": _outputs(same[0]),
+            "rows": [_row(run) for run in same],
+            "notices": list(dict.fromkeys(notice for run in same for notice in run.notices)),
+        }
+        for number, (name, same) in enumerate(cases.items(), first_number)
+    ]
+    return Section("tried", "Other controllers", "tried.html.j2", {"items": items}) if items else None
+
+
+def _facts(run: Tried) -> list[tuple[str, str]]:
+    return [(key.replace("_", " "), numbers.setting(_shown(value))) for key, value in run.law.facts().items()]
+
+
+def _outputs(run: Tried) -> list[str]:
+    return [
+        shown.label(name).replace("deg", "°")
+        for name, shown in zip(run.actual.outputs, quantities(run.actual), strict=True)
+    ]
+
+
+def _row(run: Tried) -> dict[str, Any]:
+    """RMS of every output over the second half of the run, weighted by time, and how it went."""
+    simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
+    late = simulation.t >= simulation.t[-1] / 2
+    t, y = simulation.t[late], simulation.y[late]
+    length = float(t[-1] - t[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
+    return {
+        "plant": NAME[simulation.plant],
+        "kind": run.law.kind,
+        "end": simulation.outcome.message,
+        "switches": len(simulation.events),
+        "rms": [numbers.number(float(value), 3) for value in rms * scale],
+    }
+
+
+def _shown(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,77 @@
+"""Everything one log of a controller that is not intermittent holds: the case, the controller, the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from icmj.base.card import Card, Shown
+from icmj.base.plain import plain
+from icmj.controller.law import Law
+from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.schema import RunFile
+from icmj.series.series import Series
+from icmj.simulation.scene import Scene
+from icmj.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tried(Shown):
+    """One simulated run under a controller that is not intermittent.
+
+    Attributes:
+        run: the run file, with its text.
+        assumed, actual: linearised plants.
+        law: the controller.
+        simulation: its run; the events are its switches.
+        scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
+        provenance: versions, git state, platform, date.
+        notices: what to tell of plants and run, each once.
+        measures: numbers by name that measures of one's own gave.
+    """
+
+    run: RunFile
+    assumed: LinearPlant
+    actual: LinearPlant
+    law: Law
+    simulation: Simulation
+    scene: Scene | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
+    measures: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """What the run did, in a sentence."""
+        count = len(self.simulation.events)
+        switched = f"; it switched {count} times" if count else ""
+        return f"Under {self.law.kind} control the run {self.simulation.outcome.message}{switched}."
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        case, run = self.run.case, self.simulation.card()
+        return Card(f"{case.name}, {run.line}", (("case", f"{case.name}: {case.title}"), *run.rows), self.words)
+
+    def events_to_series(self) -> Series:
+        """One row for each switch; see :meth:`icmj.Simulation.events_to_series`."""
+        return self.simulation.events_to_series()
+
+    def to_series(self, rate: float | None = None) -> Series:
+        """Every signal of the run; see :meth:`icmj.Simulation.to_series`."""
+        return self.simulation.to_series(rate)
+
+
+def to_record(tried: Tried) -> dict[str, Any]:
+    """A record of ``summary.json``: plain numbers, lists and text."""
+    return {
+        "case": tried.run.case.name,
+        "plant": tried.simulation.plant,
+        "control": tried.law.kind,
+        "controller": plain(dict(tried.law.facts())),
+        "outcome": tried.simulation.outcome.kind,
+        "switches": len(tried.simulation.events),
+        "words": tried.words,
+        "notices": list(tried.notices),
+        "measures": plain(dict(tried.measures)),
+    }

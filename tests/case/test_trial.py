@@ -1,0 +1,205 @@
+"""Controllers that are not intermittent: from the run file through the command line to log, report and replay."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from icmj.case.case import prepare
+from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.cli.main import main
+from icmj.controller.law import RecordedLaw
+from icmj.errors import IcmjError, LogError, RunFileError
+from icmj.log.reader import read_log, read_summary, read_trial
+from icmj.log.writer import write_log
+from icmj.runfile.reading import load_run, parse_run
+from icmj.study.trial import try_law
+
+PERSON = """
+<mujoco model="person">
+  <option timestep="0.002" gravity="0 0 -9.81"/>
+  <worldbody>
+    <body name="body">
+      <joint name="ankle" type="hinge" axis="0 1 0" stiffness="470.88" damping="4"/>
+      <inertial pos="0 0 1" mass="60" diaginertia="1e-3 1e-3 1e-3"/>
+      <geom type="capsule" fromto="0 0 0.1 0 0 1.6" size="0.1" mass="0" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="torque" joint="ankle"/></actuator>
+  <sensor>
+    <jointpos name="angle" joint="ankle"/>
+    <jointvel name="speed" joint="ankle"/>
+  </sensor>
+  <keyframe><key name="upright" qpos="0"/></keyframe>
+</mujoco>
+"""
+RUN = """
+[case]
+name = "asai"
+title = "Switched feedback"
+[assumed]
+model = "person.xml"
+keyframe = "upright"
+delay = 0.2
+[controller]
+kind = "switching"
+position = "angle"
+rate = "speed"
+P = 147.15
+D = 10.0
+slope = -0.4
+dead_zone = 0.004
+[simulation]
+duration = 12.0
+initial = { ankle = 0.02 }
+"""
+OWN = '''
+from dataclasses import dataclass
+import numpy as np
+from icmj import Law, LinearPlant, Mode, Realisation
+from icmj.controller.layout import Layout
+
+@dataclass(frozen=True, eq=False)
+class Proportional(Law):
+    """u = -P y(t - delay), and an integrator of it."""
+    assumed: LinearPlant
+    delay: float
+    P: float
+    I: float = 0.0
+
+    @property
+    def plant(self):
+        return self.assumed
+
+    kind = "proportional"
+
+    def facts(self):
+        return {"P": self.P, "I": self.I}
+
+    @property
+    def realisation(self):
+        n_u, n_y = self.assumed.n_u, self.assumed.n_y
+        N = np.zeros((1, n_y)); N[0, 0] = 1.0
+        S = np.zeros((n_u, n_y)); S[:, 0] = self.P; S[:, 1] = 0.35 * self.P
+        mode = Mode("on", np.zeros((1, 1)), N, np.full((n_u, 1), self.I), S)
+        same, nowhere = np.eye(1), np.zeros((0, 1))
+        return Realisation(Layout.of(sum=1), (mode,), same, same, nowhere, np.zeros(1, dtype=int), taps=(self.delay,))
+
+def nothing(assumed):
+    return 3
+'''
+
+
+@pytest.fixture
+def run_path(tmp_path: Path) -> Path:
+    (tmp_path / "person.xml").write_text(PERSON, encoding="utf-8")
+    path = tmp_path / "asai.toml"
+    path.write_text(RUN, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, plant: str) -> None:
+    result = try_law(load_run(run_path), plant)  # type: ignore[arg-type]
+    assert result.law.kind == "switching"
+    assert len(result.simulation.events) > 3
+    assert set(result.simulation.mode) == {0, 1}
+    log = run_path.with_suffix(".rrd")
+    write_log(result, log)
+    back = read_trial(log)
+    for name in ("t", "x", "y", "u", "mode"):
+        assert getattr(back.simulation, name).tobytes() == getattr(result.simulation, name).tobytes()
+    assert back.law.facts() | {"P": 0, "D": 0} == result.law.facts() | {"P": 0, "D": 0}
+    assert read_summary(log)["controller"]["delay"] == 0.2
+    with pytest.raises(LogError, match="read_trial reads it"):
+        read_log(log)
+
+
+def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = run_path.parent / "out"
+    assert main(["study", str(run_path), "--out", str(out), "--jobs", "2"]) == 0
+    records = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert [(row["case"], row["plant"], row["control"]) for row in records] == [
+        ("asai", "linear", "switching"),
+        ("asai", "mujoco", "switching"),
+    ]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Other controllers" in page
+    assert "Switched feedback" in page
+    assert main(["run", str(run_path), "--out", str(out), "--plant", "linear"]) == 0
+    said = capsys.readouterr().out
+    assert "Under switching control the run" in said
+    log = out / "asai.linear.rrd"
+    assert main(["report", str(log), "--out", str(out / "one.html")]) == 0
+    assert main(["export", str(log)]) == 0
+    assert main(["measure", str(log), "--since", "2"]) == 0
+
+
+@pytest.mark.parametrize("command", ["analyse", "cycle"])
+def test_what_makes_no_sense_is_one_line(run_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, str(run_path)]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1
+    assert "the controller is of kind 'switching', which has no event rule and no critical interval" in said[0]
+
+
+def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
+    with pytest.raises(RunFileError, match="the controller is intermittent"):
+        prepare_trial(load_run(root / "runs" / "simple-0.8.toml"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"controller.P": None}, "controller.P: is required"),
+        ({"controller.kind": "switched"}, "kind must be 'intermittent', 'switching' or the module:name"),
+        ({"controller.q_t": 0.1}, "controller.q_t"),
+        ({"controller.position": "knee"}, "the plant's outputs are angle, speed"),
+        ({"assumed.delay": None}, "the delay of the switching controller must be positive"),
+        ({"controller.dead_zone": -1.0}, "controller.dead_zone"),
+    ],
+)
+def test_what_is_wrong_is_said(run_path: Path, change: dict, words: str) -> None:
+    def attempt() -> None:
+        prepare_trial(load_run(run_path).with_(**change))
+
+    with pytest.raises(IcmjError, match=words) as told:
+        attempt()
+    assert "\n" not in str(told.value)
+
+
+def test_a_controller_of_ones_own(run_path: Path) -> None:
+    (run_path.parent / "mine.py").write_text(OWN, encoding="utf-8")
+    text = RUN.split("[controller]")[0] + (
+        '[controller]\nkind = "mine:Proportional"\nparameters = { P = 350.0, I = 20.0 }\n[simulation]\nduration = 4.0\n'
+        "initial = { ankle = 0.02 }\n"
+    )
+    path = run_path.with_name("mine.toml")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RunFileError, match="not run unasked"):
+        prepare_trial(load_run(path))
+    result = try_law(load_run(path, allow_code=True), "linear")
+    log = path.with_suffix(".rrd")
+    write_log(result, log)
+    (path.parent / "mine.py").unlink()
+    law = read_trial(log).law
+    assert isinstance(law, RecordedLaw)
+    assert (law.reference, law.kind, law.parameters["P"]) == ("mine:Proportional", "proportional", 350.0)
+    # the numbers that are kept move as the code did
+    trial = prepare_trial(load_run(run_path))
+    again = simulate_trial(replace(trial, law=law, settings=load_run(path).simulation.settings()), "linear")
+    np.testing.assert_array_equal(again.x, result.simulation.x)
+    with pytest.raises(RunFileError, match="has no event rule"):
+        prepare(load_run(path))
+
+
+def test_what_is_no_controller_is_told(run_path: Path) -> None:
+    (run_path.parent / "mine.py").write_text(OWN, encoding="utf-8")
+    run = parse_run(RUN.split("[controller]")[0] + '[controller]\nkind = "mine:nothing"\n', run_path)
+    run._allows_code = True
+    with pytest.raises(RunFileError, match=r"makes a int; expected an icmj\.Law"):
+        prepare_trial(run)
