@@ -14,40 +14,49 @@ from icmj.simulation.simulation import Simulation
 SHAPES = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")  # what the replay can draw; others are left out
 
 
-def scene(plant: MujocoPlant, simulation: Simulation, magnification: float = 10.0) -> Scene:
-    """Poses of ``plant``'s bodies at every sample of ``simulation``.
+def scene(
+    plant: MujocoPlant, simulation: Simulation, magnification: float = 10.0, rows: np.ndarray | None = None
+) -> Scene:
+    """Poses of ``plant``'s bodies at every sample of ``simulation``, or at some.
 
     A MuJoCo simulation carries its positions; for a linear one they are the operating point moved by the
     position states. In the magnified figure every departure from the operating point, in the tangent space of the
     positions, is ``magnification`` times as large.
 
+    Args:
+        plant: the plant.
+        simulation: a run of it.
+        magnification: of the second figure's sway.
+        rows: indices of the samples, such as :func:`icmj.simulation.scene.frames` gives; all if ``None``.
+
     Raises:
         ModelError: if the simulation is not of this plant.
     """
     model = plant.model
-    nv = model.nv
+    nv, shown = model.nv, np.arange(len(simulation.t)) if rows is None else rows
     if simulation.qpos.size:
         if simulation.qpos.shape != (len(simulation.t), model.nq):
             raise ModelError(
                 f"{plant.path}: the simulation's positions have shape {simulation.qpos.shape}; "
                 f"this model needs {(len(simulation.t), model.nq)}"
             )
-        departure = departures(plant, simulation.qpos)
+        departure = departures(plant, simulation.qpos[shown])
     else:
         ports = plant.linearisation.ports
         if simulation.x.shape[1] != len(ports.states):
             raise ModelError(
                 f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the plant {len(ports.states)}"
             )
-        departure = ports.whole(simulation.x)[:, :nv]
-    return scene_of(plant, departure, magnification)
+        departure = ports.whole(simulation.x[shown])[:, :nv]
+    return scene_of(plant, simulation.t[shown], departure, magnification)
 
 
-def scene_of(plant: MujocoPlant, departure: Array, magnification: float = 10.0) -> Scene:
-    """Poses at departures of the positions from the operating point, in their tangent space, shape (N, nv)."""
+def scene_of(plant: MujocoPlant, t: Array, departure: Array, magnification: float = 10.0) -> Scene:
+    """Poses at departures of the positions from the operating point, in their tangent space, shapes (N,), (N, nv)."""
     model, qpos_0 = plant.model, plant.linearisation.point.qpos
     xpos, xquat, com = _poses(model, qpos_0, departure)
     return Scene(
+        t,
         tuple(model.body(i).name or f"body{i}" for i in range(model.nbody)),
         _geoms(model),
         xpos,

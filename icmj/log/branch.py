@@ -100,7 +100,7 @@ def _write(branch: Branch, sink: Path) -> None:
     _series(recording, "along/multiplier", t, np.column_stack([branch.largest[at], 1 + 0 * at]), ("largest |μ|", "1"))
     _diagram(recording, branch, t, at)
     if scene is not None:
-        write_figures(recording, scene, t)
+        write_figures(recording, scene)
     recording.flush(timeout_sec=60.0)
     recording.disconnect()
 
@@ -128,7 +128,7 @@ def _laid(branch: Branch) -> tuple[Scene | None, Array, dict[str, Array]]:
     if plant is not None:
         from icmj.engine.pose import scene_of
 
-        scene = scene_of(plant, np.concatenate(position), branch.run.study.magnification)
+        scene = scene_of(plant, t, np.concatenate(position), branch.run.study.magnification)
     return scene, t, {name: np.concatenate(values) for name, values in parts.items()}
 
 

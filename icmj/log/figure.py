@@ -6,28 +6,20 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.columns import time_column
-from icmj.simulation.scene import Geom, Scene
+from icmj.simulation.scene import Geom, Scene, frames
 
 ROOT = "scene"
 FLOOR_COLOUR = (150, 156, 164, 255)
-FRAME = 0.02  # s between two poses: a screen shows no more
 
 
-def frames(t: Array) -> NDArray[np.intp]:
-    """Indices of the rows to show as frames, one in every ``FRAME`` seconds, and the last."""
-    picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
-    return np.union1d(picked, len(t) - 1)
-
-
-def write_figures(recording: rr.RecordingStream, scene: Scene, t: Array) -> None:
-    """Write both figures with centre of mass and its path; ``t`` holds the times of the poses [s], shape (N,)."""
-    shown = frames(t)
-    time = time_column(t[shown])
+def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
+    """Write both figures with centre of mass and its path."""
+    shown = frames(scene.t)
+    time = time_column(scene.t[shown])
     apart = 0.36 * height(scene)
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)

@@ -12,8 +12,8 @@ import rerun as rr
 from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.columns import time_column
-from icmj.log.figure import frames
 from icmj.result.result import Result
+from icmj.simulation.scene import frames
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import output_rate
 from icmj.view.quantity import in_brackets, shared_unit

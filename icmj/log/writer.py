@@ -97,7 +97,7 @@ def _write(result: Result | Tried, tree: str, arrays: archive.Flat, sink: Path) 
         write_phase_plane(recording, result)
         write_charts(recording, result)
     if result.scene is not None:
-        write_figures(recording, result.scene, result.simulation.t)
+        write_figures(recording, result.scene)
     recording.flush(timeout_sec=60.0)
     recording.disconnect()
 

@@ -1,10 +1,14 @@
-"""The moving body for the eye: its geoms and where they are at every row of a run."""
+"""The moving body for the eye: its geoms and where they are over a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from icmj.base.array import Array
+
+FRAME = 0.02  # s between two poses: a screen shows no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,7 @@ class Scene:
     """The moving body in world coordinates, for the 3D replay.
 
     Attributes:
+        t: times of the poses [s], shape (N,).
         bodies: names, length nb (body 0 is the world).
         geoms: visual geoms.
         xpos, xquat: body positions [m] and orientations (wxyz), shapes (N, nb, 3), (N, nb, 4).
@@ -33,6 +38,7 @@ class Scene:
         magnification: the factor.
     """
 
+    t: Array
     bodies: tuple[str, ...]
     geoms: tuple[Geom, ...]
     xpos: Array
@@ -42,3 +48,9 @@ class Scene:
     magnified_xquat: Array
     magnified_com: Array
     magnification: float
+
+
+def frames(t: Array) -> np.ndarray:
+    """Indices of the rows to show as frames, one in every :data:`FRAME` seconds, and the last."""
+    picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
+    return np.union1d(picked, len(t) - 1)

@@ -95,6 +95,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
+    from icmj.simulation.scene import frames
     from icmj.study.trial import measured_by
     from icmj.work.provenance import provenance
 
@@ -134,7 +135,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         growth=growth,
         law=law,
         attractors=found,
-        scene=scene(case.model, simulation, run.study.magnification) if run.on_engine else None,
+        scene=scene(case.model, simulation, run.study.magnification, frames(simulation.t)) if run.on_engine else None,
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
         statistics=statistics(simulation) if simulation.noisy else None,

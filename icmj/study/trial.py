@@ -27,18 +27,21 @@ def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], 
     from icmj.engine.pose import scene
     from icmj.result.tried import Tried
     from icmj.simulation.remarks import remarks
+    from icmj.simulation.scene import frames
     from icmj.work.provenance import provenance
 
     trial = run if isinstance(run, Trial) else prepare_trial(run)
     simulation = simulate_trial(trial, plant, progress=None if progress is None else lambda done: progress(0.9 * done))
-    run, actual = trial.run, trial.actual
+    run, actual, shown = trial.run, trial.actual, None
+    if isinstance(actual, MujocoPlant):
+        shown = scene(actual, simulation, run.study.magnification, frames(simulation.t))
     return Tried(
         run=run,
         assumed=trial.assumed.linearisation.plant,
         actual=actual.linearisation.plant,
         law=trial.law,
         simulation=simulation,
-        scene=scene(actual, simulation, run.study.magnification) if isinstance(actual, MujocoPlant) else None,
+        scene=shown,
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*trial.notices, *remarks(simulation))),
         measures=measured_by(run, simulation),

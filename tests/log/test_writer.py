@@ -22,10 +22,10 @@ from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log import read_log, read_summary, write_log
-from icmj.log.figure import FRAME, eye
+from icmj.log.figure import eye
 from icmj.measurement.measurement import measure
 from icmj.result.result import Result
-from icmj.simulation.scene import Geom
+from icmj.simulation.scene import FRAME, Geom
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events
 from icmj.theory.error_system import error_system
