@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 _DEGREE = 7  # of the splines
 _LEAST = 8  # steps of a stretch, or looks at the outputs within a step, as many as such a spline takes
+_SWING = 3.0  # rad of a sinusoid that the polynomial of a stretch takes in: to 1e-11 of it
 _SHORT = 1e-6  # s; what stretches of that length do is straight
 
 
@@ -88,19 +89,24 @@ class TappedLoop(ComposedLoop):
 
     controller: Law  # type: ignore[assignment]
 
+    @property
+    def noise(self) -> float:
+        """The fastest sinusoid that acts on it [rad/s]."""
+        acting = self.disturbance, self.errors, self.pushes.size
+        return max(float(terms.omega.max(initial=0.0)) for terms in acting)
+
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
         """The times of a run with these settings; see :meth:`icmj.engine.closed_loop.ComposedLoop.schedule`."""
         acting = self.disturbance, self.errors, self.pushes.size
         edges = np.unique(np.concatenate([terms.edges for terms in acting]))
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
-        noise = max(terms.omega.max(initial=0.0) for terms in acting)
         # what errs comes back through the taps
         tolerance = max(tolerance / 10, LEAST_TOLERANCE) if tolerance else 0.0
         return Schedule(
             timestep=timestep, tolerance=tolerance, t_end=settings.duration, delta_min=0.0, clock=np.inf, delay=0.0,
             edges=edges, phases=phases_of(edges), record_interval=settings.record_interval,
-            limits=self.plant.limits(settings.limit), rate=max(own, float(noise)), stiff=is_stiff(plant, own),
+            limits=self.plant.limits(settings.limit), rate=max(own, self.noise), stiff=is_stiff(plant, own),
         )  # fmt: skip
 
     def outcome(
@@ -177,7 +183,8 @@ class _Run:
         realisation = loop.controller.realisation
         self.loop, self.data, self.schedule = loop, data, schedule
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
-        self.taps: Taps = taps_of(realisation, 2 * max(schedule.rate, 1 / realisation.taps[0]), exact=False)
+        own = 2 * max(fastest_rate(loop.plant.linearisation.plant, loop.controller), 1 / realisation.taps[0])
+        self.taps: Taps = taps_of(realisation, max(own, loop.noise / _SWING), exact=False)
         mujoco.mj_forward(loop.model, data)
         here = np.concatenate([[data.time], data.qpos, data.qvel, data.act, data.sensordata])
         y = loop.y(data.sensordata)
@@ -263,8 +270,9 @@ class _Run:
         gap = 0.05 * 2 * half / (len(times) - 1)
         ahead, behind = times[1:-1] - times[:-2], times[-1] - times[1:-1]
         inside = np.flatnonzero((ahead > gap) & (behind > gap) & (2 * half > _SHORT)) + 1
-        kept = np.r_[0, inside, len(times) - 1]
-        spline = make_interp_spline(times[kept] - times[0], y[kept], min(_DEGREE, len(kept) - 1))
+        kept = np.concatenate([[0], inside, [len(times) - 1]])
+        degree = min(_DEGREE, len(kept) - 1)
+        spline = make_interp_spline(times[kept] - times[0], y[kept], degree, check_finite=False)
         return np.ascontiguousarray(spline(nodes) + self.loop.errors(times[0] + nodes))
 
     def _keep(self, rows: Array, u: Array, mode: np.ndarray) -> None:

@@ -17,12 +17,14 @@ from tapped_cases import (
     MGH,
     STIFFNESS,
     SWITCHING,
+    Tapped,
     person,
     pid,
     two_taps,
 )
 
 import icmj
+from icmj.controller.realisation import Guard, Mode
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
@@ -145,6 +147,17 @@ def test_adapted_steps_keep_their_tolerance(law, tolerance: float) -> None:
     assert run.precision["output_error"] < tolerance
 
 
+@pytest.mark.parametrize("steps", [{"timestep": 5e-4, "integrator": "RK4"}, {"tolerance": 1e-9}])
+def test_fast_noise_of_torque_and_readings(steps) -> None:
+    """Up to 40 Hz: polynomials of a stretch take in three radians of that."""
+    fast = (Noise("ankle", 3.0, corner=2.0, seed=5), Noise(output="omega", size=5e-3, corner=2.0, seed=6))
+    settings = Settings(duration=1.5, record_interval=0.05, disturbance=fast, **steps)
+    law = replace(SWITCHING, dead_zone=0.04)
+    run, oracle = simulate(person(), law, settings, x0=START), swinging(law, START, settings).run(1.5)
+    assert apart(run, oracle) < 1e-9
+    assert run.events.t == pytest.approx(oracle.switches, abs=1e-8)
+
+
 def test_rows_events_and_extremes() -> None:
     for steps in ({"timestep": 2e-3}, {"tolerance": 1e-9}):
         run = simulate(person(), SWITCHING, Settings(duration=6.0, record_interval=0.01, **steps), x0=0.1 * START)
@@ -220,3 +233,40 @@ def test_delay_of_the_first_command() -> None:
     early = run.t <= DELAY
     expected = -CONTINUOUS.realisation.modes[0].S @ START
     assert run.u[early] == pytest.approx(np.tile(expected, (early.sum(), 1)), rel=1e-12)
+
+
+def test_several_inputs_and_two_taps_on_the_three_link_body() -> None:
+    """A state, two modes, a line between readings of two ages: third order in the sway, and second in switching."""
+    from engine_cases import plant
+
+    body, random = plant("three_link"), np.random.default_rng(0)
+    M, N, K, S = -3 * np.eye(3), *(random.standard_normal(shape) for shape in ((3, 6), (3, 3), (3, 6)))
+    modes = Mode("on", M, N, 20 * K, 50 * S), Mode("off", M, 0 * N, 20 * K, 0 * S)
+    line = Guard(np.diag([1.0, 0, 0, -1.0, 0, 0]))
+    law = Tapped(body.linearisation.plant, modes, (0.1, 0.17), (line,), np.array([[0, 1], [0, 1]]))
+    errors, lags = [], []
+    for size in (0.01, 0.005):
+        settings = Settings(duration=0.9, tolerance=1e-12, limit=10.0)
+        start = size * np.array([1, -1, 0.5, 0, 0, 0])
+        run = simulate(body, law, settings, x0=start, error_estimate=False)
+        linear = icmj.simulate_plant(body.linearisation.plant, law, settings, x0=start)
+        errors.append(np.abs(run.x[-1] - linear.x[-1]).max())
+        lags.append(np.abs(run.events.t - linear.events.t).max())
+        assert len(run.events) == len(linear.events) == 1
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.2)
+    assert np.log2(lags[0] / lags[1]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_body_on_a_floor_gets_its_pressure() -> None:
+    """Contacts: fixed steps, whole passes, and the ground's reaction to a command that no observer makes."""
+    from engine_cases import plant
+
+    body = plant("three_link_floor")
+    linear = body.linearisation.plant
+    n_u, n_y = linear.n_u, linear.n_y
+    none = np.zeros((0, 0)), np.zeros((0, n_y)), np.zeros((n_u, 0))
+    law = Tapped(linear, (Mode("on", *none, 10.0 * np.eye(n_u, n_y)),), (0.05,))
+    run = icmj.simulate_plant(body, law, Settings(duration=0.2))
+    assert run.outcome.kind == "completed"
+    assert run.pressure is not None
+    assert np.isfinite(run.pressure.centre).all()
