@@ -92,6 +92,7 @@ from .simulation.interval import OpenLoop as OpenLoop
 from .simulation.interval import OpenLoopInterval as OpenLoopInterval
 from .simulation.pressure import Pressure as Pressure
 from .simulation.settings import Bias as Bias
+from .simulation.settings import Gaussian as Gaussian
 from .simulation.settings import Impulse as Impulse
 from .simulation.settings import Noise as Noise
 from .simulation.settings import Settings as Settings

@@ -1,5 +1,7 @@
 """Plants, controllers and an independent simulator for the tests of the linear part."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -7,7 +9,7 @@ from scipy.linalg import expm
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched, zero_order
-from icmj.controller.trigger import EventTrigger, as_weight
+from icmj.controller.trigger import Continuous, EventTrigger, as_weight
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.simulation_tables import SimulationTable
 from icmj.simulation.settings import Settings
@@ -18,6 +20,23 @@ PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_
 def pendulum_design() -> Design:
     """The recovered design of the paper's second-order systems."""
     return design_lq(PENDULUM, R_c=0.1, R_o=0.01)
+
+
+PLANT = PENDULUM.scaled(0.9)
+
+
+def continuous() -> Controller:
+    """The pendulum's, without events."""
+    return replace(event_controller(pendulum_design()), trigger=Continuous())
+
+
+def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(A, B, C) of plant and observer under continuous control, driven by (d, n)."""
+    d = pendulum_design()
+    P = d.plant
+    A = np.block([[PLANT.A, -PLANT.B @ d.k], [d.L @ PLANT.C, P.A - d.L @ P.C - P.B @ d.k]])
+    B = np.block([[PLANT.B, np.zeros((2, 1))], [np.zeros((2, 1)), d.L]])
+    return A, B, np.hstack([PLANT.C, np.zeros((1, 2))])
 
 
 def neglected(zeta: float) -> LinearPlant:

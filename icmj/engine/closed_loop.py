@@ -297,4 +297,5 @@ def integrator_of(plant: MujocoPlant, settings: Settings) -> int:
 def acting_on(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance, Pushes]:
     """What the settings let act beside commands, on what is read of the outputs, and on the plant itself."""
     names, sources = plant.linearisation.plant, settings.disturbance
+    settings.expect_sinusoids("MuJoCo")
     return disturbance_of(sources, names.inputs), reading_error_of(sources, names.outputs), pushes_of(settings)

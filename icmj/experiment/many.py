@@ -18,7 +18,7 @@ from icmj.errors import SimulationError
 from icmj.measurement.sway import FEWEST, measure_sway
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.simulation.settings import Noise, Settings
+from icmj.simulation.settings import Gaussian, Noise, Settings
 from icmj.simulation.simulation import Simulation
 from icmj.work.workers import Task, Workers
 
@@ -217,7 +217,7 @@ def _reseeded(case: Case, seed: int) -> Case:
     settings = case.settings
     sources = tuple(
         replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
-        if isinstance(of, Noise)
+        if isinstance(of, Noise | Gaussian)
         else of
         for of in settings.disturbance
     )

@@ -146,7 +146,7 @@ def bank(
         changes = {
             f"simulation.disturbance[{j}].seed": int(seeds[i, j])
             for j in range(sources)
-            if unknown.run.simulation.disturbance[j].kind == "noise"
+            if unknown.run.simulation.disturbance[j].kind in ("noise", "gaussian")
         }
         case = unknown.case(float(value), like, **{"simulation.duration": observed.duration, **changes})
         found = None if case is None else _told(case, plant, observed, least, reference, int(seeds[i].sum()) + i)

@@ -18,6 +18,7 @@ from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
+from icmj.simulation.settings import Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,7 @@ class Forcing:
         D: what each signal does to ż, shape (m, S).
         signal: which one a sinusoid belongs to, rising, shape (K,).
         amplitude, omega, phase, start, end: of each; see :class:`icmj.simulation.disturbance.Disturbance`.
+        gaussian: Gaussian noises beside them, each with its signal.
     """
 
     D: Array
@@ -115,11 +117,12 @@ class Forcing:
     phase: Array
     start: Array
     end: Array
+    gaussian: tuple[tuple[int, Gaussian], ...] = ()
 
     @property
     def edges(self) -> Array:
         """Times at which a term begins or ends to act, rising, positive and finite [s]."""
-        times = np.unique(np.concatenate([self.start, self.end]))
+        times = np.unique(np.concatenate([self.start, self.end, [noise.start for _, noise in self.gaussian]]))
         return times[np.isfinite(times) & (times > 0)]
 
 
@@ -137,7 +140,12 @@ def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pus
     effects = np.hstack([loop.composed.D, loop.composed.E, pushed])[: loop.moving]
     first = np.cumsum([0, disturbance.n_u, errors.n_u])
     ports = np.concatenate([at + of.input for at, of in zip(first, acting, strict=True)]).astype(np.int64)
-    used, signal = np.unique(ports, return_inverse=True)
+    drawn = [(at + index, noise) for at, of in zip(first, acting, strict=True) for index, noise in of.gaussian]
+    used = np.unique(np.concatenate([ports, np.array([port for port, _ in drawn], dtype=np.int64)]))
+    signal = np.searchsorted(used, ports)
     terms, order = ("amplitude", "omega", "phase", "start", "end"), np.argsort(signal, kind="stable")
-    joined = (np.concatenate([getattr(of, name) for of in acting])[order] for name in terms)
-    return Forcing(np.ascontiguousarray(effects[:, used]), signal[order], *joined)
+    amplitude, omega, phase, start, end = (
+        np.concatenate([getattr(of, name) for of in acting])[order] for name in terms
+    )
+    gaussian = tuple((int(np.searchsorted(used, port)), noise) for port, noise in drawn)
+    return Forcing(np.ascontiguousarray(effects[:, used]), signal[order], amplitude, omega, phase, start, end, gaussian)

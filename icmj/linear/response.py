@@ -15,6 +15,7 @@ from numpy.polynomial.chebyshev import cheb2poly, chebvander
 from icmj.base.array import Array
 from icmj.linear.loop import Forcing
 from icmj.linear.native.state import Acting, Tables
+from icmj.simulation.gaussian import at_points
 from icmj.simulation.waves import Waves, coefficients, nodes
 
 _STRIDE = 16  # steps
@@ -45,6 +46,19 @@ class Response:
         self._waves = Waves(F.signal, F.amplitude, F.omega, F.phase, signals, _STRIDE * T.step)
         self._to_steps = _interpolation(self._waves.count, T.powers)
 
+    def _add_gaussian(self, f: Array, cell: int, since: float) -> None:
+        """Add the lines of Gaussian noise on the steps from ``cell`` on to their polynomials ``f``, (K, powers, S)."""
+        for signal, noise in self._forcing.gaussian:
+            if noise.start > since:
+                continue
+            steps = round(noise.interval / self._tables.step)
+            place = np.arange(cell, cell + len(f) + 1)
+            first = cell // steps
+            values = at_points(noise, first, (cell + len(f)) // steps + 2)
+            edges = np.interp(place, steps * np.arange(first, first + len(values)), values)
+            f[:, 0, signal] += (edges[1:] + edges[:-1]) / 2
+            f[:, 1, signal] += edges[1:] - edges[:-1]
+
     def _room(self, name: str, *shape: int) -> Array:
         """An array of that shape to write into; new memory would cost as much as what is written."""
         size = int(np.prod(shape))
@@ -72,6 +86,7 @@ class Response:
         f = room("f", count * _STRIDE, T.powers * self._signals)
         by_step = f.reshape(count, _STRIDE, T.powers, self._signals)
         by_step[:] = steps.reshape(_STRIDE, T.powers, count, self._signals).transpose(2, 0, 1, 3)
+        self._add_gaussian(by_step.reshape(len(f), T.powers, -1), first * _STRIDE, since)
         moved = np.matmul(f, T.W[:m, m:].T, out=room("moved", len(f), m))
         known = min((T.coarse + 1) * self._signals, f.shape[1])
         controls = room("controls", len(f), T.controls)

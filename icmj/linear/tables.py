@@ -51,6 +51,9 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
     h = _step(M, fastest)
     if signals:
         h = _round(h)
+    grid = min((noise.interval for _, noise in acting.gaussian), default=np.inf)
+    if np.isfinite(grid):  # straight lines bend where steps end
+        h = grid / np.ceil(grid / h * (1 - 1e-9))
     G, D = M * h, acting.D * h
 
     faces, limited = loop.composed.R[:, :m], np.flatnonzero(np.isfinite(limits))
@@ -59,6 +62,8 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
     outputs[:, loop.composed.layout["x"]] = loop.plant.C
 
     size = sizes(fastest * h) if signals else np.zeros(0)
+    if np.isfinite(grid):
+        size = np.maximum(np.pad(size, (0, max(2 - len(size), 0))), [1.0, 2 * h / grid] + [0.0] * (len(size) - 2))
     middle = shift(len(size), signals, -0.5)
     step = _series(np.vstack([faces, positions, outputs]), G, D, size, _COARSE + 1)
     motion = _series(np.eye(m), G, D, size, 2)

@@ -59,6 +59,7 @@ def simulate_tapped(
 
     realisation = expect_tapped(law, plant)
     x = plant_start(plant, settings, x0)
+    settings.expect_sinusoids("the simulation of such a controller")
     acting = disturbance_of(settings.disturbance, plant.inputs)
     errors = reading_error_of(settings.disturbance, plant.outputs)
     pushes, n, n_u, n_y = pushes_of(settings), plant.n, plant.n_u, plant.n_y

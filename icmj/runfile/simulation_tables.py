@@ -17,7 +17,19 @@ from icmj.runfile.table import (
     Reference,
     TomlTable,
 )
-from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Integrator, Noise, On, Settings, Source, Step
+from icmj.simulation.settings import (
+    GRID,
+    NOISE_TERMS,
+    Bias,
+    Gaussian,
+    Impulse,
+    Integrator,
+    Noise,
+    On,
+    Settings,
+    Source,
+    Step,
+)
 
 Vector = tuple[Finite, Finite, Finite]
 SHORTEST = 1e-6  # s
@@ -123,6 +135,34 @@ class NoiseTable(PlaceTable):
         return Noise(self.input, size, *edge, **self.placed)
 
 
+class GaussianTable(PlaceTable):
+    """Gaussian noise on one input or body, or on one output as the observer reads it; of linear plants.
+
+    White, or a first-order low-pass with its ``corner`` [Hz], exact in law at the points of a grid; see
+    :class:`icmj.simulation.settings.Gaussian`.
+    """
+
+    kind: Literal["gaussian"]
+    """Of the disturbance."""
+    size: Positive | None = None
+    """Standard deviation [unit of the input or output]; of a body times its force and torque, 1 by default."""
+    corner: Positive | None = None
+    """Where a low-pass spectrum has fallen to half [Hz]; white noise by default."""
+    interval: Positive = GRID
+    """Between its values, which straight lines join [s]; of several, whole multiples of the shortest."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    """Of its values."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+    output: str | None = None
+    """The output that it acts on, by name, in place of an input or a body."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        keys = ("input", "output", "corner", "interval", "seed", "start")
+        return Gaussian(size=self.sized(self.size), **{key: getattr(self, key) for key in keys}, **self.placed)
+
+
 class BiasTable(TomlTable):
     """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
 
@@ -140,7 +180,7 @@ class BiasTable(TomlTable):
         return Bias(self.output, self.size, self.start)
 
 
-SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | BiasTable, Field(discriminator="kind")]
+SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | GaussianTable | BiasTable, Field(discriminator="kind")]
 
 
 class SimulationTable(TomlTable):

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.errors import SimulationError
 from icmj.plant.push import Push
-from icmj.simulation.settings import Bias, Impulse, Noise, Placed, Settings, Source
+from icmj.simulation.gaussian import at_times
+from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Placed, Settings, Source
 from icmj.simulation.waves import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
@@ -43,6 +44,7 @@ class Disturbance:
         omega: ω [rad/s], shape (M,); zero for a constant.
         phase: φ [rad], shape (M,).
         start, end: window [s], shape (M,); ``end`` may be infinite.
+        gaussian: Gaussian noises beside the terms, each with the index of its input.
     """
 
     n_u: int
@@ -52,20 +54,27 @@ class Disturbance:
     phase: Array
     start: Array
     end: Array
+    gaussian: tuple[tuple[int, Gaussian], ...] = ()
 
     def __len__(self) -> int:
-        return len(self.input)
+        return len(self.input) + len(self.gaussian)
 
     @property
     def edges(self) -> Array:
         """Times at which d(t) may jump, rising, positive and finite; a fixed-step integrator must land on them."""
-        times = np.unique(np.concatenate([self.start, self.end]))
+        times = np.unique(np.concatenate([self.start, self.end, [noise.start for _, noise in self.gaussian]]))
         return times[np.isfinite(times) & (times > 0)]
 
     def __call__(self, t: ArrayLike) -> Array:
         """d(t), shape (..., n_u) for ``t`` of shape (...); at an edge the value from there on."""
         t = np.asarray(t, dtype=float)
-        if t.ndim == 1 and len(t) * len(self) > _MANY and np.all(t[1:] >= t[:-1]):
+        found = self._of_terms(t)
+        for index, noise in self.gaussian:
+            found[..., index] += at_times(noise, t)
+        return found
+
+    def _of_terms(self, t: Array) -> Array:
+        if t.ndim == 1 and len(t) * len(self.input) > _MANY and np.all(t[1:] >= t[:-1]):
             return self._at_many(t)
         t = t[..., None]
         terms = self.amplitude * np.cos(self.omega * t + self.phase) * ((t >= self.start) & (t < self.end))
@@ -108,10 +117,13 @@ class Pushes:
 def pushes_of(settings: Settings) -> Pushes:
     """p(t): what acts on the plant itself, at each place the sum of what acts there."""
     places, terms = settings.pushes, []
+    gaussian: list[tuple[int, Gaussian]] = []
     for source in settings.disturbance:
         if isinstance(source, Placed) and source.push is not None:
-            terms += [(places.index(source.push), *term) for term in _terms(source)]
-    return Pushes(places, _from_terms(len(places), terms))
+            place = places.index(source.push)
+            terms += [(place, *term) for term in _terms(source)]
+            gaussian += [(place, source)] if isinstance(source, Gaussian) else []
+    return Pushes(places, _from_terms(len(places), terms, gaussian))
 
 
 def recorded(pushes: Pushes, t: Array) -> dict[str, Any]:
@@ -139,7 +151,11 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
     Raises:
         SimulationError: if a source names an output that the plant does not have.
     """
-    return _sum([(source, source.output) for source in sources if isinstance(source, Noise | Bias)], outputs, "output")
+    return _sum(
+        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gaussian)],
+        outputs,
+        "output",
+    )
 
 
 def realised(noise: Noise, end: float) -> tuple[float, float]:
@@ -172,17 +188,21 @@ def _expected(flat: bool, periods: float, terms: int) -> tuple[float, float]:
 
 def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], what: str) -> Disturbance:
     terms: list[tuple[float, ...]] = []
+    gaussian: list[tuple[int, Gaussian]] = []
     for source, name in sources:
         if name is None:  # noise on the other side
             continue
         if name not in names:
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
         terms += [(names.index(name), *term) for term in _terms(source)]
-    return _from_terms(len(names), terms)
+        gaussian += [(names.index(name), source)] if isinstance(source, Gaussian) else []
+    return _from_terms(len(names), terms, gaussian)
 
 
 def _terms(source: Source) -> list[tuple[float, ...]]:
-    """(a, ω, φ, start, end) of every term."""
+    """(a, ω, φ, start, end) of every term; Gaussian noise has none."""
+    if isinstance(source, Gaussian):
+        return []
     if isinstance(source, Impulse):
         return [(source.size / source.duration, 0.0, 0.0, source.start, source.start + source.duration)]
     if not isinstance(source, Noise):
@@ -200,9 +220,11 @@ def _terms(source: Source) -> list[tuple[float, ...]]:
     return [(size, w, p, source.start, np.inf) for w, p in zip(omega, phase, strict=True)]
 
 
-def _from_terms(n_u: int, terms: Sequence[tuple[float, ...]]) -> Disturbance:
-    columns = np.array(terms, dtype=float).reshape(-1, 6).T
-    return Disturbance(n_u, columns[0].astype(int), *columns[1:])
+def _from_terms(
+    n_u: int, terms: Sequence[tuple[float, ...]], gaussian: Sequence[tuple[int, Gaussian]] = ()
+) -> Disturbance:
+    index, amplitude, omega, phase, start, end = np.array(terms, dtype=float).reshape(-1, 6).T
+    return Disturbance(n_u, index.astype(int), amplitude, omega, phase, start, end, tuple(gaussian))
 
 
 NO_PUSHES = Pushes((), no_disturbance(0))

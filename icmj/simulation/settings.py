@@ -15,6 +15,7 @@ from icmj.simulation.ending import Limit
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
+GRID = 0.01  # s, between two values of Gaussian noise: beyond 20 Hz a body does not follow
 MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
 On = Literal["command", "body"]
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
@@ -149,7 +150,45 @@ class Bias:
         _require(self.start >= 0, f"bias on {self.output!r}: start {self.start} s is negative")
 
 
-Source = Impulse | Step | Noise | Bias
+@dataclass(frozen=True, kw_only=True)
+class Gaussian(Placed):
+    """Gaussian noise on a grid of its own, where :class:`Noise` may act: for fits, and runs of any length.
+
+    At the points of the grid it is exact in law, between them it goes straight from one to the next. Linear plants
+    alone take it.
+
+    Attributes:
+        input, output: what it acts on, one of the two, or of a ``body``.
+        size: standard deviation at the points of the grid [unit of the input or output, or of force and torque].
+        corner: where a first-order low-pass spectrum has fallen to half [Hz]; white noise, whose values are
+            independent, if ``None``: of density 2 size² interval [unit²/Hz] far below 1 / interval.
+        interval: between the points of the grid [s].
+        seed: of the values.
+        start: from when on [s].
+    """
+
+    input: str | None = None
+    output: str | None = None
+    size: float = 1.0
+    corner: float | None = None
+    interval: float = GRID
+    seed: int = 0
+    start: float = 0.0
+    on: On = "command"
+
+    def __post_init__(self) -> None:
+        if self.body is not None and self.on == "command":  # not said
+            object.__setattr__(self, "on", "body")
+        where = f"gaussian noise on {self._check_place('gaussian noise')!r}"
+        _check(self, "gaussian noise", "size", "interval", "start", *(["corner"] if self.corner is not None else []))
+        _require(self.size > 0, f"{where}: size {self.size} must be positive")
+        _require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
+        _require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
+        _require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
+        _require(self.start >= 0, f"{where}: start {self.start} s is negative")
+
+
+Source = Impulse | Step | Noise | Bias | Gaussian
 """One source of disturbance."""
 
 
@@ -195,7 +234,16 @@ class Settings:
     @property
     def noisy(self) -> bool:
         """Whether any noise acts, so that a run is to be told by its statistics."""
-        return any(isinstance(source, Noise) for source in self.disturbance)
+        return any(isinstance(source, Noise | Gaussian) for source in self.disturbance)
+
+    def expect_sinusoids(self, plant: str) -> None:
+        """See that no Gaussian noise acts, which ``plant`` does not take.
+
+        Raises:
+            SimulationError: if any does.
+        """
+        if any(isinstance(source, Gaussian) for source in self.disturbance):
+            raise SimulationError(f'{plant} takes no gaussian noise; give kind = "noise", which is made of sinusoids')
 
     def __post_init__(self) -> None:
         named = self.limit if isinstance(self.limit, Mapping) else {"limit": self.limit}
@@ -220,6 +268,18 @@ class Settings:
             good = LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE
             _require(good, f"tolerance {self.tolerance}: {known_range}")
         object.__setattr__(self, "disturbance", tuple(self.disturbance))
+        grids = [source.interval for source in self.disturbance if isinstance(source, Gaussian)]
+        for interval in grids:
+            times = interval / min(grids)
+            _require(
+                abs(times - round(times)) < 1e-9 * times,
+                f"gaussian noise: intervals of {min(grids):g} and {interval:g} s; give whole multiples of the shortest",
+            )
+            points = self.duration / interval
+            _require(
+                points <= MOST_ROWS,
+                f"gaussian noise: {points:.3g} values, {interval:g} s apart; expected at most {MOST_ROWS:.0e}",
+            )
         rows = self.duration / self.record_interval
         _require(
             rows <= MOST_ROWS,

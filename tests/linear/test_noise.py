@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from kernel_cases import computed, kernels
-from linear_cases import PENDULUM, event_controller, ivp_events, pendulum_design, settings, settings_from
+from linear_cases import (
+    PLANT,
+    continuous,
+    driven,
+    event_controller,
+    ivp_events,
+    pendulum_design,
+    settings,
+    settings_from,
+)
 from scipy.integrate import quad
 from scipy.linalg import solve_continuous_lyapunov
 
-from icmj.controller.controller import Controller
-from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
 from icmj.simulation.settings import Bias, Impulse, Noise
-
-PLANT = PENDULUM.scaled(0.9)
-
-
-def continuous() -> Controller:
-    return replace(event_controller(pendulum_design()), trigger=Continuous())
 
 
 def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
@@ -32,15 +32,6 @@ def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
         Noise(input="torque", size=0.02, seed=2 * seed, terms=300, **colour),
         Noise(output="angle", size=0.004, seed=2 * seed + 1, terms=300, **colour),
     )
-
-
-def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A, B, C) of plant and observer under continuous control, driven by (d, n)."""
-    d = pendulum_design()
-    P = d.plant
-    A = np.block([[PLANT.A, -PLANT.B @ d.k], [d.L @ PLANT.C, P.A - d.L @ P.C - P.B @ d.k]])
-    B = np.block([[PLANT.B, np.zeros((2, 1))], [np.zeros((2, 1)), d.L]])
-    return A, B, np.hstack([PLANT.C, np.zeros((1, 2))])
 
 
 def test_memory_does_not_grow_with_what_switches() -> None:

@@ -1,0 +1,59 @@
+"""Gaussian noise: values at the points of a grid in time, exact in law, joined by straight lines.
+
+White noise has independent values; a first-order low-pass is an Ornstein–Uhlenbeck process, x_{k+1} = a x_k +
+√(1 − a²) ξ_k with a = exp(−2π f_c Δ), which at the points of the grid is the continuous one's own law. It is a function
+of time, so that it acts alike whatever steps are taken.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.simulation.settings import Gaussian
+
+_BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whatever the run's length, to the last bit
+
+
+def at_points(source: Gaussian, first: int, last: int) -> Array:
+    """The noise at points ``first`` to ``last`` − 1 of its grid, which is counted from zero [its unit]."""
+    count = -(-last // (_BLOCK * _BLOCKS))
+    return source.size * _drawn(source.seed, _memory(source), 1 << max(count - 1, 0).bit_length())[first:last]
+
+
+def at_times(source: Gaussian, t: Array) -> Array:
+    """The noise at any times [s], zero before its start."""
+    if not t.size:
+        return np.zeros(t.shape)
+    place = np.maximum(t, 0) / source.interval
+    point = np.floor(place).astype(int)
+    values = at_points(source, 0, int(point.max()) + 2)
+    between = values[point] + (place - point) * (values[point + 1] - values[point])
+    return np.asarray(np.where(t >= source.start, between, 0.0))
+
+
+def _memory(source: Gaussian) -> float:
+    """a, how much of a value is left at the next point."""
+    return 0.0 if source.corner is None else float(np.exp(-2 * np.pi * source.corner * source.interval))
+
+
+@lru_cache(maxsize=32)
+def _drawn(seed: int, a: float, parts: int) -> Array:
+    """Of variance one, for so many parts of the grid."""
+    random = np.random.default_rng(seed)
+    fresh = random.standard_normal(parts * _BLOCKS * _BLOCK).reshape(parts, _BLOCKS, _BLOCK)
+    if a == 0:
+        return fresh.ravel()
+    order = np.arange(_BLOCK)
+    left = np.where(order[:, None] >= order, a ** np.abs(order[:, None] - order).astype(float), 0.0)
+    fresh *= np.sqrt(1 - a**2)
+    fresh[0, 0, 0] /= np.sqrt(1 - a**2)  # it has been going on for ever
+    found, last = np.empty_like(fresh), 0.0
+    for part in range(parts):
+        found[part] = (left @ fresh[part].T).T
+        for block in found[part]:
+            block += a * left[:, 0] * last
+            last = float(block[-1])
+    return found.ravel()
