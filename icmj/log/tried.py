@@ -106,7 +106,11 @@ def _numbered(result: Tried) -> str:
 def _facts(facts: Mapping[str, Any]) -> dict[str, Any]:
     """Facts as a log's properties hold them."""
     return {
-        key: value if isinstance(value, bool | int | float | str) else str(np.asarray(value).tolist())
+        key: value if isinstance(value, bool | int | float | str) else _written(np.asarray(value))
         for key, value in facts.items()
         if value is not None
     }
+
+
+def _written(value: np.ndarray) -> float | str:
+    return float(value.item()) if value.size == 1 else str(value.tolist())

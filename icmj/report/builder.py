@@ -35,7 +35,9 @@ SUBTITLE = "What the paper reports, what linear theory predicts, and what two si
 
 FOLLOWED = "Cycles of the event-driven loop along a parameter: where they are, attract, change and end."
 SWEPT = "What linear theory predicts and what simulated plants do, over what varies from point to point."
-TRIED = "How simulated plants move under controllers of which nothing is predicted."
+TRIED = "Standing under other controllers"
+MOVED = "How simulated plants move"
+NOTHING = "These controllers have no event rule and no critical interval: nothing is predicted, and runs are shown."
 
 
 def build_report(
@@ -136,10 +138,11 @@ def render(
     environment.filters["notation"] = notation
     environment.globals["symbols"] = SYMBOLS
     environment.globals["next_table"] = count(1).__next__
+    alone = bool(tried) and not (cases or sweeps or branches)
     return environment.get_template("page.html.j2").render(
-        title=TITLE,
-        subtitle=SUBTITLE,
-        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else TRIED,
+        title=TRIED if alone else TITLE,
+        subtitle=MOVED if alone else SUBTITLE,
+        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
         sections=[part for part in parts if part is not None],
         version=VERSION,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from icmj.report import style
 from icmj.result.tried import Tried
 from icmj.view.quantity import in_brackets, quantities, shared_unit
@@ -30,6 +32,10 @@ def trial_figure(runs: Sequence[Tried]) -> Figure:
     end = max(float(run.simulation.t[-1]) for run in runs)
     for axes in stack:
         axes.set_xlim(max(0.0, end - LONGEST), end)
+        shown_there = [line.get_ydata()[line.get_xdata() >= end - LONGEST] for line in axes.get_lines()]
+        low, high = min(y.min() for y in shown_there), max(y.max() for y in shown_there)
+        if np.isfinite(high - low) and high > low:
+            axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     stack[-1].set(xlabel="time (s)", ylabel=f"u{in_brackets(shared_unit(first.actual.input_units))}")
     figure.align_ylabels(stack)
     style.legend(figure, stack[0])

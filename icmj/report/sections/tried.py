@@ -69,4 +69,4 @@ def _row(run: Tried) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    return (value.item() if value.size == 1 else value.tolist()) if isinstance(value, np.ndarray) else value
