@@ -173,7 +173,8 @@ def _is_table(each: Any) -> bool:
 
 def _kind(model: type[BaseModel]) -> str:
     field = model.model_fields.get("kind")
-    return get_args(field.annotation)[0] if field else ""
+    said = get_args(field.annotation) if field else ()  # none where a kind may be any name
+    return said[0] if said else ""
 
 
 def _prose(docstring: str) -> list[str]:
