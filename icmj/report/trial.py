@@ -32,8 +32,9 @@ def trial_figure(runs: Sequence[Tried]) -> Figure:
     end = max(float(run.simulation.t[-1]) for run in runs)
     for axes in stack:
         axes.set_xlim(max(0.0, end - LONGEST), end)
-        shown_there = [line.get_ydata()[line.get_xdata() >= end - LONGEST] for line in axes.get_lines()]
-        low, high = min(y.min() for y in shown_there), max(y.max() for y in shown_there)
+        drawn = [np.asarray(line.get_xydata(), dtype=float) for line in axes.get_lines()]
+        seen = np.concatenate([points[points[:, 0] >= end - LONGEST, 1] for points in drawn])
+        low, high = float(seen.min()), float(seen.max())
         if np.isfinite(high - low) and high > low:
             axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     stack[-1].set(xlabel="time (s)", ylabel=f"u{in_brackets(shared_unit(first.actual.input_units))}")
