@@ -132,7 +132,7 @@ def _names(table: PlantTable, data: Mapping[str, Any], kind: str) -> tuple[str, 
             raise AnalysisError(f"{kind} are not names")
     twice = {name for name in names if list(names).count(name) > 1}
     if twice:
-        raise AnalysisError(f"{kind}: {min(twice)!r} stands there twice")
+        raise AnalysisError(f"{kind}: {min(twice)!r} is named twice")
     return tuple(names)
 
 

@@ -186,7 +186,7 @@ def exact(
     found = closed_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
     if any(loop.collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
-        raise CycleError(f"no cycle that the event rule makes: an interval has fallen to the least one, {least:g} s")
+        raise CycleError(f"no cycle of the event rule: an interval has decreased to the least one, {least:g} s")
     found, p, sign = _shortest_period(loop, found, p, sign, scale)
     return described(loop, found, p, sign, scale, threads=threads)
 

@@ -95,7 +95,7 @@ def identify(
     least = case.controller.least
     if found is not None and found.interval <= least * (1 + 1e-3) + observed.resolution:
         return _cannot(
-            unknown, f"every interval is the least one, {least:g} s: the event rule does not decide when to act"
+            unknown, f"every interval is the least one, {least:g} s: the event rule does not determine the events"
         )
     if found is not None:
         inverse = (
@@ -116,7 +116,7 @@ def identify(
         )
     return _cannot(
         unknown,
-        "the motion does not settle, and neither its start is known nor does the run file have noise to explain it by",
+        "the motion does not settle; its initial state is not known, and the run file has no noise to explain it",
     )
 
 
@@ -144,9 +144,9 @@ def _from_rhythm(
     sign = {1: ", not mirrored", -1: ", mirrored", 0: ""}[found.sign]
     words = f"{unknown.name} = {values}, from a settled interval of {found.interval:.7g} s{sign}."
     if len(candidates) > 1:
-        words += " Branches cannot be told apart from this; outputs at the events, or a known start, would."
+        words += " These data do not distinguish the branches; outputs at the events, or a known initial state, would."
     if not nearest.predicted:
-        words += " Amplitude and shape were not observed; only that the events are even could be compared."
+        words += " Amplitude and shape were not observed; only the regularity of the events could be compared."
     value = best.value if len(candidates) == 1 else None
     return _found(unknown, value, intervals, "rhythm", words, nearest.probability)
 
@@ -163,9 +163,7 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Id
         )
     how = agreement_of_sequence(unknown, fit.value, observed, plant)
     if not how.fits:
-        return _nothing_fits(
-            unknown, f"{unknown.name} = {fit.value:.5g} gives the events nearest, but {how.words}", how
-        )
+        return _nothing_fits(unknown, f"{unknown.name} = {fit.value:.5g} fits the events best, but {how.words}", how)
     words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."
     interval = (fit.value - fit.error, fit.value + fit.error)
     return _found(unknown, fit.value, (interval,), "sequence", words, how.probability)

@@ -34,7 +34,7 @@ class Unknown:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
-            raise IdentificationError(f"between {self.low:g} and {self.high:g} there is nothing to seek")
+            raise IdentificationError(f"between {self.low:g} and {self.high:g} there is no range to search")
 
     @property
     def name(self) -> str:

@@ -82,7 +82,7 @@ class LinearPlant:
                 raise AnalysisError(f"plant has {size} {kind} but {len(names)} names: {', '.join(names)}")
             twice = [name for name in names if names.count(name) > 1]
             if twice:
-                raise AnalysisError(f"{kind}: {twice[0]!r} stands there twice; name each once")
+                raise AnalysisError(f"{kind}: {twice[0]!r} is named twice")
             object.__setattr__(self, kind, names)
             of = f"{kind.removesuffix('s')}_units"
             units = tuple(getattr(self, of)) or ("",) * size

@@ -155,7 +155,7 @@ def _read_csv(path: Path, columns: Sequence[str], rate: float | None) -> Series:
         for text in _parts(file):
             rows = _numbers(text, shape, chosen)
             if count + len(rows) > len(data):  # lines ended in both ways
-                raise DataError("lines end now in one way, now in another; save the file anew")
+                raise DataError("mixed line endings; save the file with one kind of line ending")
             data[count : count + len(rows)] = rows
             count += len(rows)
     return choice.series(data[:count])

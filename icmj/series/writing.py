@@ -70,7 +70,7 @@ def _write_npz(series: Series, part: Path) -> None:
     arrays = {"t": series.t, **{name: series.values[:, i] for i, name in enumerate(series.names)}}
     own = sorted({"t", "names", "units", "facts"} & set(series.names))
     if own:
-        raise DataError(f"npz keeps the name {own[0]!r} for itself; rename that signal")
+        raise DataError(f"the name {own[0]!r} is reserved in npz files; rename the signal")
     facts = {
         "names": np.array(["t", *series.names]),
         "units": np.array(["s", *series.units]),

@@ -88,7 +88,7 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
             facts = _begin(folder, plan)
             points = folder / POINTS
             if points.is_symlink():
-                raise SweepError(f"{points}: a link is there, and no folder; choose another --out")
+                raise SweepError(f"{points}: is a link, not a folder; choose another --out")
             replaceable(folder / TIMING)
             points.mkdir(exist_ok=True)
             clear_leftovers(points)
@@ -129,7 +129,7 @@ def _begin(folder: Path, plan: Plan) -> Facts:
     """Say what the folder is of, or see that it is of this."""
     if not os.path.lexists(folder / FACTS):
         if os.path.lexists(folder / POINTS):
-            raise SweepError(f"{folder}: has points but no {FACTS} that says of what; choose another --out")
+            raise SweepError(f"{folder}: has points but no {FACTS} that describes them; choose another --out")
         facts = {
             "fingerprint": plan.fingerprint,
             "name": plan.file.sweep.name,

@@ -148,7 +148,7 @@ def _see_one_survive(plan: Plan, crew: Local | Cluster) -> None:
     """
     for _, computed, why in crew.compute(plan, iter([range(0)])):
         if computed is None:
-            raise SweepError(f"{plan.file.path}: every process died that was to compute ({why})")
+            raise SweepError(f"{plan.file.path}: processes die even without a point to compute ({why})")
 
 
 def _again(plan: Plan, chunk: int, crew: Local | Cluster) -> Computed:

@@ -35,7 +35,7 @@ class Orbit:
         gamma: γ = q_t/e_0 for the eigenvector of unit norm and largest entry positive; so the length of x̄, which
             depends on T̂ and on the units of the states, as nothing else here but x_bar and X does.
         x_bar: the state at an event, γ V_{k1}: x̄, shape (n + n̂,); with a delay X̄, shape (n + 2n̂,).
-        t: times in [0, delta] [s], shape (M,); with a delay t_d stands there twice, before and after the action.
+        t: times in [0, delta] [s], shape (M,); with a delay t_d occurs twice, before and after the action.
         X: X̄(t) = (x, x̃_o, x̃_h), shape (M, n + 2n̂).
         y, u, e_hp: outputs, inputs and hold error, shapes (M, n_y), (M, n_u), (M, n̂).
         E: event function, shape (M,); negative until delta if the orbit is admissible.

@@ -112,7 +112,7 @@ def test_files_of_matrices(tmp_path, capsys, root):
         (PENDULUM, "gain = [1, 2]", "actual: gain has 2 entries for 1 inputs"),
         (PENDULUM.replace("[1, 0]]", "[1]]"), "", "assumed: A is not a matrix: rows differ in length"),
         (PENDULUM.replace("B = [0, 1]", "B = [0, 1, 2]"), "", "assumed: plant matrices do not fit: A (2, 2), B (3, 1)"),
-        (PENDULUM.replace('"hinge_rate"', '"hinge"'), "", "assumed: states: 'hinge' stands there twice"),
+        (PENDULUM.replace('"hinge_rate"', '"hinge"'), "", "assumed: states: 'hinge' is named twice"),
         (PENDULUM.replace(', "hinge_rate"', ""), "", "assumed: plant has 2 states but 1 names"),
         (f"{PENDULUM}\nunits = {{ angle = 'rad' }}", "", "assumed: units: no 'angle' in the plant"),
         (PENDULUM, "A = [[1]]\nB = [[1, 1]]\nC = [[1]]", "actual: inputs u0, u1; expected those of the assumed plant"),

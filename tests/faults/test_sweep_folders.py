@@ -222,7 +222,7 @@ def test_points_are_not_written_through_a_link(begun: tuple[Plan, Path], tmp_pat
     shutil.copytree(begun[1], folder)
     other.mkdir()
     replaced("points", lambda path: path.symlink_to(other))(folder)
-    with pytest.raises(SweepError, match="a link is there, and no folder"):
+    with pytest.raises(SweepError, match="is a link, not a folder"):
         carry_out(plan, folder, jobs=1)
     assert list(other.iterdir()) == []
 

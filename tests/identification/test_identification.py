@@ -54,7 +54,7 @@ def test_times_alone_leave_two_branches_and_say_so() -> None:
     assert len(found.intervals) == 2
     assert found.holds(1.2)
     assert max(high - low for low, high in found.intervals) < 1e-3
-    assert "Branches cannot be told apart" in found.words
+    assert "do not distinguish the branches" in found.words
 
 
 @pytest.mark.parametrize("b", [0.8, 1.2])

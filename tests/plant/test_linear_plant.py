@@ -63,7 +63,7 @@ def test_wrong_number_of_names_is_refused():
 @pytest.mark.parametrize("kind", ["states", "inputs", "outputs"])
 def test_a_name_stands_for_one_thing(kind):
     names = {"states": (), "inputs": (), "outputs": ()} | {kind: ("a", "a")}
-    with pytest.raises(AnalysisError, match=f"{kind}: 'a' stands there twice"):
+    with pytest.raises(AnalysisError, match=f"{kind}: 'a' is named twice"):
         LinearPlant(-np.eye(2), np.eye(2), np.eye(2), **names)
 
 

@@ -58,7 +58,7 @@ def test_others_read_it(tmp_path):
 def test_what_cannot_be_written_leaves_nothing(tmp_path):
     with pytest.raises(DataError, match=r"cannot write \.xlsx; expected \.csv, \.parquet, \.npz"):
         write_series(awkward(), tmp_path / "run.xlsx")
-    with pytest.raises(DataError, match="keeps the name 'units' for itself"):
+    with pytest.raises(DataError, match="the name 'units' is reserved in npz files"):
         write_series(Series(np.zeros(1), np.zeros((1, 1)), ("units",)), tmp_path / "run.npz")
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
