@@ -10,9 +10,12 @@ import numpy as np
 from benchmarks.others import LAST, SETTINGS, LinearTask, measured
 from benchmarks.row import Row, interleaved, least
 from benchmarks.task import three_link
+from icmj.controller.switching import SwitchingPD
 from icmj.linear.loop import linear_loop
 from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
+from icmj.linear.tapped import simulate_tapped
+from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 
 DURATION = 60.0
@@ -51,7 +54,19 @@ def rows() -> list[Row]:
         Row(GROUP, f"compiled, {way}", DURATION / min(times), "× time", note, FASTER if index < 2 else None, False)
         for index, (way, times) in enumerate(fast.items())
     ]
-    return table + _others(task.x, task.x_o)
+    return table + _tapped() + _others(task.x, task.x_o)
+
+
+def _tapped() -> list[Row]:
+    """A person of one link under switched feedback of delayed outputs (docs/controllers.md)."""
+    A, outputs = np.array([[0.0, 1.0], [1.962, -1 / 15]]), ("theta", "omega")
+    person = LinearPlant(A, np.array([0.0, 1 / 60]), np.eye(2), ("lean", "lean_rate"), ("ankle",), outputs)
+    law = SwitchingPD(person, *outputs, P=147.15, D=10.0, delay=0.2, slope=-0.4, dead_zone=0.004)
+    settings = Settings(duration=DURATION, record_interval=0.01)
+    fast = least(lambda: simulate_tapped(person, law, settings, x0=[0.01, 0.0]), REPEATS)
+    run = simulate_tapped(person, law, settings, x0=[0.01, 0.0])
+    note = f"{len(run.events)} switches in {DURATION:g} s of one link, with a row every 10 ms"
+    return [Row(GROUP, "delayed feedback, switched", DURATION / fast, "× time", note)]
 
 
 def _others(x: np.ndarray, x_o: np.ndarray) -> list[Row]:

@@ -78,6 +78,27 @@ def test_without_a_dead_zone_a_scaled_start_gives_the_scaled_motion(scale: float
     assert y_min == pytest.approx(scale * one.events.y_min, rel=1e-9)
 
 
+def test_without_a_dead_zone_every_round_is_the_one_before_scaled() -> None:
+    """As docs/controllers.md says: 1.155262 s, 0.73140938; by DOP853, too."""
+    run = simulate_tapped(BODY, HOMOGENEOUS, Settings(duration=40.0), x0=START)
+    rounds = run.events.t[2:] - run.events.t[:-2]
+    assert rounds[6:] == pytest.approx(rounds[6], abs=1e-9)
+    factors = run.events.x[8:] / run.events.x[6:-2]
+    assert factors == pytest.approx(factors[0, 0], rel=1e-9)
+    oracle = of_law(BODY, HOMOGENEOUS, START).run(6.0)
+    before, after = (oracle.z(oracle.switches[k])[0] for k in (3, 5))
+    assert after / before == pytest.approx(factors[0, 0], rel=1e-9)
+    assert (rounds[6], factors[0, 0]) == pytest.approx((1.155262, 0.73140938), abs=1e-6)
+
+
+def test_with_a_dead_zone_there_is_a_cycle_of_four_switches() -> None:
+    """4.131 s, as docs/controllers.md says."""
+    run = simulate_tapped(BODY, SWITCHING, Settings(duration=200.0), x0=START)
+    rounds = run.events.t[4:] - run.events.t[:-4]
+    assert rounds[-8:] == pytest.approx(np.full(8, 4.131), abs=5e-4)
+    assert (run.x[run.t > 150, 0] > 0).all()
+
+
 def test_sizes_are_in_proportion_to_the_dead_zone() -> None:
     settings = Settings(duration=40.0)
     one, other = (
