@@ -13,12 +13,10 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, count
 from icmj.base.environment import single_threaded
 from icmj.base.nearness import did_you_mean
-from icmj.case.designs import designed
+from icmj.case.designs import controlled
 from icmj.case.doubts import doubts, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import Design
 from icmj.controller.law import Law
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
@@ -130,17 +128,6 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
         raise type(error)(f"{run.path}: {error}{why}") from error
     return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
-
-
-def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
-    """The controller of a run file and its event rule, for its assumed plant; with a ``design`` that is at hand.
-
-    Raises:
-        DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
-    """
-    design = design or designed(assumed.linearisation.plant, run.design)
-    rule = run.intermittent.trigger(design, run.code)
-    return Controller(design, run.intermittent.made_hold(design, run.code), rule, delay_of(run)), rule
 
 
 def revised(case: Case, run: RunFile) -> Case:
@@ -282,13 +269,6 @@ def _parts(
 
         settings = refined(case.model, controller, settings, refinement)
     return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings
-
-
-def delay_of(run: RunFile) -> Delay:
-    """The assumed delay, and the actual one, which departs from it by ρ of what the run file says."""
-    assumed = run.assumed.delay
-    actual = assumed if run.actual.delay is None else assumed + run.actual.rho * (run.actual.delay - assumed)
-    return Delay(actual, assumed)
 
 
 def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:

@@ -1,15 +1,31 @@
-"""The design that a run file asks for: by LQ weights, or with gains of one's own."""
+"""The controller that a run file asks for, and its design: by LQ weights, or with gains of one's own."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.case.plants import AnyPlant
+from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
+from icmj.controller.trigger import EventRule
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.modes import uncontrollable
 from icmj.runfile.control_tables import Weights
+from icmj.runfile.schema import RunFile
+
+
+def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
+    """The controller of a run file and its event rule, for its assumed plant; with a ``design`` that is at hand.
+
+    Raises:
+        DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
+    """
+    design = design or designed(assumed.linearisation.plant, run.design)
+    rule = run.intermittent.trigger(design, run.code)
+    return Controller(design, run.intermittent.made_hold(design, run.code), rule, delay_of(run)), rule
 
 
 def designed(plant: LinearPlant, weights: Weights) -> Design:
@@ -48,3 +64,10 @@ def _gain(given: list, name: str) -> Array:
     if gain.ndim == 1:  # of a single input, or output
         return gain[None, :] if name == "k" else gain[:, None]
     return gain
+
+
+def delay_of(run: RunFile) -> Delay:
+    """The assumed delay, and the actual one, which departs from it by ρ of what the run file says."""
+    assumed = run.assumed.delay
+    actual = assumed if run.actual.delay is None else assumed + run.actual.rho * (run.actual.delay - assumed)
+    return Delay(actual, assumed)

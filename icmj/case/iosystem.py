@@ -43,8 +43,9 @@ def to_iosystem(
         match: how inputs and outputs of plant and controller's model belong together.
 
     Raises:
-        AnalysisError: if there is a delay, an event rule without ``dt`` or the other way round, a model on the engine
-            under anything but continuous control, or plant and controller do not fit.
+        AnalysisError: if there is a delay, a signal that the controller is given, an event rule without ``dt`` or the
+            other way round, a model on the engine under anything but continuous control, or plant and controller do not
+            fit.
     """
     linear = plant if isinstance(plant, LinearPlant) else plant.linearisation.plant
     engine = plant if isinstance(plant, MujocoPlant) else None
@@ -55,6 +56,8 @@ def to_iosystem(
 
         return plant_system(engine)
     trigger = controller.trigger
+    if len(controller.realisation.signals):
+        raise AnalysisError("the controller follows signals of its own, which are no inputs here; take them away")
     if (dt is None) != (trigger.kind != "event"):
         raise AnalysisError(
             "an event rule needs dt, how often it is looked at; to_iosystem(..., dt=1e-3)"

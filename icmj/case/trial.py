@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from icmj.base.environment import single_threaded
-from icmj.case.case import PlantKind, check_names, delay_of, simulate_plant
+from icmj.case.case import PlantKind, check_names, simulate_plant
+from icmj.case.designs import delay_of
 from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law

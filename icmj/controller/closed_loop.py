@@ -4,8 +4,8 @@ Between events
 
     ẇ = F w + D d(t) + E n(t),      u = −K w,      y = C x
 
-with d on the plant's inputs, which the controller does not know, and n an error of its readings. An event sets
-w := J w, its action w := G w, and the event rule's faces are |R_j w| = 1.
+with d on the plant's inputs, which the controller does not know, and n an error of its readings, or a signal that it is
+given. An event sets w := J w, its action w := G w, and the event rule's faces are |R_j w| = 1.
 
 *Coordinates.* The states are x and the segments of the controller's state, each as it is or counted from another:
 :data:`ORIGINAL` is (x, x_o, x_h), :data:`ERRORS` the paper's (x, x_o − T̂x, x_h − T̂x), and :data:`CHAIN` is
@@ -82,7 +82,7 @@ class ClosedLoop:
         plant, controller: what it is composed of.
         coordinates: of w.
         F: shape (N, N).
-        D, E: shapes (N, n_u), (N, n_y).
+        D, E: shapes (N, n_u), (N, n_v), with columns of E for readings and signals of the controller.
         K: shape (n_u, N).
         J, G: shape (N, N).
         R: shape (r, N); ``cuts`` as in :class:`icmj.controller.realisation.Realisation`.
@@ -120,17 +120,20 @@ def compose(
     Raises:
         AnalysisError: if the trigger does not fit the design.
     """
-    real, n, n_u, n_y = realise(controller), plant.n, plant.n_u, plant.n_y
+    real, n, n_u = realise(controller), plant.n, plant.n_u
     T_hat = transformation(controller.design.plant, plant) if T_hat is None else T_hat
     own, size = real.rates, real.layout.size
+    # what the plant has no part in: further states of the controller, signals that it is given
+    T_hat = np.pad(T_hat, ((0, real.layout.sizes[0] - len(T_hat)), (0, 0)))
+    C = np.pad(plant.C, ((0, own.N.shape[1] - plant.n_y), (0, 0)))
     layout = Layout(("x", *real.layout.names), (n, *real.layout.sizes))
     at = Coordinates(layout, origin, T_hat)
     x, a = slice(0, n), slice(n, n + size)
     # of every state's rate: what it makes of itself, of u = −K a + d for the plant, of y + n − H a for the controller
-    A, B, N = np.zeros((n + size, n + size)), np.zeros((n + size, n_u)), np.zeros((n + size, n_y))
+    A, B, N = np.zeros((n + size, n + size)), np.zeros((n + size, n_u)), np.zeros((n + size, len(C)))
     A[x, x], A[a, a], B[x], B[a], N[a] = plant.A, own.A, plant.B, own.B, own.N
     D = np.vstack([plant.B, np.zeros((size, n_u))])
-    K, innovation = np.zeros((n_u, n + size)), np.hstack([plant.C, -own.H])
+    K, innovation = np.zeros((n_u, n + size)), np.hstack([C, -own.H])
     K[:, a] = real.K
     K, innovation, N = at.on_w(K), at.on_w(innovation), at.of_states(N)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by the analysis

@@ -4,8 +4,9 @@ A controller has a state a and is at any time in one of its *modes*. In a mode
 
     ȧ = M a + N v + …,      u = −K a − S v
 
-where v are its *readings*: the outputs, or outputs of a while ago (its taps). What happens at instants is said by maps
-and by functions whose sign matters:
+where v are its *readings*: the outputs, or outputs of a while ago (its taps). After these come *signals* that it is
+given as functions of time, in which the plant has no part. What happens at instants is said by maps and by functions
+whose sign matters:
 
 * an *event* sets a := J a, and its *action*, a delay later, a := G a. It comes when the state reaches a face
   |R_j a| = 1 of an event rule, or with a clock;
@@ -19,7 +20,7 @@ outputs as they are. A feedback of delayed outputs that is switched on and off i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -97,6 +98,8 @@ class Realisation:
             they are.
         guards: whose signs choose the mode; they read taps that are delayed.
         table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
+        signals: terms a cos(ωt + φ) on [start, end) of the last columns of N, (signal, a, ω, φ, start, end) of each,
+            shape (M, 6). One that ends when it starts is an impulse of area a, which moves the state at once.
 
     Raises:
         AnalysisError: on construction, if taps are not as they should be, or guards have no delayed tap to read.
@@ -112,6 +115,7 @@ class Realisation:
     taps: tuple[float, ...] = (0.0,)
     guards: tuple[Guard, ...] = ()
     table: np.ndarray | None = None
+    signals: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
     def __post_init__(self) -> None:
         if not self.taps or min(self.taps) < 0 or any(a >= b for a, b in zip(self.taps, self.taps[1:], strict=False)):

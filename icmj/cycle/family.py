@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from icmj.case.case import Case, controlled
+from icmj.case.case import Case
+from icmj.case.designs import controlled
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.cycle.parameter import Parameter
 from icmj.cycle.return_map import PlantKind, ReturnMap

@@ -30,7 +30,7 @@ from icmj.engine.signals import CELL, SIGNAL, WEIGHTS, cells_of, signals_of, sor
 from icmj.simulation.disturbance import Disturbance
 
 MAGIC = 20170508228.0
-VERSION = 6.0
+VERSION = 7.0
 FOREVER = 1e30
 
 
@@ -78,13 +78,14 @@ class Slot(IntEnum):
     SINCE = 38  # when that begins [s]
     UNIT = 39  # of its time [s]
     AT_COURSE = 40
+    N_V = 41  # readings of the controller: the outputs, then signals that it is given
 
 
-HEADER = 41
+HEADER = 42
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
-    (Slot.AT_N, "N", (Slot.SIZE, Slot.N_Y)),
+    (Slot.AT_N, "N", (Slot.SIZE, Slot.N_V)),
     (Slot.AT_K, "K", (Slot.N_U, Slot.SIZE)),
     (Slot.AT_J, "J", (Slot.SIZE, Slot.SIZE)),
     (Slot.AT_G, "G", (Slot.SIZE, Slot.SIZE)),
@@ -111,8 +112,8 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (41,).
-        M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_y).
+        header: by :class:`Slot`, shape (42,).
+        M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_v); y − y_0 is zero beyond the n_y outputs.
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
         R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
@@ -121,7 +122,8 @@ class Block:
         span_K: first column of K that is not zero, and end; shape (2,).
         y_0, ctrl_0: outputs and controls at the operating point, shapes (n_y,), (n_u,).
         terms: disturbance d(t): input, amplitude, ω, φ, start, end (1e30 for ever); shape (M, 6).
-        errors: errors n(t) of the outputs as the observer reads them: output, and as in ``terms``; shape (M_n, 6).
+        errors: errors n(t) of the outputs as the observer reads them, and signals that the controller is given: column
+            of N, and as in ``terms``, where a term that ends when it starts is an impulse of that area; shape (M_n, 6).
         pushes: where something acts on the plant itself (:mod:`icmj.engine.pushing`), shape (K, 11).
         sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
         signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
@@ -208,6 +210,7 @@ def pack(
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
+    header[Slot.N_V] = realisation.N.shape[1]
     header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
     header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
     header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(sizes), len(waves)

@@ -26,7 +26,7 @@ from icmj.engine.recording import States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
 from icmj.engine.units import state_units
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, Pushes, disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
 
@@ -98,7 +98,8 @@ class ComposedLoop:
         """
         if plant.spec is not self.plant.spec or integrator_of(plant, settings) != self.model.opt.integrator:
             return None
-        acting = acting_on(plant, settings)
+        settings.expect_sinusoids("MuJoCo")
+        acting = acting_on(plant.linearisation.plant, settings, controller)
         numbers = repack(self.model, plant, controller, *acting)
         if numbers is None:
             return None
@@ -128,12 +129,10 @@ class ComposedLoop:
             SimulationError: if a limit names what is no position.
         """
         trigger = self.controller.trigger
-        acting = self.disturbance, self.errors, self.pushes.size
-        edges = np.unique(np.concatenate([terms.edges for terms in acting]))
+        acting = Acting(self.disturbance, self.errors, self.pushes)
         # noise may be faster than the loop, and shakes E
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
-        noise = max(terms.omega.max(initial=0.0) for terms in acting)
         return Schedule(
             timestep=timestep,
             tolerance=tolerance,
@@ -141,11 +140,11 @@ class ComposedLoop:
             delta_min=trigger.delta_min,
             clock=trigger.clock,
             delay=self.controller.delay.t_d,
-            edges=edges,
-            phases=phases_of(edges),
+            edges=acting.edges,
+            phases=phases_of(acting.edges),
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
-            rate=max(own, float(noise)),
+            rate=max(own, float(acting.omega.max(initial=0.0))),
             stiff=is_stiff(plant, own),
         )
 
@@ -281,7 +280,8 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
         SimulationError: if a disturbance names an unknown input, output or body.
     """
-    acting = acting_on(plant, settings)
+    settings.expect_sinusoids("MuJoCo")
+    acting = acting_on(plant.linearisation.plant, settings, controller)
     model = compose(plant, controller, *acting)
     model.opt.integrator = integrator_of(plant, settings)
     return ComposedLoop(plant, controller, *acting, model)
@@ -292,10 +292,3 @@ def integrator_of(plant: MujocoPlant, settings: Settings) -> int:
     if settings.integrator is None:
         return int(plant.spec.option.integrator)
     return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
-
-
-def acting_on(plant: MujocoPlant, settings: Settings) -> tuple[Disturbance, Disturbance, Pushes]:
-    """What the settings let act beside commands, on what is read of the outputs, and on the plant itself."""
-    names, sources = plant.linearisation.plant, settings.disturbance
-    settings.expect_sinusoids("MuJoCo")
-    return disturbance_of(sources, names.inputs), reading_error_of(sources, names.outputs), pushes_of(settings)

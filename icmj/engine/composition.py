@@ -140,9 +140,13 @@ def _packed(
 ) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
-    K, N, y_0 = np.zeros((nu, size)), np.zeros((size, model.nsensordata)), np.zeros(model.nsensordata)
+    # signals of the controller's own stand behind all sensors
+    signals = controls.N.shape[1] - len(ports.entries)
+    entries = np.append(ports.entries, model.nsensordata + np.arange(signals))
+    g = np.append(ports.g, np.ones(signals))
+    K, N, y_0 = np.zeros((nu, size)), np.zeros((size, model.nsensordata + signals)), np.zeros(model.nsensordata)
     K[ports.actuators] = ports.b[:, None] * controls.K
-    N[:, ports.entries] = controls.N * ports.g
+    N[:, entries] = controls.N * g
     # what the controller takes for the operating point: a bias makes it read more than there is
     y_0[ports.entries] = (plant.linearisation.y - ports.beta) / ports.g
     acting = replace(
@@ -154,9 +158,9 @@ def _packed(
     # errors are of what is read, after the sensor's gain
     reading = replace(
         errors,
-        n_u=model.nsensordata,
-        input=ports.entries[errors.input],
-        amplitude=errors.amplitude / ports.g[errors.input],
+        n_u=N.shape[1],
+        input=entries[errors.input],
+        amplitude=errors.amplitude / g[errors.input],
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)

@@ -58,7 +58,7 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
     u = np.zeros((0, moved.shape[1]))
     at = np.searchsorted(simulation.t, events.t)
     if controller is not None and not simulation.delay and len(events):
-        after, u = slice(None), -events.x_o @ controller.design.k.T
+        after, u = slice(None), simulation.u_after(controller)
         if not simulation.precision.get("saturated_share"):  # else the engine's own limits say what acts
             u = u + (moved - simulation.u)[at]
     qpos = simulation.qpos[at][after] if simulation.qpos.size else simulation.qpos

@@ -22,6 +22,6 @@ def fastest_rate(plant: LinearPlant, controller: Law) -> float:
     C, fastest = np.tile(plant.C, (len(controls.taps), 1)), 0.0
     for mode in controls.modes:
         A = plant.A - plant.B @ mode.S @ C if mode.S.any() else plant.A
-        closed = np.block([[A, -plant.B @ mode.K], [mode.N @ C, mode.M]])
+        closed = np.block([[A, -plant.B @ mode.K], [mode.N[:, : len(C)] @ C, mode.M]])
         fastest = max(fastest, float(np.abs(np.linalg.eigvals(closed)).max()))
     return fastest

@@ -16,8 +16,8 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, clipped, limited, shares
 from icmj.engine.stepping import stepping_of
 from icmj.engine.tapped_run import simulate_tapped
-from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
+from icmj.simulation.recording import driven, kept
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
@@ -78,8 +78,8 @@ def simulate(
         precision |= estimate(loop, schedule, record).facts(schedule, plant.linearisation.plant.outputs)
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
-    u = -rows.x_h @ controller.design.k.T
-    acting, cut = applied(plant, loop.disturbance, record.rows, u)
+    held, at_events = (kept(controller, of.x_o, of.x_h) for of in (rows, events))
+    acting, cut = applied(plant, loop.disturbance, record.rows, held.u)
     if limited(model):
         precision |= shares(plant.linearisation.plant.inputs, cut)
     if (short := clipped(plant, record.rows)).any():
@@ -90,17 +90,17 @@ def simulate(
         t=record.rows[:, 0],
         x=rows.x,
         y=rows.y,
-        u=u,
-        x_o=rows.x_o,
-        x_h=rows.x_h,
-        E=controller.trigger.faces(controller.design).E(rows.x_h - rows.x_o),
-        events=Events(record.events[:, 0], events.x, events.x_o, events.x_h, record.y_max, record.y_min),
+        u=held.u,
+        x_o=held.x_o,
+        x_h=held.x_h,
+        E=held.E,
+        events=Events(record.events[:, 0], events.x, at_events.x_o, at_events.x_h, record.y_max, record.y_min),
         outcome=record.outcome,
         precision=precision,
         qpos=record.rows[:, 1 : 1 + model.nq],
         delay=controller.delay.t_d,
         applied=acting,
-        **recorded(loop.pushes, record.rows[:, 0]),
+        **driven(controller, loop.pushes, record.rows[:, 0]),
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant.linearisation.plant, controller.design.plant),

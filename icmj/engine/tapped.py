@@ -20,7 +20,7 @@ from icmj.base.compilation import called
 from icmj.base.signals import unhurried
 from icmj.controller.law import Law
 from icmj.engine.block import Slot
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, acting_on, integrator_of
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, integrator_of
 from icmj.engine.composition import compose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
@@ -29,6 +29,7 @@ from icmj.engine.rates import fastest_rate, is_stiff
 from icmj.engine.recording import Status, recording
 from icmj.engine.schedule import Schedule, phases_of
 from icmj.simulation import ending
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, entries
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 from icmj.simulation.taps import History, Now, Taps, begun, taps_of, widened
@@ -170,7 +171,8 @@ def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
     """
-    acting, errors, pushes = acting_on(plant, settings)
+    settings.expect_sinusoids("MuJoCo")
+    acting, errors, pushes = acting_on(plant.linearisation.plant, settings)
     model = compose(plant, law, acting, None, pushes)
     model.opt.integrator = integrator_of(plant, settings)
     return TappedLoop(plant, law, acting, errors, pushes, model)

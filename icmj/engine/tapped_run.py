@@ -19,8 +19,8 @@ from icmj.engine.saturation import applied, clipped, limited, shares
 from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import stepping_of
 from icmj.engine.tapped import TappedLoop, TappedRecord, close_tapped
-from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
+from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import plant_start
@@ -94,7 +94,7 @@ def simulate_tapped(
         noisy=settings.noisy,
         labels=labels_of(linear),
         **modes_of(realisation, record.mode),
-        **recorded(loop.pushes, record.rows[:, 0]),
+        **driven(law, loop.pushes, record.rows[:, 0]),
     )
 
 

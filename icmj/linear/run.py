@@ -19,8 +19,8 @@ from icmj.controller.law import Law
 from icmj.linear.simulator import Simulator
 from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.disturbance import recorded
 from icmj.simulation.labels import labels_of
+from icmj.simulation.recording import driven, kept
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
@@ -64,27 +64,29 @@ def simulate(
     simulator = Simulator(plant, controller, settings, settings.record_interval)
     loop = simulator.loop
     found, outcome = simulator.run(loop.state(x, a), progress)
-    x, x_h = loop.x(found.Z), loop.x_h(found.Z)
-    u = -x_h @ controller.design.k.T
+    x, rows, at_events = (
+        loop.x(found.Z),
+        *(kept(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
+    )
     return Simulation(
         plant="linear",
         control=controller.trigger.kind,
         t=found.t,
         x=x,
         y=x @ plant.C.T,
-        u=u,
-        x_o=loop.x_o(found.Z),
-        x_h=x_h,
-        E=controller.faces.E(loop.e(found.Z)),
+        u=rows.u,
+        x_o=rows.x_o,
+        x_h=rows.x_h,
+        E=rows.E,
         events=Events(
             t=found.event_t,
             x=loop.x(found.event_Z),
-            x_o=loop.x_o(found.event_Z),
-            x_h=loop.x_h(found.event_Z),
+            x_o=at_events.x_o,
+            x_h=at_events.x_h,
             y_max=found.y_max,
             y_min=found.y_min,
         ),
-        applied=u + simulator.disturbance(found.t) if len(simulator.disturbance) else np.zeros((0, 0)),
+        applied=rows.u + simulator.disturbance(found.t) if len(simulator.disturbance) else np.zeros((0, 0)),
         outcome=outcome,
         precision={
             "integrator": "matrix exponential",
@@ -97,5 +99,5 @@ def simulate(
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant, controller.design.plant),
-        **recorded(simulator.pushes, found.t),
+        **driven(controller, simulator.pushes, found.t),
     )

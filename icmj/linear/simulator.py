@@ -16,7 +16,7 @@ from icmj.linear.response import Response
 from icmj.linear.tables import tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, Pushes, disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
 from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.settings import Settings
 
@@ -70,10 +70,8 @@ class Simulator:
 
         self._simulate, self._call = simulator(), called
         self.loop = loop = linear_loop(plant, controller)
-        self.disturbance = disturbance_of(settings.disturbance, plant.inputs)
-        self.pushes = pushes_of(settings)
-        errors = reading_error_of(settings.disturbance, plant.outputs)
-        acting = forcing(loop, self.disturbance, errors, self.pushes)
+        self.disturbance, _, self.pushes = parts = acting_on(plant, settings, controller)
+        acting = forcing(loop, *parts)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
         self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
         self.tables = T = tables(loop, acting, self.duration, self.limits, interval)

@@ -106,7 +106,19 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         G=np.ascontiguousarray(loop.composed.G),
         cuts=loop.composed.cuts.astype(np.int64),
         edges=np.append(acting.edges, np.inf),
+        jumps=_jumps(acting),
     )
+
+
+def _jumps(acting: Forcing) -> Array:
+    """What impulses do to z at each edge, shape (edges, m); (0, 0) without any."""
+    impulses = np.flatnonzero((acting.start == acting.end) & (acting.start > 0))
+    if not len(impulses):
+        return np.zeros((0, 0))
+    jumps = np.zeros((len(acting.edges), len(acting.D)))
+    at = np.searchsorted(acting.edges, acting.start[impulses])
+    np.add.at(jumps, at, (acting.D[:, acting.signal[impulses]] * acting.amplitude[impulses]).T)
+    return jumps
 
 
 def sizes(turn: float) -> Array:

@@ -18,9 +18,10 @@ from icmj.linear.native.state import Status
 from icmj.linear.native.tapped import Body, Track, Waves, marching
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, disturbance_of, pushes_of, reading_error_of, recorded
+from icmj.simulation.disturbance import Disturbance, acting_on
 from icmj.simulation.ending import EventPace
 from icmj.simulation.labels import labels_of
+from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import plant_start
@@ -60,17 +61,15 @@ def simulate_tapped(
     realisation = expect_tapped(law, plant)
     x = plant_start(plant, settings, x0)
     settings.expect_sinusoids("the simulation of such a controller")
-    acting = disturbance_of(settings.disturbance, plant.inputs)
-    errors = reading_error_of(settings.disturbance, plant.outputs)
-    pushes, n, n_u, n_y = pushes_of(settings), plant.n, plant.n_u, plant.n_y
+    acting, errors, pushes = everything = acting_on(plant, settings)
+    n, n_u, n_y = plant.n, plant.n_u, plant.n_y
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
     limits = ending.limits_of(settings.limit, names, units)
-    everything = (acting, errors, pushes.size)
-    fastest = max(float(terms.omega.max(initial=0.0)) for terms in everything)
+    fastest = float(everything.omega.max(initial=0.0))
     taps = taps_of(realisation, max(_rate(plant, realisation), fastest), exact=True)
     history, now = begun(taps, realisation, plant.C @ x + errors(0.0))
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
-    edges = np.unique(np.concatenate([terms.edges for terms in everything]))
+    edges = everything.edges
     limited = np.flatnonzero(np.isfinite(limits))
     positions = np.zeros((len(limited), n))
     positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
@@ -148,7 +147,7 @@ def simulate_tapped(
         noisy=settings.noisy,
         labels=labels_of(plant),
         **modes_of(realisation, R[:, -1]),
-        **recorded(pushes, when),
+        **driven(law, pushes, when),
     )
 
 

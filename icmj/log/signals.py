@@ -75,8 +75,8 @@ def _signals(result: Result) -> Iterator[Group]:
         grey = (palette.CONTINUOUS,) * len(names)
         yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
-    events, design = simulation.events, result.controller.design
-    yield Group("inputs/run", *with_resets(simulation, simulation.u, -events.x_o @ design.k.T), u_names, u_colours)
+    events, u_after = simulation.events, simulation.u_after(result.controller)
+    yield Group("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
         ("states/plant", (simulation.t, simulation.x), result.actual.states),
         ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),

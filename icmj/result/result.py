@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.base.version import VERSION
@@ -17,7 +15,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
 from icmj.theory.prediction import Prediction
@@ -112,10 +110,7 @@ class Result(Shown):
             DataError: if the rate is not usable.
         """
         settings = self.run.simulation.settings()
-        sources = settings.disturbance
-        beside, errors = disturbance_of(sources, self.actual.inputs), reading_error_of(sources, self.actual.outputs)
-        breaks = np.unique(np.concatenate([beside.edges, errors.edges, pushes_of(settings).size.edges]))
-        series = self.simulation.to_series(rate, self.controller, breaks)
+        series = self.simulation.to_series(rate, self.controller, acting_on(self.actual, settings).edges)
         return replace(series, facts=self._facts | series.facts)
 
     def events_to_series(self) -> Series:

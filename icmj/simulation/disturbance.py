@@ -2,7 +2,8 @@
 
 ẋ = A x + B (u + d) + E p with a column of E for each push (:class:`icmj.plant.push.Push`). The observer knows u only,
 and reads y + n; the plant does not feel n. All are sums of terms a·cos(ω t + φ) that live
-in a window [start, end). A constant has ω = 0. Terms are functions of time alone, so what acts depends neither on the
+in a window [start, end). A constant has ω = 0; a term that ends when it starts is an impulse of area a, which only a
+controller's own signals have. Terms are functions of time alone, so what acts depends neither on the
 timestep nor on the integrator, and a linear simulation can integrate it exactly with one oscillator for each term.
 """
 
@@ -11,13 +12,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.controller.law import Law
 from icmj.errors import SimulationError
+from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.simulation.gaussian import at_times
 from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Placed, Settings, Source
@@ -34,8 +37,8 @@ _ENOUGH = 200  # terms: more change the range of standard deviations no further
 class Disturbance:
     """Terms a·cos(ω t + φ) on [start, end), each on one input; M of them.
 
-    The inputs are the plant's, or for errors of the outputs those of the observer, which are the plant's outputs; or
-    places that are pushed.
+    The inputs are the plant's, or for errors of the outputs those of the observer, which are the plant's outputs and
+    then a controller's signals; or places that are pushed.
 
     Attributes:
         n_u: number of inputs.
@@ -126,9 +129,44 @@ def pushes_of(settings: Settings) -> Pushes:
     return Pushes(places, _from_terms(len(places), terms, gaussian))
 
 
-def recorded(pushes: Pushes, t: Array) -> dict[str, Any]:
-    """What a run keeps of ``pushes`` at its rows: none where there are none."""
-    return {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
+class Acting(NamedTuple):
+    """All that acts on a closed loop as functions of time.
+
+    Attributes:
+        disturbance: beside the plant's commands.
+        errors: of its outputs as the controller reads them, and then the signals that the controller is given.
+        pushes: on the plant itself.
+    """
+
+    disturbance: Disturbance
+    errors: Disturbance
+    pushes: Pushes
+
+    @property
+    def edges(self) -> Array:
+        """Times at which any of it may jump, rising [s]."""
+        return np.unique(np.concatenate([self.disturbance.edges, self.errors.edges, self.pushes.size.edges]))
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies of all terms [rad/s]."""
+        return np.concatenate([self.disturbance.omega, self.errors.omega, self.pushes.size.omega])
+
+
+def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = None) -> Acting:
+    """What the settings let act on a plant with these inputs and outputs, and signals of its controller.
+
+    Raises:
+        SimulationError: if a source names an input or output that the plant does not have.
+    """
+    sources = settings.disturbance
+    errors = reading_error_of(sources, plant.outputs)
+    if controller is not None and len(signals := controller.realisation.signals):
+        known = [errors.input, errors.amplitude, errors.omega, errors.phase, errors.start, errors.end]
+        own = signals + np.array([plant.n_y, 0, 0, 0, 0, 0])
+        terms = np.vstack([np.column_stack(known), own])
+        errors = _from_terms(controller.realisation.N.shape[1], terms, errors.gaussian)
+    return Acting(disturbance_of(sources, plant.inputs), errors, pushes_of(settings))
 
 
 def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
@@ -221,7 +259,7 @@ def _terms(source: Source) -> list[tuple[float, ...]]:
 
 
 def _from_terms(
-    n_u: int, terms: Sequence[tuple[float, ...]], gaussian: Sequence[tuple[int, Gaussian]] = ()
+    n_u: int, terms: Sequence[tuple[float, ...]] | Array, gaussian: Sequence[tuple[int, Gaussian]] = ()
 ) -> Disturbance:
     index, amplitude, omega, phase, start, end = np.array(terms, dtype=float).reshape(-1, 6).T
     return Disturbance(n_u, index.astype(int), amplitude, omega, phase, start, end, tuple(gaussian))

@@ -38,11 +38,16 @@ class OpenLoopInterval:
 
 
 def one_in_flight(controller: Controller) -> None:
-    """Refuse a clock faster than the delay, for then x, x_o and x_h at an event are not the whole state.
+    """Refuse what makes x, x_o and x_h at an event less than the whole state: a clock faster than the delay, signals.
 
     Raises:
-        SimulationError: if it is.
+        SimulationError: if there is any.
     """
+    if len(controller.realisation.signals):
+        raise SimulationError(
+            "the controller follows signals of its own: an interval is no function of the state at its event; take "
+            "them away, or simulate the run instead"
+        )
     if controller.delay.in_flight(controller.trigger.clock) > 1:
         raise SimulationError(
             f"a clock of {controller.trigger.clock:g} s ticks again before the delay of {controller.delay.t_d:g} s is "

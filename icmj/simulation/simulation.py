@@ -19,6 +19,7 @@ from icmj.plant.push import Push
 from icmj.series.even import step_of
 from icmj.series.pieces import piecewise
 from icmj.series.series import Series
+from icmj.simulation.columns import Block, columns
 from icmj.simulation.ending import Outcome
 from icmj.simulation.labels import UNKNOWN, Labels
 from icmj.simulation.pressure import Pressure
@@ -169,16 +170,20 @@ class Simulation(Shown):
         interval = np.searchsorted(self.events.t, t, side="left")[:, None].astype(float)
         return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
 
+    def u_after(self, controller: Controller) -> Array:
+        """The commands of the run's controller right after each event without a delay, shape (K, n_u)."""
+        return -self.events.x_o @ controller.design.k.T
+
     def events_to_series(self) -> Series:
         """One row for each event: Δ_i, the states just before the reset, and extremes of the outputs since the last."""
         events, labels = self.events, self.labels
         blocks = [
-            _block("", ("interval",), ("s",), events.interval[:, None]),
-            _block("x", labels.states, labels.state_units, events.x),
-            _block("x_o", labels.assumed, labels.assumed_units, events.x_o),
-            _block("x_h", labels.assumed, labels.assumed_units, events.x_h),
-            _block("y_max", labels.outputs, labels.output_units, events.y_max),
-            _block("y_min", labels.outputs, labels.output_units, events.y_min),
+            columns("", ("interval",), ("s",), events.interval[:, None]),
+            columns("x", labels.states, labels.state_units, events.x),
+            columns("x_o", labels.assumed, labels.assumed_units, events.x_o),
+            columns("x_h", labels.assumed, labels.assumed_units, events.x_h),
+            columns("y_max", labels.outputs, labels.output_units, events.y_max),
+            columns("y_min", labels.outputs, labels.output_units, events.y_min),
         ]
         return Series(
             events.t,
@@ -230,69 +235,40 @@ class Simulation(Shown):
             outputs=self.y.T,
             states=self.x.T,
             inputs=self.u.T,
-            output_labels=list(_block("y", labels.outputs, (), self.y).bare),
-            state_labels=list(_block("x", labels.states, (), self.x).bare),
-            input_labels=list(_block("u", labels.inputs, (), self.u).bare),
+            output_labels=list(columns("y", labels.outputs, (), self.y).bare),
+            state_labels=list(columns("x", labels.states, (), self.x).bare),
+            input_labels=list(columns("u", labels.inputs, (), self.u).bare),
             title=f"{self.control} control, {self.plant} plant",
             plot_inputs=True,
         )
 
-    def _blocks(self, controller: Controller | None) -> list[_Block]:
+    def _blocks(self, controller: Controller | None) -> list[Block]:
         """What is recorded, and what of it is known right after each event."""
         labels, events = self.labels, self.events
         at = np.searchsorted(self.t, events.t)
-        command = None if controller is None else -events.x_o @ controller.design.k.T
+        command = None if controller is None else self.u_after(controller)
         blocks = [
-            _block("x", labels.states, labels.state_units, self.x, events.x),
-            _block("y", labels.outputs, labels.output_units, self.y, self.y[at]),
-            _block("u", labels.inputs, labels.input_units, self.u, command),
-            _block("x_o", labels.assumed, labels.assumed_units, self.x_o, events.x_o),
-            _block("x_h", labels.assumed, labels.assumed_units, self.x_h, events.x_o),
+            columns("x", labels.states, labels.state_units, self.x, events.x),
+            columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
+            columns("u", labels.inputs, labels.input_units, self.u, command),
+            columns("x_o", labels.assumed, labels.assumed_units, self.x_o, events.x_o),
+            columns("x_h", labels.assumed, labels.assumed_units, self.x_h, events.x_o),
         ]
         if np.isfinite(self.E).any():
             faces = None if controller is None else controller.trigger.faces(controller.design)
             level = None if faces is None else faces.E(0 * events.x_o)[:, None]
-            blocks.append(_block("", ("E",), ("",), self.E[:, None], level))
+            blocks.append(columns("", ("E",), ("",), self.E[:, None], level))
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))
             acting = None if command is None or limited else self.applied[at] + command - self.u[at]
-            blocks.append(_block("applied", labels.inputs, labels.input_units, self.applied, acting))
+            blocks.append(columns("applied", labels.inputs, labels.input_units, self.applied, acting))
         if self.pushes:
-            blocks.append(_block("push", self.push_names, self.push_units, self.push_values, self.push_values[at]))
+            blocks.append(columns("push", self.push_names, self.push_units, self.push_values, self.push_values[at]))
         if self.pressure is not None:
             ground, known = self.pressure, len(self.pressure.t_after) > 0
             newtons = ("N",) * len(ground.geoms)
             blocks += [
-                _block("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),
-                _block("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
+                columns("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),
+                columns("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
             ]
         return blocks
-
-
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
-
-    kind: str
-    bare: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    after: Array | None
-
-    def right_after(self, count: int) -> Array:
-        """Values right after the first events, NaN where not known."""
-        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
-
-
-def _block(
-    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
-) -> _Block:
-    """With numbers for names that are not known."""
-    width = values.shape[1]
-    names = names if len(names) == width else tuple(str(i) for i in range(width))
-    units = units if len(units) == width else ("",) * width
-    return _Block(kind, names, units, values, after)

@@ -21,7 +21,7 @@ from icmj.engine.stepping import stepping_of
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.settings import Settings
 from icmj.simulation.start import start_states
 
@@ -108,9 +108,7 @@ def in_words(seconds: float) -> str:
 def _acting(case: Case) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
     plant, settings = case.actual.linearisation.plant, case.settings
-    sources = settings.disturbance
-    parts = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs), pushes_of(settings).size
-    return np.concatenate([part.omega for part in parts])
+    return acting_on(plant, settings).omega
 
 
 def _rate(case: Case) -> float:

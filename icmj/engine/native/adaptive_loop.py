@@ -27,7 +27,7 @@ from icmj.engine.native.adaptive import (
     stepper_of,
 )
 from icmj.engine.native.compilation import compiled, entry, inlined, merged, run_guarded, sources
-from icmj.engine.native.ledger import apply, conclude, note, planned, standing
+from icmj.engine.native.ledger import apply, conclude, jump, note, planned, standing
 from icmj.engine.native.loop import FixedLoop
 from icmj.engine.native.memory import bare
 from icmj.engine.native.roots import event_in, roots
@@ -193,10 +193,12 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
         progress[0].steps += 1
         lands = time[0] >= target
         status = standing(engine, plan) if status == _RUNNING else status
+        moved = status == _RUNNING and lands and jump(engine, rule, due.edge)
         acts = status == _RUNNING and lands and time[0] >= due.action
         if acts:
             apply(rule.G, rule)
             progress[0].acted += 1
+        if acts or moved:
             pass_at(engine, stepper)
         if status == _RUNNING and lands and time[0] >= due.rule:
             fired = fired or _reached(rule)

@@ -109,7 +109,7 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
 def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
     """ȧ = M a + N (y + n(t) − y_0)."""
     size, n_y, at_0, commanded = int(b[Slot.SIZE]), int(b[Slot.N_Y]), int(b[Slot.AT_Y_0]), int(b[Slot.COMMANDED])
-    at_M, at_N, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.AT_SEGMENTS])
+    at_M, at_N, n_v, at = int(b[Slot.AT_M]), int(b[Slot.AT_N]), int(b[Slot.N_V]), int(b[Slot.AT_SEGMENTS])
     for _ in range(int(b[Slot.SEGMENTS])):
         start, end, first = int(b[at]), int(b[at + 1]), int(b[at + 2])
         count = int(b[at + 3]) - first
@@ -119,12 +119,12 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
             for j in range(n_y):
                 departure = y[j] - b[at_0 + j]
                 for i in range(start, end):
-                    rate[i] += b[at_N + i * n_y + j] * departure
+                    rate[i] += b[at_N + i * n_v + j] * departure
             signal = int(b[Slot.AT_SIGNALS]) + _SIGNAL * commanded
             for k in range(commanded, commanded + int(b[Slot.READ])):
                 column = at_N + int(b[signal])
                 for i in range(start, end):
-                    rate[i] += b[column + i * n_y] * waves[k]
+                    rate[i] += b[column + i * n_v] * waves[k]
                 signal += _SIGNAL
         at += 5
 

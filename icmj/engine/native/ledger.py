@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from icmj.engine.block import Slot
 from icmj.engine.native.compilation import engine_function, exact, inlined
 from icmj.engine.native.field import forward
 from icmj.engine.native.memory import address
@@ -87,6 +88,23 @@ def apply(map, rule):  # type: ignore[no-untyped-def]
                 rule.scratch[i] += map[i, j] * rule.a[j]
     for i in range(len(rule.a)):
         rule.a[i] = rule.scratch[i]
+
+
+@exact
+def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
+    """Let the impulses at this edge move the controller's state, where the engine is there; whether there are any."""
+    b, found = engine.block, False
+    if engine.time[0] < edge:
+        return False
+    at, n_v = int(b[Slot.AT_ERRORS]), int(b[Slot.N_V])
+    for _ in range(int(b[Slot.ERRORS])):
+        if b[at + 4] == edge and b[at + 5] == edge:
+            found = True
+            column = int(b[Slot.AT_N]) + int(b[at])
+            for i in range(len(rule.a)):
+                rule.a[i] += b[column + i * n_v] * b[at + 1]
+        at += 6
+    return found
 
 
 class Planned(NamedTuple):

@@ -20,7 +20,7 @@ from icmj.base.environment import SWITCH
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault
 from icmj.engine.native.compilation import entry, exact, merged, run_guarded, sources
-from icmj.engine.native.ledger import apply, conclude, planned, standing
+from icmj.engine.native.ledger import apply, conclude, jump, planned, standing
 from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
 from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, revise, rule_of
@@ -86,13 +86,15 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
         else:
             progress[0].steps += 1
         status = standing(engine, plan)
+        moved = status == _RUNNING and lands and jump(engine, rule, due.edge)
         acts = status == _RUNNING and lands and time[0] >= due.action
         if acts:
             apply(rule.G, rule)
             progress[0].acted += 1
+        if acts or moved:
             refresh(engine)
             _levels(rule)
-        if status == _RUNNING and lands and time[0] >= arm:
+        if status == _RUNNING and lands and (time[0] >= arm or (armed and moved)):
             armed = True
             fired = fired or reached(rule.now)
         fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
@@ -191,7 +193,9 @@ def _verify(data: mujoco.MjData, block: Block) -> None:
 
     a, y = data.act[block.act], data.sensordata[: len(block.y_0)]
     command = block.ctrl_0 - block.K @ a + waves(block.terms, len(block.ctrl_0))
-    rates = block.M @ a + block.N @ (y - block.y_0 + waves(block.errors, len(block.y_0)))
+    v = waves(block.errors, block.N.shape[1])
+    v[: len(y)] += y - block.y_0
+    rates = block.M @ a + block.N @ v
     for found, expected in ((data.ctrl[: len(command)], command), (data.act_dot[block.act], rates)):
         scale = 1e-9 * (1 + np.abs(expected).max() + np.abs(block.M).max() * np.abs(a).max())
         if not np.all(np.abs(found - expected) <= scale):

@@ -263,6 +263,8 @@ def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
             while T.edges[edge] <= t:
                 edge += 1
             now[Now.EDGE] = T.edges[edge]
+            for j in range(T.jumps.shape[1]):
+                run.w[j] += T.jumps[edge - 1, j]
         if kind == NOTHING and t == now[Now.ACTION]:
             _apply(T.G, run, scratch)
             counts[Count.ACTED] += 1

@@ -60,6 +60,7 @@ class Tables(NamedTuple):
         J, G: what an event and its action do to w.
         cuts: first row of each face of the event rule, and the number of rows.
         edges: when terms begin or end to act, rising, the last infinite [s].
+        jumps: what impulses do to z at each of these, shape (…, m); (0, 0) without any.
     """
 
     step: float
@@ -89,6 +90,7 @@ class Tables(NamedTuple):
     G: Array
     cuts: np.ndarray
     edges: Array
+    jumps: Array
 
 
 class Acting(NamedTuple):

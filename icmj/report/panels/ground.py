@@ -41,8 +41,8 @@ def draw_acting(axes: Axes, case: CaseRuns, i: int) -> None:
     """Command and what acts on one input; under noise the latter part."""
     plant = case.last.actual
     result = next(r for r in reversed(case.runs.values()) if i in acting(r))
-    simulation, k = result.simulation, result.controller.design.k[i : i + 1]
-    t, command = with_resets(simulation, simulation.u[:, i : i + 1], -simulation.events.x_o @ k.T)
+    simulation, after = result.simulation, result.simulation.u_after(result.controller)
+    t, command = with_resets(simulation, simulation.u[:, i : i + 1], after[:, i : i + 1])
     axes.plot(t, command, label="command $u$", **style.CONTINUOUS)
     axes.plot(simulation.t, simulation.applied[:, i], label="what acts", **style.RUN[simulation.plant])
     axes.margins(x=0)
