@@ -23,6 +23,7 @@ from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.law import Law
+from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
@@ -80,6 +81,23 @@ def leaning(
 
 def by_steps(integrator: str = "RK4", **more: object) -> Settings:
     return Settings(**{"duration": 1.5, "timestep": 4e-3, "integrator": integrator, **more})  # type: ignore[arg-type]
+
+
+def following(settings: Settings, trigger: Trigger | None = None, delay: Delay | None = None) -> Recorded:
+    """A shipped body whose set-point moves in every way."""
+    control = controller("three_link", 0.003)
+    first, last = control.design.plant.outputs[::2]
+    moves = (
+        Target({first: 1.0}, step(0.02)), Target({first: 1.0}, pulse(-0.03, 0.3003, 0.4)),
+        Target({last: 1.0}, ramp(0.02, 0.2, 0.5)), Target({last: 1.0}, sines(0.01, [0.5, 1.7], [0.3, 1.0], 0.1)),
+    )  # fmt: skip
+    control = replace(
+        control,
+        delay=delay or Delay(),
+        trigger=trigger or control.trigger,
+        setpoint=setpoint(control.design.plant, moves),
+    )
+    return recorded(simulate(plant("three_link", 0.9), control, settings, error_estimate=False))
 
 
 def adapted(tolerance: float, **more: object) -> Settings:
@@ -234,10 +252,14 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     "hooked": partial(driven, HOOKED, by_steps(), "aside", 2e-4),
     "tapped": partial(tapped, SWITCHING, by_steps(duration=2.5)),
     "tapped and pushed": partial(tapped, SWITCHING, by_steps(disturbance=SWAYED)),
+    "set-point": partial(following, by_steps()),
+    "set-point under a fast clock": partial(following, by_steps(), ClockTrigger(0.031), TICK),
     "touching": touching,
     "diverging": diverging,
 }
 ADAPTED: dict[str, Callable[[], Recorded]] = {
+    "adapted set-point": partial(following, adapted(1e-9)),
+    "adapted set-point with a delay": partial(following, adapted(1e-9), None, TICK),
     "RK23": partial(leaning, *THREE, adapted(1e-4)),
     "RK34": partial(leaning, *THREE, adapted(1e-5)),
     "RK45": partial(leaning, *THREE, adapted(1e-7)),

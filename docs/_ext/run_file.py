@@ -59,7 +59,7 @@ def _tables(model: type[BaseModel], path: str) -> Iterator[str]:
             yield from (f"  - {cell}" for cell in row[1:])
         yield from ["```", ""]
     for heading, each in inner:
-        title = heading.replace("[[simulation.disturbance]]", f'[[simulation.disturbance]] kind = "{_kind(each)}"')
+        title = f'{heading} kind = "{_kind(each)}"' if "kind" in each.model_fields else heading
         yield from [f"{'##' if not path else '###'} `{title}`", "", *_prose(inspect.getdoc(each) or ""), ""]
         yield from _tables(each, heading.strip("[]").replace(".NAME", ".NAME"))
 

@@ -18,6 +18,7 @@ from icmj.case.doubts import doubts, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
+from icmj.controller.setpoint import Setpoint, setpoint
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
@@ -65,6 +66,12 @@ class Case(Shown):
     def notices(self) -> tuple[Notice, ...]:
         """What to tell of it: of its plants, limits of the actual one that the predicted orbit reaches, slow noise."""
         return (*self.told, *reach(self.actual, self.prediction), *slow_noise(self.settings))
+
+    @cached_property
+    def setpoint(self) -> Setpoint | None:
+        """r(t) that its runs follow, ``None`` where there is none; theory, cycles and growth are those of r = 0."""
+        end = self.run.simulation.duration
+        return setpoint(self.controller.plant, [table.target(end) for table in self.run.setpoint])
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
@@ -123,11 +130,13 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
         prediction = predict(system, rule, delta_max=run.analysis.delta_max, progress=progress)
+        case = Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
+        _ = case.setpoint  # what it cannot be is told before anything is run
+        return case
     except IcmjError as error:
         reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
         raise type(error)(f"{run.path}: {error}{why}") from error
-    return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
 
 
 def revised(case: Case, run: RunFile) -> Case:
@@ -184,6 +193,8 @@ def simulate(
         SimulationError: if the simulation cannot be started.
     """
     parts = _parts(case, plant, trigger, duration, refinement)
+    if case.setpoint:
+        parts = (parts[0], replace(parts[1], setpoint=case.setpoint), parts[2])
     x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
     run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
     on_floor = plant == "linear" and isinstance(case.actual, MujocoPlant)

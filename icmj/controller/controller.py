@@ -22,6 +22,7 @@ from icmj.controller.hold import Hold
 from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Rates, Realisation
+from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Trigger
 from icmj.controller.trigger.trigger import Kind
 from icmj.errors import AnalysisError
@@ -41,6 +42,7 @@ class Controller(Law):
     hold: Hold
     trigger: Trigger
     delay: Delay = NO_DELAY
+    setpoint: Setpoint | None = None
 
     def __post_init__(self) -> None:
         for part, kind, words in (
@@ -53,6 +55,10 @@ class Controller(Law):
                 given = type(getattr(self, part)).__name__
                 raise AnalysisError(f"the controller's {part} is a {given}; expected {words}")
         self.hold.expect_fit(self.design)
+        if self.setpoint and not isinstance(self.setpoint, Setpoint):
+            raise AnalysisError(f"the controller's setpoint is a {type(self.setpoint).__name__}; expected a Setpoint")
+        if self.setpoint and len(self.setpoint.x_ss) != self.plant.n:
+            raise AnalysisError("the set-point's steady states are not of the controller's model; make it for that one")
         if self.delay and not self.trigger.holds:
             raise AnalysisError(
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "
@@ -80,8 +86,14 @@ class Controller(Law):
 
     @cached_property
     def faces(self) -> Faces:
-        """Those of the event rule on the hold's and the observer's difference."""
-        return self.trigger.faces(self.design)
+        """Those of the event rule on the hold's and the observer's difference, of what :attr:`model` has for states."""
+        faces = self.trigger.faces(self.design)
+        return self.setpoint.faces(faces) if self.setpoint else faces
+
+    @cached_property
+    def model(self) -> tuple[Design, Hold]:
+        """Design and hold of what observer and hold run: the assumed plant, and the set-point if there is one."""
+        return self.setpoint.model(self.design, self.hold) if self.setpoint else (self.design, self.hold)
 
     @cached_property
     def realisation(self) -> Realisation:
@@ -95,7 +107,7 @@ class Controller(Law):
 
 def layout_of(controller: Controller) -> Layout:
     """The controller's states: what the observer knows, the hold, and with a delay the predictions still to act."""
-    n = controller.design.plant.n
+    n = controller.model[0].plant.n
     slots = controller.delay.in_flight(controller.trigger.clock)
     return Layout.of(x_o=n, x_h=n, **({"pending": slots * n} if slots else {}))
 
@@ -109,6 +121,8 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
         AnalysisError: if the trigger does not fit the design.
     """
     layout = layout_of(controller)
+    if controller.setpoint:
+        x_o, x_h = (np.append(x, controller.setpoint(0.0)) for x in (x_o, x_h))
     if "pending" not in layout.names:
         return layout.join(x_o=x_o, x_h=x_h)
     from scipy.linalg import expm
@@ -116,7 +130,7 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
     # predictions that would change nothing: where the hold will be by itself
     times = _expected(controller)
     slots = controller.delay.in_flight(controller.trigger.clock)
-    idle = [expm(controller.hold.A_h * t) @ x_h for t in times]
+    idle = [expm(controller.model[1].A_h * t) @ x_h for t in times]
     pending = np.concatenate([np.zeros((slots - len(idle)) * len(x_h)), *idle])
     a = layout.join(x_o=x_o, x_h=x_h, pending=pending)
     return np.asarray(realise(controller).J @ a)
@@ -137,17 +151,17 @@ def realise(controller: Controller) -> Realisation:
 
 
 def _realised(controller: Controller) -> Realisation:
-    design, layout, trigger = controller.design, layout_of(controller), controller.trigger
-    o, h = layout["x_o"], layout["x_h"]
+    (design, hold), layout, trigger = controller.model, layout_of(controller), controller.trigger
+    o, h, n_y, r = layout["x_o"], layout["x_h"], design.plant.n_y, design.plant.n - controller.plant.n
     M, K = np.zeros((layout.size, layout.size)), np.zeros((design.plant.n_u, layout.size))
-    N, J, G = np.zeros((layout.size, design.plant.n_y)), np.eye(layout.size), np.eye(layout.size)
-    A, B, H = np.zeros_like(M), np.zeros((layout.size, design.plant.n_u)), np.zeros((design.plant.n_y, layout.size))
-    M[o, o], N[o] = design.A_o, design.L
-    A[o, o], B[o], H[:, o] = design.plant.A, design.plant.B, design.plant.C
+    N, J, G = np.zeros((layout.size, n_y + r)), np.eye(layout.size), np.eye(layout.size)
+    A, B, H = np.zeros_like(M), np.zeros((layout.size, design.plant.n_u)), np.zeros((n_y + r, layout.size))
+    M[o, o], N[o, :n_y], N[o.stop - r : o.stop, n_y:] = design.A_o, design.L, np.eye(r)
+    A[o, o], B[o], H[:n_y, o] = design.plant.A, design.plant.B, design.plant.C
     if trigger.holds:
-        M[o, h], M[h, h], K[:, h] = -design.plant.B @ design.k, controller.hold.A_h, design.k
+        M[o, h], M[h, h], K[:, h] = -design.plant.B @ design.k, hold.A_h, design.k
         # the system-matched hold is the model under the command, and nothing beside it
-        A[h, h], B[h] = design.plant.A + (controller.hold.A_h - design.A_c), design.plant.B
+        A[h, h], B[h] = design.plant.A + (hold.A_h - design.A_c), design.plant.B
         if controller.delay:
             _delayed(controller, layout, J, G)
         else:
@@ -160,8 +174,9 @@ def _realised(controller: Controller) -> Realisation:
     faces = controller.faces
     R = np.zeros((len(faces.R), layout.size))
     R[:, o], R[:, h] = -faces.R, faces.R
-    mode = Mode(trigger.kind, M, N, K, np.zeros((design.plant.n_u, design.plant.n_y)), Rates(A, B, N, H))
-    return Realisation(layout, (mode,), J, G, R, faces.cuts, controller.delay.t_d)
+    mode = Mode(trigger.kind, M, N, K, np.zeros((design.plant.n_u, n_y + r)), Rates(A, B, N, H))
+    signals = controller.setpoint.terms if controller.setpoint else np.zeros((0, 6))
+    return Realisation(layout, (mode,), J, G, R, faces.cuts, controller.delay.t_d, signals=signals)
 
 
 def _expected(controller: Controller) -> list[float]:
@@ -172,14 +187,14 @@ def _expected(controller: Controller) -> list[float]:
 
 def _delayed(controller: Controller, layout: Layout, J: Array, G: Array) -> None:
     """An event moves the queue on and puts its prediction last; an action takes the one that is due."""
-    n, pending, trigger = controller.design.plant.n, layout["pending"].start, controller.trigger
+    n, pending, trigger = layout.sizes[0], layout["pending"].start, controller.trigger
     slots = controller.delay.in_flight(trigger.clock)
     places = [slice(pending + i * n, pending + (i + 1) * n) for i in range(slots)]
     before = np.eye(layout.size)
     for place, following in pairwise(places):
         J[place] = before[following]
     times = _expected(controller)
-    E_p = predictor(controller.design, controller.hold, controller.delay.predicted, times)
+    E_p = predictor(*controller.model, controller.delay.predicted, times)
     inputs = [layout["x_o"], layout["x_h"], *places[slots - len(times) :]]
     J[places[-1]] = sum(E_p[:, i * n : (i + 1) * n] @ before[place] for i, place in enumerate(inputs))
     G[layout["x_h"]] = before[places[0]]

@@ -23,6 +23,7 @@ from icmj.controller.hold import Hold
 from icmj.controller.law import RecordedLaw, recorded_law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Rates, Realisation
+from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import TRIGGERS, recorded
 from icmj.errors import IcmjError, LogError
@@ -49,7 +50,7 @@ from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
 _DATA: tuple[type, ...] = (
-    *(LinearPlant, Push, Design, Hold, Delay, Controller, *TRIGGERS),
+    *(LinearPlant, Push, Design, Hold, Delay, Setpoint, Controller, *TRIGGERS),
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),

@@ -20,8 +20,10 @@ from icmj.runfile.keys import put
 from icmj.runfile.law_tables import AnyController, OwnController, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
+from icmj.runfile.setpoint_tables import SetpointTable
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
 from icmj.runfile.table import (
+    MOST,
     Line,
     Positive,
     TomlTable,
@@ -77,6 +79,8 @@ class RunFile(TomlTable):
     """Weights of the linear-quadratic design."""
     controller: AnyController
     """The controller: hold and event rule of the intermittent one, or another one by its ``kind``."""
+    setpoint: Annotated[list[SetpointTable], Field(max_length=MOST)] = []
+    """Where the plant is to be over time, of one output or combination each; upright throughout where there is none."""
     analysis: Analysis = Analysis()
     """Range of the analysis."""
     simulation: SimulationTable = SimulationTable()
@@ -160,6 +164,14 @@ class RunFile(TomlTable):
     def _matrices_are_not_changed_as_models_are(self) -> RunFile:
         if self.assumed.given and not self.actual.given and self.actual.model is None:
             self.actual.refuse((*ON_ENGINE, "units"), "actual: a plant given by matrices")
+        return self
+
+    @model_validator(mode="after")
+    def _only_the_intermittent_controller_follows(self) -> RunFile:
+        if self.setpoint and not isinstance(self.controller, Control):
+            raise ValueError(
+                f"a set-point is for the intermittent controller; one of kind {self.controller.kind!r} has none"
+            )
         return self
 
     @model_validator(mode="after")

@@ -29,10 +29,11 @@ class Kept:
 
 def kept(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None) -> Kept:
     """Rows of observer, hold and, where it is known more exactly than as their difference, hold error e_hp."""
-    u = -x_h @ controller.design.k.T
-    return Kept(x_o, x_h, u, controller.faces.E(x_h - x_o if e is None else e))
+    u, n = -x_h @ controller.model[0].k.T, controller.plant.n
+    return Kept(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
 
 
 def driven(controller: Law, pushes: Pushes, t: Array) -> dict[str, Any]:
-    """Fields of a run that not every one has, at its rows: what is pushed."""
-    return {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
+    """Fields of a run that not every one has, at its rows: the set-point, and what is pushed."""
+    pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
+    return {"setpoint": controller.setpoint if isinstance(controller, Controller) else None, **pushed}

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount, amounts, count
 from icmj.controller.controller import Controller
+from icmj.controller.setpoint import Setpoint
 from icmj.plant.push import Push
 from icmj.series.even import step_of
 from icmj.series.pieces import piecewise
@@ -82,6 +83,7 @@ class Simulation(Shown):
         pushes: where something acts on the plant itself, K places.
         pushed: how large it is there, shape (N, K); empty (0, 0) where nothing does.
         pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
+        setpoint: r(t) that the controller followed; ``None`` where it had none.
         labels: names and units of states, inputs and outputs; empty where they are not known.
         mode: of a controller that has several, the index of the one that is on, shape (N,); empty (0,) otherwise.
         modes: their names.
@@ -110,6 +112,12 @@ class Simulation(Shown):
     pushed: Array = field(default_factory=lambda: np.zeros((0, 0)))
     mode: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     modes: tuple[str, ...] = ()
+    setpoint: Setpoint | None = None
+
+    @property
+    def r(self) -> Array:
+        """The set-point at the rows, shape (N, R); (N, 0) where there is none."""
+        return self.setpoint(self.t) if self.setpoint else np.zeros((len(self.t), 0))
 
     def card(self) -> Card:
         """What a prompt or a notebook shows of it."""
@@ -164,15 +172,19 @@ class Simulation(Shown):
             resets = np.zeros(0) if self.delay else self.events.t
             after = np.concatenate([block.right_after(len(resets)) for block in blocks], axis=1)
             actions = self.events.t + self.delay if self.delay else ()
-            breaks = np.concatenate([np.ravel(breaks), actions])
+            edges = self.setpoint.edges if self.setpoint else ()
+            breaks = np.concatenate([np.ravel(breaks), actions, edges])
             values = piecewise(self.t, values, t, jumps=resets, after=after, breaks=breaks)
+            if self.setpoint:
+                values[:, [name.startswith("r.") for name in names]] = self.setpoint(t)
             facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
         interval = np.searchsorted(self.events.t, t, side="left")[:, None].astype(float)
         return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
 
     def u_after(self, controller: Controller) -> Array:
         """The commands of the run's controller right after each event without a delay, shape (K, n_u)."""
-        return -self.events.x_o @ controller.design.k.T
+        k, r = controller.design.k, self.setpoint
+        return -self.events.x_o @ k.T + (r(self.events.t) @ r.gain(k).T if r else 0.0)
 
     def events_to_series(self) -> Series:
         """One row for each event: Δ_i, the states just before the reset, and extremes of the outputs since the last."""
@@ -264,6 +276,8 @@ class Simulation(Shown):
             blocks.append(columns("applied", labels.inputs, labels.input_units, self.applied, acting))
         if self.pushes:
             blocks.append(columns("push", self.push_names, self.push_units, self.push_values, self.push_values[at]))
+        if self.setpoint:
+            blocks.append(columns("r", self.setpoint.names, self.setpoint.units, self.r, self.r[at]))
         if self.pressure is not None:
             ground, known = self.pressure, len(self.pressure.t_after) > 0
             newtons = ("N",) * len(ground.geoms)

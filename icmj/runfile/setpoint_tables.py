@@ -1,0 +1,144 @@
+"""The tables of a set-point r(t): of what it is one, and how it moves."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from icmj.base.array import Array
+from icmj.controller.setpoint import Target, pulse, ramp, sines, step, ternary
+from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
+
+LONGEST_TERNARY = 20_000  # intervals
+
+
+class TargetTable(TomlTable):
+    """A channel of the set-point, or a part of what moves it: entries of one name are added."""
+
+    output: Annotated[Line, Field(min_length=1)] | None = None
+    """Output of the assumed plant, or a state of it, that is to follow, by name; or"""
+    combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
+    """several with a weight for each, such as ``{ shank = 0.5, thigh = 0.3 }``, which follow as their sum."""
+    name: Line = ""
+    """Of the set-point; a combination needs one."""
+    unit: Line = ""
+    """Of the set-point; that of the output by default."""
+
+    @abstractmethod
+    def terms(self, end: float) -> Array:
+        """How it moves until ``end`` [s], as :class:`icmj.controller.setpoint.Target` takes it."""
+
+    def target(self, end: float) -> Target:
+        """The target that it stands for, of a run until ``end`` [s]."""
+        combination = self.combination or {str(self.output): 1.0}
+        return Target(combination, self.terms(end), self.name, unit=self.unit)
+
+    @model_validator(mode="after")
+    def _one_of_output_and_combination(self) -> TargetTable:
+        if (self.output is None) == (not self.combination):
+            raise ValueError("give one of output and combination")
+        if self.combination and not self.name:
+            raise ValueError("a combination needs a name")
+        return self
+
+
+class StepSetpoint(TargetTable):
+    """A step: ``size`` from ``start`` [s] on; from the beginning where none is given."""
+
+    kind: Literal["step"]
+    """How it moves."""
+    size: Finite
+    """Of the step [unit of the output]."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+
+    def terms(self, end: float) -> Array:
+        return step(self.size, self.start)
+
+
+class PulseSetpoint(TargetTable):
+    """A pulse: ``size`` from ``start`` [s] on, for ``duration`` [s], and back."""
+
+    kind: Literal["pulse"]
+    """How it moves."""
+    size: Finite
+    """Of the pulse [unit of the output]."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+    duration: Positive
+    """How long [s]."""
+
+    def terms(self, end: float) -> Array:
+        return pulse(self.size, self.start, self.duration)
+
+
+class RampSetpoint(TargetTable):
+    """A ramp: evenly to ``size`` from ``start`` [s] on, over ``duration`` [s], and there it stays."""
+
+    kind: Literal["ramp"]
+    """How it moves."""
+    size: Finite
+    """How far [unit of the output]."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+    duration: Positive
+    """Over which [s]."""
+
+    def terms(self, end: float) -> Array:
+        return ramp(self.size, self.start, self.duration)
+
+
+class SinesSetpoint(TargetTable):
+    """A sum of sinusoids, Σ a sin(2πf(t − start) + φ)."""
+
+    kind: Literal["sines"]
+    """How it moves."""
+    size: Finite | Numbers
+    """Amplitude a: one for all, or one for each [unit of the output]."""
+    frequencies: Positives
+    """f of each [Hz]."""
+    phases: Numbers | None = None
+    """φ of each [rad]; drawn from the seed where they are not given."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Of the phases."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+
+    def terms(self, end: float) -> Array:
+        drawn = 2 * np.pi * np.random.default_rng(self.seed).random(len(self.frequencies))
+        return sines(self.size, self.frequencies, drawn if self.phases is None else self.phases, self.start)
+
+    @model_validator(mode="after")
+    def _one_for_each(self) -> SinesSetpoint:
+        count = len(self.frequencies)
+        for key in ("size", "phases"):
+            given = getattr(self, key)
+            if isinstance(given, list) and len(given) != count:
+                raise ValueError(f"{key} has {len(given)} numbers for {count} frequencies")
+        if self.phases is not None and "seed" in self.model_fields_set:
+            raise ValueError("give either phases or their seed")
+        return self
+
+
+class TernarySetpoint(TargetTable):
+    """A pseudo-random ternary sequence of velocities −v, 0, v, integrated; it repeats after 242 intervals."""
+
+    kind: Literal["ternary"]
+    """How it moves."""
+    size: Finite
+    """From peak to peak [unit of the output]; negative for the mirror image."""
+    interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
+    """How long each velocity lasts [s]."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+
+    def terms(self, end: float) -> Array:
+        return ternary(self.size, self.interval, self.start, min(end, self.start + LONGEST_TERNARY * self.interval))
+
+
+SetpointTable = Annotated[
+    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint, Field(discriminator="kind")
+]

@@ -1,0 +1,90 @@
+"""A set-point from a run file to both plants, log and export."""
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.case.case import open_loop, prepare, simulate
+from icmj.errors import AnalysisError, RunFileError
+from icmj.runfile.reading import load_run
+
+SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}
+MOVES = [
+    {"output": "shank", "kind": "step", "size": 0.01},
+    {"output": "shank", "kind": "pulse", "size": 0.01, "start": 0.4, "duration": 0.5},
+    {"combination": {"shank": 0.4, "trunk": 0.6}, "name": "mass", "unit": "m", "kind": "ramp", "size": 0.02,
+     "start": 0.3, "duration": 1.0},
+    {"combination": {"shank": 0.4, "trunk": 0.6}, "name": "mass", "kind": "sines", "size": 0.002,
+     "frequencies": [0.7, 1.9], "seed": 3},
+    {"output": "thigh", "kind": "ternary", "size": 0.01, "interval": 0.05},
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def case(root):
+    run = load_run(root / "runs" / "three-link-0.9.toml").with_(**{"controller.q_t": 1e-3, **SHORT})
+    return prepare(run.with_(setpoint=MOVES))
+
+
+def test_both_plants_follow_it(case):
+    linear, engine = (simulate(case, plant) for plant in ("linear", "mujoco"))
+    assert len(linear.events) > 3
+    np.testing.assert_allclose(engine.events.t[:3], linear.events.t[:3], atol=1e-3)
+    for run in (linear, engine):
+        assert run.setpoint.names == ("shank", "mass", "thigh")
+        assert run.setpoint.units == ("rad", "m", "rad")
+        shank = run.r[:, 0]
+        np.testing.assert_allclose(shank, 0.01 + 0.01 * ((run.t >= 0.4) & (run.t < 0.9)), atol=1e-15)
+        after = -run.events.x_o @ case.controller.design.k.T
+        after += case.setpoint(run.events.t) @ (case.controller.design.k @ case.setpoint.x_ss + case.setpoint.u_ss).T
+        np.testing.assert_allclose(run.u_after(case.controller), after, rtol=1e-12)
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_it_is_logged_and_exported(case, tmp_path, plant):
+    result = icmj.run_case(case.run, plant)
+    path = tmp_path / "followed.rrd"
+    icmj.write_log(result, path)
+    back = icmj.read_log(path)
+    for run, of in ((result.simulation, back.simulation), (result.continuous, back.continuous)):
+        np.testing.assert_array_equal(of.r, run.r)
+        for name in ("names", "units", "x_ss", "u_ss", "terms"):
+            np.testing.assert_array_equal(getattr(of.setpoint, name), getattr(run.setpoint, name))
+    series = back.to_series(500.0)
+    columns = [series.names.index(name) for name in ("r.shank", "r.mass", "r.thigh")]
+    assert [series.units[i] for i in columns] == ["rad", "m", "rad"]
+    np.testing.assert_array_equal(series.values[:, columns], case.setpoint(series.t))
+
+
+def test_what_is_of_theory_knows_nothing_of_it(case, root):
+    bare = prepare(case.run.with_(setpoint=None))
+    assert bare.prediction.delta_crit == case.prediction.delta_crit
+    assert not bare.setpoint
+    start = 0.01 * np.ones(6), np.zeros(6)
+    assert open_loop(case, "linear")(*start).length == open_loop(bare, "linear")(*start).length
+
+
+def test_other_controllers_have_none(case):
+    other = {"kind": "switching", "position": "shank", "rate": "thigh", "P": 1.0, "D": 1.0}
+    with pytest.raises(RunFileError, match="a set-point is for the intermittent controller"):
+        case.run.with_(controller=other)
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ([{"output": "shnk", "kind": "step", "size": 1.0}], "shnk.*outputs are"),
+        ([{"output": "shank", "kind": "step"}], r"setpoint\[0\].*size"),
+        ([{"output": "shank", "kind": "stair", "size": 1.0}], "stair"),
+        ([{"kind": "step", "size": 1.0}], "one of output and combination"),
+        ([{"combination": {"shank": 1.0}, "kind": "step", "size": 1.0}], "a combination needs a name"),
+        ([{"output": "shank", "kind": "sines", "size": [1.0], "frequencies": [1.0, 2.0]}], "1 numbers for 2"),
+        ([{"output": "shank_rate", "kind": "step", "size": 1.0}], "outputs are|no steady state"),
+        ([{"output": "ankle_rate", "kind": "step", "size": 1.0}], "no steady state"),
+    ],
+)
+def test_bad_tables_are_told_in_one_line(case, tables, words):
+    with pytest.raises((RunFileError, AnalysisError), match=words) as told:
+        prepare(case.run.with_(setpoint=tables))
+    assert "\n" not in str(told.value)
+    assert str(told.value).startswith(str(case.run.path))
