@@ -24,6 +24,9 @@ from .controller.law import RecordedLaw as RecordedLaw
 from .controller.realisation import Guard as Guard
 from .controller.realisation import Mode as Mode
 from .controller.realisation import Realisation as Realisation
+from .controller.setpoint import Setpoint as Setpoint
+from .controller.setpoint import Target as Target
+from .controller.setpoint import setpoint as setpoint
 from .controller.switching import SwitchingPD as SwitchingPD
 from .controller.trigger import BoxTrigger as BoxTrigger
 from .controller.trigger import ClockTrigger as ClockTrigger

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.setpoint import Setpoint
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result.result import Result
@@ -75,6 +76,10 @@ def _signals(result: Result) -> Iterator[Group]:
         grey = (palette.CONTINUOUS,) * len(names)
         yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
+    if simulation.setpoint:
+        names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
+        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
+        yield Group("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
     events, u_after = simulation.events, simulation.u_after(result.controller)
     yield Group("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
@@ -83,6 +88,15 @@ def _signals(result: Result) -> Iterator[Group]:
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
         yield Group(path, t, values, names, palette.series(len(names)))
+
+
+def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
+    """The set-point at these times, and before and after each of its jumps between them."""
+    edges = r.edges[r.edges < t[-1]]
+    when = np.concatenate([edges, t, edges])
+    values = np.concatenate([r(np.nextafter(edges, 0)), r(t), r(edges)])
+    order = np.argsort(when, kind="stable")
+    return when[order], values[order]
 
 
 def acting_groups(result: Result | Tried) -> Iterator[Group]:

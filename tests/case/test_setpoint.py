@@ -1,11 +1,15 @@
 """A set-point from a run file to both plants, log and export."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import icmj
 from icmj.case.case import open_loop, prepare, simulate
-from icmj.errors import AnalysisError, RunFileError
+from icmj.errors import AnalysisError, LogError, RunFileError
+from icmj.log.archive import pack, unpack
+from icmj.log.signals import groups
 from icmj.runfile.reading import load_run
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}
@@ -50,10 +54,23 @@ def test_it_is_logged_and_exported(case, tmp_path, plant):
         np.testing.assert_array_equal(of.r, run.r)
         for name in ("names", "units", "x_ss", "u_ss", "terms"):
             np.testing.assert_array_equal(getattr(of.setpoint, name), getattr(run.setpoint, name))
+    shown = {group.path: group for group in groups(back)}["outputs/setpoint"]
+    assert shown.names == ("set-point shank", "set-point mass", "set-point thigh")
+    jump = shown.values[shown.t == 0.4, 0]
+    np.testing.assert_allclose([jump[0], jump[-1]], [0.01, 0.02], atol=1e-12)
+    assert np.all(np.diff(shown.t) >= 0)
     series = back.to_series(500.0)
     columns = [series.names.index(name) for name in ("r.shank", "r.mass", "r.thigh")]
     assert [series.units[i] for i in columns] == ["rad", "m", "rad"]
     np.testing.assert_array_equal(series.values[:, columns], case.setpoint(series.t))
+
+
+def test_a_log_whose_set_point_does_not_fit_is_refused(case):
+    result = icmj.run_case(case.run, "linear")
+    wrong = replace(result.simulation.setpoint, x_ss=result.simulation.setpoint.x_ss[1:])
+    wrong = replace(result, simulation=replace(result.simulation, setpoint=wrong))
+    with pytest.raises(LogError, match=r"setpoint\.x_ss"):
+        unpack(*pack(wrong))
 
 
 def test_what_is_of_theory_knows_nothing_of_it(case, root):
