@@ -10,9 +10,10 @@ from pydantic import Field, model_validator
 
 from icmj.base.array import Array
 from icmj.controller.setpoint import Target, pulse, ramp, sines, step, ternary
+from icmj.errors import AnalysisError
 from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
 
-LONGEST_TERNARY = 20_000  # intervals
+MOST_INTERVALS = 5_000  # of a ternary sequence: each is a term that a run carries
 
 
 class TargetTable(TomlTable):
@@ -136,7 +137,13 @@ class TernarySetpoint(TargetTable):
     """From when on [s]."""
 
     def terms(self, end: float) -> Array:
-        return ternary(self.size, self.interval, self.start, min(end, self.start + LONGEST_TERNARY * self.interval))
+        intervals = (end - self.start) / self.interval
+        if intervals > MOST_INTERVALS:
+            raise AnalysisError(
+                f"a ternary set-point of {self.interval:g} s has {intervals:.3g} intervals in this run; expected at "
+                f"most {MOST_INTERVALS}, lengthen its interval"
+            )
+        return ternary(self.size, self.interval, self.start, end)
 
 
 SetpointTable = Annotated[

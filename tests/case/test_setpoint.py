@@ -11,6 +11,7 @@ from icmj.errors import AnalysisError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.signals import groups
 from icmj.runfile.reading import load_run
+from icmj.study.estimate import estimate
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}
 MOVES = [
@@ -81,6 +82,17 @@ def test_what_is_of_theory_knows_nothing_of_it(case, root):
     assert open_loop(case, "linear")(*start).length == open_loop(bare, "linear")(*start).length
 
 
+def test_too_fine_a_sequence_is_refused_and_a_fast_sine_is_reckoned_with(case):
+    fine = {"output": "shank", "kind": "ternary", "size": 0.1, "interval": 1e-3}
+    with pytest.raises(AnalysisError, match="1e\\+04 intervals in this run; expected at most 5000"):
+        prepare(case.run.with_(setpoint=[fine], **{"simulation.duration": 10.0}))
+    slow, fast = (
+        {"output": "shank", "kind": "sines", "size": 1e-9, "frequencies": [frequency]} for frequency in (1.0, 1e9)
+    )
+    seconds = [estimate(prepare(case.run.with_(setpoint=[table])), "linear") for table in (slow, fast)]
+    assert seconds[0] < 60 < seconds[1]
+
+
 def test_other_controllers_have_none(case):
     other = {"kind": "switching", "position": "shank", "rate": "thigh", "P": 1.0, "D": 1.0}
     with pytest.raises(RunFileError, match="a set-point is for the intermittent controller"):
@@ -98,6 +110,7 @@ def test_other_controllers_have_none(case):
         ([{"output": "shank", "kind": "sines", "size": [1.0], "frequencies": [1.0, 2.0]}], "1 numbers for 2"),
         ([{"output": "shank_rate", "kind": "step", "size": 1.0}], "outputs are|no steady state"),
         ([{"output": "ankle_rate", "kind": "step", "size": 1.0}], "no steady state"),
+        ([{"output": "shank", "kind": "sines", "size": 1.0, "frequencies": []}], "frequencies"),
     ],
 )
 def test_bad_tables_are_told_in_one_line(case, tables, words):
