@@ -130,7 +130,6 @@ def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, print what it did beside the prediction."""
     from icmj.case.case import prepare
     from icmj.comparison.comparison import compare
-    from icmj.log import write_log
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
@@ -156,6 +155,8 @@ def run(command: arguments.Run) -> None:
         with heard_once() as heard:
             result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
             working.tell("writing the log", 0.95)
+            from icmj.log.writer import write_log  # by now it has been imported meanwhile
+
             with heard.postponed():
                 write_log(result, log)
     if command.json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from icmj.base.imports import meanwhile
 from icmj.base.signals import heard_once
 from icmj.cli.working import Working
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 def carry_out(command: Run, run: RunFile, out: Terminal, err: Terminal) -> None:
     """Simulate the run, write its log and say what it did."""
     from icmj.case.trial import prepare_trial
-    from icmj.log import write_log
     from icmj.study.study import open_folder, plants_of
     from icmj.study.trial import try_law
 
@@ -25,9 +25,12 @@ def carry_out(command: Run, run: RunFile, out: Terminal, err: Terminal) -> None:
         trial = prepare_trial(run)
         log = command.out / f"{run.case.name}.{plant}.rrd"
         open_folder(command.out, log.name)
+        meanwhile("icmj.log.writer")
         with heard_once() as heard:
             result = try_law(trial, plant, lambda done: working.tell(run.case.name, done))
             working.tell("writing the log", 0.95)
+            from icmj.log.writer import write_log  # by now it has been imported meanwhile
+
             with heard.postponed():
                 write_log(result, log)
     for notice in result.notices:
