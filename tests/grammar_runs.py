@@ -110,6 +110,11 @@ def run_tables(rng: random.Random, names: Names, name: str = "case") -> dict[str
     }
     if rng.random() < 0.5:
         tables["analysis"]["allow"] = rng.sample(KINDS, rng.choice((1, 3, len(KINDS))))
+    if rng.random() < 0.12:
+        duration = tables["simulation"]["duration"]
+        tables["setpoint"] = [_setpoint(rng, names, duration) for _ in range(rng.choice((1, 1, 2)))]
+    if tables["controller"].get("kind") == "switching" and rng.random() < 0.9:
+        tables["assumed"]["delay"] = positive(rng, 0.2, 0.05)
     return tables
 
 
@@ -210,6 +215,14 @@ def _design(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
 
 
 def _controller(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
+    if rng.random() < 0.1:
+        outputs = list(names.outputs)
+        found = {"kind": "switching", "position": rng.choice(outputs), "rate": rng.choice(outputs)}
+        found |= {"P": number(rng, 1.0, 100.0), "D": number(rng, 0.1, 10.0)}
+        keys = {"slope": lambda: number(rng, -0.4, 0.0), "dead_zone": lambda: positive(rng, 0.004, low=0.0)}
+        return found | _some(rng, 0.6, keys | {"switches": lambda: rng.random() < 0.7})
+    if rng.random() < 0.02:
+        return {"kind": "os:system", "parameters": {"command": "touch wrong"}}
     found: dict[str, Any] = _some(rng, 0.7, {"delta_min": lambda: positive(rng, 0.01, 0.001, 0.1, low=0.0)})
     if rng.random() < 0.3:
         found["hold"] = rng.choice((*HOLDS, "own"))
@@ -259,8 +272,8 @@ def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
 def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
     start = positive(rng, duration / 2, duration / 10, low=0.0)
     base = {"size": number(rng, 0.1, 1.0), **({"start": start} if rng.random() < 0.5 else {})}
-    kind = rng.choice(("impulse", "step", "noise", "bias", "noise"))
-    on_input = kind in ("impulse", "step") or (kind == "noise" and rng.random() < 0.5)
+    kind = rng.choice(("impulse", "step", "noise", "bias", "noise", "gaussian"))
+    on_input = kind in ("impulse", "step") or (kind in ("noise", "gaussian") and rng.random() < 0.5)
     port = {"input": rng.choice(list(names.inputs))} if on_input else {"output": rng.choice(list(names.outputs))}
     found = {"kind": kind, **port, **base}
     if kind == "impulse":
@@ -270,6 +283,28 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
         found[rng.choice(("bandwidth", "corner"))] = positive(rng, 1.0, 10.0, 0.1 / duration)
         if rng.random() < 0.2:
             found["terms"] = rng.choice((1, 2, 400, 2000))
+    if kind == "gaussian":
+        found |= {"size": abs(found["size"]) or 0.1, "seed": rng.choice((0, 1, 2**63 - 1))}
+        keys = {"corner": lambda: positive(rng, 1.0, 0.1), "interval": lambda: positive(rng, 0.01, duration / 100)}
+        found |= _some(rng, 0.5, keys)
+    return found
+
+
+def _setpoint(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
+    kind = rng.choice(("step", "pulse", "ramp", "sines", "ternary"))
+    found: dict[str, Any] = {"kind": kind, "size": number(rng, 0.01, 0.1)}
+    if rng.random() < 0.8:
+        found["output"] = rng.choice((*names.outputs, *names.states))
+    else:
+        found |= {"combination": {name: number(rng, 0.5, 1.0) for name in names.outputs}, "name": rng.choice(("r", ""))}
+    if rng.random() < 0.7:
+        found["start"] = positive(rng, duration / 2, duration / 10, low=0.0)
+    if kind in ("pulse", "ramp"):
+        found["duration"] = positive(rng, 0.1, duration / 10)
+    if kind == "sines":
+        found["frequencies"] = [positive(rng, 0.1, 1.0, 10.0) for _ in range(rng.choice((1, 3, 30)))]
+    if kind == "ternary" and rng.random() < 0.5:
+        found["interval"] = positive(rng, 0.25, 0.01)
     return found
 
 
