@@ -114,7 +114,7 @@ def test_the_delayed_loop_errs_with_the_square_of_the_threshold(outputs):
 def test_quiet_standing_sways_as_people_do_and_is_told_by_statistics(summary, outputs, plant):
     record = summary["quiet-standing", plant]
     assert record["measured"]["kind"] == "noisy"
-    assert record["words"].startswith("Driven by noise, no cycle closes")
+    assert record["words"].startswith("The motion is driven by noise: mean interval")
     result = next(read_log(log) for log in outputs.logs if log.name == f"quiet-standing.{plant}.rrd")
     told, late = result.statistics, result.simulation.t > 6
     assert told.least == 0.3
