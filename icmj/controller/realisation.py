@@ -122,6 +122,8 @@ class Realisation:
             raise AnalysisError(f"the taps of a controller must be rising delays of at least 0 s, got {self.taps}")
         if self.taps[0] == 0 and len(self.taps) > 1:
             raise AnalysisError("a controller reads outputs either as they are or delayed; give a tap of 0 s alone")
+        if any(not np.any(guard.Q) for guard in self.guards):
+            raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")
         if self.guards and not self.tapped:
             raise AnalysisError("guards choose a mode by delayed readings, and there is no delayed tap")
 

@@ -63,6 +63,8 @@ class SwitchingPD(Law):
         for what, name in (("position", self.position), ("rate", self.rate)):
             if name not in outputs:
                 raise AnalysisError(f"the {what} is the output {name!r}; the plant's outputs are {', '.join(outputs)}")
+        if self.position == self.rate:
+            raise AnalysisError(f"position and rate are the same output, {self.rate!r}; name two")
         for letter in ("P", "D"):
             gain = np.asarray(getattr(self, letter), dtype=float)
             if gain.ndim > 1 or (gain.ndim == 1 and len(gain) != n_u) or not np.isfinite(gain).all():

@@ -34,8 +34,8 @@ RESERVED = ("icmj_controller", "icmj_controller_joint")
 OURS = (
     "8dcc9d7d9d6732123aefd60918886c5558246826b3d3c212fecd1a2940266c3c",
     "63e54dd25e54e10d477ff28c3d72bc2afdc987c3fe1d25fa3f5997505ff9ad2f",
-    "5c33adb20074d6786eab2d0e5ebc5528143114b0cffde93b79f4153ac4de088a",
-    "bfa4291929b5e222a2a4cbb95091d1c871c99c7ef60138008a9400e16087d001",
+    "8126e451cb77a40a46381a441c2b294d32f558a81ae4c0b84d6f988a75280b86",
+    "20a91e994bf10af4d9fcbe1ae22d09d257505514c9fd12af6c4ee4edfe23ebaf",
 )
 """SHA-256 of the models that come with icmj: alone they are not tried first."""
 

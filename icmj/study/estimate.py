@@ -14,6 +14,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
 from icmj.case.plants import linear_plant
+from icmj.case.trial import Trial
 from icmj.controller.delay import NO_DELAY
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate as simulate_mujoco
@@ -77,7 +78,7 @@ def estimate(case: Case, plant: PlantKind) -> float:
     return seconds
 
 
-def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None) -> None:
+def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: float | None) -> None:
     """See that a case is not longer than somebody is ready to wait.
 
     Raises:
@@ -88,7 +89,7 @@ def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | N
     settings = case.settings
     rows = settings.duration / settings.record_interval
     what = [f"{rows:.2g} rows"] if rows > ROWS else []
-    if plant == "mujoco" and settings.duration / _timestep(case) > STEPS:
+    if plant == "mujoco" and isinstance(case, Case) and settings.duration / _timestep(case) > STEPS:
         what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
     asked = f" ({', '.join(what)})" if what else ""
     raise StudyError(

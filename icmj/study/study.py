@@ -179,8 +179,13 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
 
     if run.tries:
         from icmj.case.trial import prepare_trial
+        from icmj.study.trial import estimate_trial, startable_trial
 
-        prepare_trial(run)
+        trial = prepare_trial(run)
+        for plant in plants_of(run):
+            startable_trial(trial, plant)
+            if longest is not None:
+                refuse_long(trial, plant, estimate_trial(trial, plant), longest)
         return
     case = prepare(run)
     for plant in plants_of(run):

@@ -37,6 +37,7 @@ def test_a_table_may_remember_the_mode() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"guards": (Guard(np.zeros((1, 1)), 1.0),)}, "one sign for ever"),
         ({"taps": ()}, "rising delays"),
         ({"taps": (0.2, 0.1)}, "rising delays"),
         ({"taps": (-0.1,)}, "at least 0 s"),

@@ -50,6 +50,7 @@ def test_unswitched_it_is_always_on() -> None:
     ("wrong", "words"),
     [
         ({"position": "knee"}, "the plant's outputs are theta, omega"),
+        ({"rate": "theta"}, "the same output, 'theta'; name two"),
         ({"P": np.nan}, "P must be a finite number"),
         ({"D": [1.0, 2.0]}, "one for each of the 1 inputs"),
         ({"delay": 0.0}, "must be positive"),
