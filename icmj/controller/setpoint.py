@@ -101,7 +101,7 @@ class Target:
 
     Attributes:
         combination: of which it is the set-point: outputs, or states, of the assumed plant by name, with their weights.
-        terms: of its ṙ(t), from :func:`step`, :func:`pulse`, :func:`ramp`, :func:`sines` or :func:`ternary`; (M, 5).
+        terms: of its ṙ(t), from ``step``, ``pulse``, ``ramp``, ``sines`` or ``ternary``; (M, 5).
         name: that of a single output or state if it is empty.
         unit: that of a single output or state if it is empty.
     """
