@@ -52,11 +52,11 @@ from .engine.plant import MujocoPlant as MujocoPlant
 from .engine.plant import load_plant as load_plant
 from .engine.pressure import centre_of_pressure as centre_of_pressure
 from .errors import IcmjError as IcmjError
-from .experiment.amplitude_law import measure_law as measure_law
-from .experiment.attractors import attractors as attractors
-from .experiment.growth import measure_growth as measure_growth
-from .experiment.many import Batch as Batch
-from .experiment.many import simulate_many as simulate_many
+from .experiments.amplitude_law import measure_law as measure_law
+from .experiments.attractors import attractors as attractors
+from .experiments.growth import measure_growth as measure_growth
+from .experiments.many import Batch as Batch
+from .experiments.many import simulate_many as simulate_many
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed

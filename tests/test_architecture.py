@@ -16,7 +16,7 @@ FLOORS = (
     ("theory", "simulation"),
     ("linear", "engine", "measurement", "runfile"),
     ("case", "result"),
-    ("cycle", "experiment", "comparison", "view"),
+    ("cycle", "experiments", "comparison", "view"),
     ("log", "report", "identification"),
     ("study", "sweeps"),
     ("cli",),

@@ -21,7 +21,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "theory": ("theory",),
     "simulation": ("case", "simulation", "linear"),
     "cycles": ("cycle",),
-    "measurement": ("measurement", "comparison", "experiment"),
+    "measurement": ("measurement", "comparison", "experiments"),
     "sweeps": ("sweeps", "identification"),
     "logs": ("result", "log", "report", "study", "view"),
     "run-files": ("runfile",),

@@ -89,8 +89,8 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.case.case import Case, prepare, simulate
     from icmj.controller.controller import continuous_limit
     from icmj.engine.pose import scene
-    from icmj.experiment.amplitude_law import measure_law
-    from icmj.experiment.growth import measure_growth
+    from icmj.experiments.amplitude_law import measure_law
+    from icmj.experiments.growth import measure_growth
     from icmj.measurement.measurement import measure
     from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
@@ -152,7 +152,7 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
 
 def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
     from icmj.case.plants import linear_plant
-    from icmj.experiment.attractors import attractors
+    from icmj.experiments.attractors import attractors
 
     study = case.run.study
     if study.attractor_starts == 0:

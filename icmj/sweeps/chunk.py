@@ -18,7 +18,7 @@ from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
 from icmj.comparison.comparison import finite, on_predicted_cycle
 from icmj.errors import CycleError, IcmjError, beyond_memory
-from icmj.experiment.attractors import attractors
+from icmj.experiments.attractors import attractors
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile

@@ -15,7 +15,7 @@ from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.plant import load_plant
 from icmj.errors import AnalysisError
-from icmj.experiment.attractors import attractors
+from icmj.experiments.attractors import attractors
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import deviated, matched, picked
 from icmj.simulation.settings import Impulse, Settings
