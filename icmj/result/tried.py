@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from icmj.base.card import Card, Shown
 from icmj.base.plain import plain
 from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
 
@@ -58,8 +61,11 @@ class Tried(Shown):
         return self.simulation.events_to_series()
 
     def to_series(self, rate: float | None = None) -> Series:
-        """Every signal of the run; see :meth:`icmj.Simulation.to_series`."""
-        return self.simulation.to_series(rate)
+        """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows pushes and taps."""
+        edges = acting_on(self.actual, self.run.simulation.settings()).edges
+        # what jumps is read again, and answered with a kink, as long after as a tap says
+        breaks = np.unique(np.concatenate([edges, *(edges + tap for tap in self.law.realisation.taps)]))
+        return self.simulation.to_series(rate, breaks=breaks)
 
 
 def to_record(tried: Tried) -> dict[str, Any]:

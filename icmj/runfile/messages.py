@@ -108,7 +108,7 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
     if kind == "missing":
         return "is required, and not there"
     if kind == "extra_forbidden":
-        return _unknown(str(where[-1]), where[:-1], schema)
+        return _unknown(str(where[-1]), error["loc"][:-1], schema)  # with the kind of the table, where it has one
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         bound = context[key]

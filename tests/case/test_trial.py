@@ -203,3 +203,18 @@ def test_what_is_no_controller_is_told(run_path: Path) -> None:
     run._allows_code = True
     with pytest.raises(RunFileError, match=r"makes a int; expected an icmj\.Law"):
         prepare_trial(run)
+
+
+def test_what_is_resampled_holds_beside_the_edge_of_a_push_and_its_echo(run_path: Path) -> None:
+    step = [{"kind": "step", "input": "torque", "size": 3.0, "start": 2.003}]
+    run = load_run(run_path).with_(**{"simulation.disturbance": step, "simulation.duration": 4.0})
+    result, fine = (
+        try_law(run.with_(**{"simulation.record_interval": interval}), "linear") for interval in (0.05, 0.001)
+    )
+    taken, exact = result.to_series(1000.0), fine.to_series(1000.0)
+    np.testing.assert_allclose(taken.t, exact.t, rtol=0, atol=1e-12)
+    quiet = np.all(np.abs(taken.t[:, None] - result.simulation.events.t) > 0.06, axis=1)  # switches are not in question
+    for name in ("y.angle", "y.speed"):
+        i = taken.names.index(name)
+        scale = np.abs(exact.values[:, i]).max()
+        assert np.abs(taken.values[quiet, i] - exact.values[quiet, i]).max() < 1e-3 * scale

@@ -110,6 +110,14 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (GOOD + "[actual]\nperson = { stiffness = [0, 'a', 1] }", "person.stiffness[1]: expected a number, got 'a'"),
         (GOOD + "[analyis]\ndelta_max = 3", "analyis: no such key; did you mean analysis?"),
         (GOOD + "[simulation]\nintegrator = 'rk4'", "got 'rk4'; did you mean RK4?"),
+        (
+            GOOD + "[[simulation.disturbance]]\nkind = 'step'\nsize = 1.0\nduration = 1.0",
+            "simulation.disturbance[0].duration: no such key; it belongs in [simulation]",
+        ),
+        (
+            GOOD + "[[simulation.disturbance]]\nkind = 'step'\nsize = 1.0\ncorner = 1.0",
+            "simulation.disturbance[0].corner: no such key; there are body, force, input, kind, on, point, size, start",
+        ),
         (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
         (GOOD.replace("0.01", "1e308"), "controller.q_t: must be at most 1e+12, got 1e+308"),
         (GOOD.replace("0.01", "5e-324"), "controller.q_t: must be at least 1e-15"),
