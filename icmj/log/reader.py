@@ -15,7 +15,7 @@ from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
 from icmj.result.result import Result
 from icmj.result.tried import Tried
-from icmj.work.own_code import Code, digest_of
+from icmj.work.own_code import Code
 
 
 class DamagedLog(LogError):
@@ -92,11 +92,11 @@ def _own(result: Result) -> Result:
     if not isinstance(rule, RecordedRule):
         return result
     code = Code(result.run.path.parent, allowed=True)
+    if code.digest(rule.reference) != rule.sha256:
+        return result
     try:
-        if digest_of(code.named(rule.reference)) != rule.sha256:
-            return result
         made = code.made(rule.reference, **rule.parameters)
-    except RunFileError:  # it is not there
+    except RunFileError:  # the name is not there, or what it makes fails here
         return result
     return replace(result, controller=result.controller.triggered_by(made))
 

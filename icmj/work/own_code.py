@@ -79,8 +79,23 @@ class Code:
         except Exception as error:  # whatever the user's code raises
             raise RunFileError(f"{reference} fails ({_words(error)})") from error
 
+    def digest(self, reference: str) -> str:
+        """SHA-256 of the source file in which ``module:name`` would be looked for, which is not run; "" if none."""
+        name = reference.partition(":")[0]
+        path = self._file(name)
+        try:
+            if not path.is_file():
+                spec = importlib.util.find_spec(name)
+                path = Path(spec.origin) if spec is not None and spec.origin else path
+            return hashlib.sha256(path.read_bytes()).hexdigest()
+        except (ImportError, OSError, ValueError):
+            return ""
+
+    def _file(self, name: str) -> Path:
+        return self.folder.joinpath(*name.split(".")).with_suffix(".py")
+
     def _module(self, name: str) -> ModuleType:
-        path = self.folder.joinpath(*name.split(".")).with_suffix(".py")
+        path = self._file(name)
         if not path.is_file():
             return importlib.import_module(name)
         content = path.read_bytes()

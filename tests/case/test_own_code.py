@@ -151,6 +151,15 @@ def test_a_log_is_read_where_the_code_is_not(own: Path, tmp_path_factory: pytest
     np.testing.assert_allclose(kept.resized(0.02).faces(result.controller.design).R, faces.R / 2, rtol=1e-15)
 
 
+def test_a_source_that_was_changed_is_not_run(own: Path) -> None:
+    log = own.with_suffix(".rrd")
+    write_log(run_case(load_run(own, allow_code=True), "linear"), log)
+    source, trace = own.parent / "rules.py", own.parent / "it-ran"
+    source.write_text(source.read_text(encoding="utf-8") + f"\nopen({str(trace)!r}, 'w').close()\n", encoding="utf-8")
+    assert isinstance(read_log(log, allow_code=True).controller.trigger, RecordedRule)
+    assert not trace.exists()
+
+
 def test_a_hold_of_ones_own(own: Path) -> None:
     run = load_run(own, allow_code=True).with_(**{"controller.hold": "rules:halved"})
     controller = prepare(run).controller
