@@ -14,7 +14,7 @@ from icmj.base.card import Card, Shown, count
 from icmj.base.environment import single_threaded
 from icmj.base.nearness import did_you_mean
 from icmj.case.designs import controlled
-from icmj.case.doubts import doubts, reach, slow_noise
+from icmj.case.doubts import doubts, followed, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
@@ -64,8 +64,9 @@ class Case(Shown):
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
-        """What to tell of it: of its plants, limits of the actual one that the predicted orbit reaches, slow noise."""
-        return (*self.told, *reach(self.actual, self.prediction), *slow_noise(self.settings))
+        """What to tell of it: its plants, limits of the actual one on the predicted orbit, slow noise, a set-point."""
+        limits = reach(self.actual, self.prediction)
+        return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
 
     @cached_property
     def setpoint(self) -> Setpoint | None:

@@ -75,6 +75,16 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
         yield Notice("slow noise", "warning", words)
 
 
+def followed(run: RunFile) -> Iterator[Notice]:
+    """A set-point, of which the theory knows nothing."""
+    if run.setpoint:
+        words = (
+            "the prediction is that of r = 0; intervals and peaks measured in a run include the motion that the "
+            "set-point asks for"
+        )
+        yield Notice("set-point", "warning", words)
+
+
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
     """Limits that the predicted orbit reaches, and other corners of the plant on it."""
     if prediction.orbit is None or np.isinf(prediction.orbit.gamma) or not isinstance(actual, MujocoPlant):

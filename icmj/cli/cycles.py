@@ -40,12 +40,16 @@ def cycle(command: arguments.Cycle) -> None:
         OUT.show(plain_cycle(found, case))
         return
     _show(found, case)
+    for notice in case.notices:
+        if not (command.set and notice.kind == "paper"):
+            OUT.note(notice)
 
 
 @execute.register
 def continue_(command: arguments.Continue) -> None:
     """Follow a branch, and what branches off; store and list them."""
     from icmj.base.files import replaceable, write_bytes
+    from icmj.case.doubts import followed
     from icmj.cycle.follow import BRANCHING, branch_off, follow
     from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
@@ -98,7 +102,7 @@ def continue_(command: arguments.Continue) -> None:
                 write_bytes(files[-1], style.save(figure, kind))
     for branch in found:
         _show_branch(branch)
-    for words in off:
+    for words in (*off, *followed(run)):
         OUT.note(words)
     for file in files:
         OUT.say(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {file}")

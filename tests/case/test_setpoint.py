@@ -7,6 +7,7 @@ import pytest
 
 import icmj
 from icmj.case.case import open_loop, prepare, simulate
+from icmj.cli.main import main
 from icmj.errors import AnalysisError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.signals import groups
@@ -80,6 +81,21 @@ def test_what_is_of_theory_knows_nothing_of_it(case, root):
     assert not bare.setpoint
     start = 0.01 * np.ones(6), np.zeros(6)
     assert open_loop(case, "linear")(*start).length == open_loop(bare, "linear")(*start).length
+
+
+def test_who_asks_is_told_that_theory_knows_nothing_of_it(case, root, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "follows.toml"
+    path.write_text(case.run.text.replace("../models", str(root / "models")), encoding="utf-8")
+    assert [notice.kind for notice in case.notices] == ["set-point"]
+    result = icmj.run_case(case.run, "linear")
+    assert any("the prediction is that of r = 0" in notice for notice in result.notices)
+    further = {"analyse": "", "cycle": "--plant linear", "run": "--plant linear",
+               "continue": "--plant linear --parameter b --from 0.9 --to 0.91"}  # fmt: skip
+    for command, options in further.items():
+        assert main([command, str(path), *options.split()]) == 0
+        said = capsys.readouterr()
+        assert "set-point: the prediction is that of r = 0" in " ".join((said.out + said.err).split())
 
 
 def test_too_fine_a_sequence_is_refused_and_a_fast_sine_is_reckoned_with(case):
