@@ -14,7 +14,7 @@ from icmj.base.plain import plain
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
-from icmj.cli.records import plain_comparisons
+from icmj.cli.records import plain_runs
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from icmj.result.result import Result
+    from icmj.result.tried import Tried
+    from icmj.study.page import Page
 
 CROSSINGS = (
     Column("Δ (s)"),
@@ -60,11 +62,10 @@ def study(command: arguments.Study) -> None:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     if command.json:
-        record = plain_comparisons(outputs.comparisons, logs=outputs.logs, report=outputs.report)
+        record = plain_runs((*outputs.page.comparisons, *outputs.page.tried), logs=outputs.logs, report=outputs.report)
         OUT.show(record | {"summary": str(outputs.summary)})
         return
-    if outputs.comparisons:
-        show_comparisons(outputs.comparisons, OUT, changed=bool(command.set))
+    _tell_page(outputs.page, bool(command.set))
     size = sum(log.stat().st_size for log in outputs.logs) / 1e6
     count = f"{len(outputs.logs)} logs, {size:.0f} MB together," if len(outputs.logs) > 1 else f"1 log, {size:.0f} MB,"
     OUT.say(f"{count} in {command.out}", wrap=False)
@@ -127,55 +128,62 @@ def analyse(command: arguments.Analyse) -> None:
 
 @execute.register
 def run(command: arguments.Run) -> None:
-    """Simulate one case, write its log, print what it did beside the prediction."""
-    from icmj.case.case import prepare
-    from icmj.comparison.comparison import compare
+    """Simulate one case, write its log, print what it did, and beside it the prediction where there is one."""
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
-    from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, startable
-    from icmj.study.study import open_folder, plants_of, run_case
+    from icmj.study.estimate import LONGEST, in_words
+    from icmj.study.study import admitted, carried_out, made, open_folder, plants_of
 
     run_file = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
-    if run_file.tries:
-        from icmj.cli.trying import carry_out
-
-        carry_out(command, run_file, OUT, ERR)
-        return
-    plant = command.plant or plants_of(run_file)[-1]
-    with Working(run_file.case.name, ERR) as working:
-        case = prepare(run_file)
-        startable(case, plant)
-        seconds = estimate(case, plant)
-        refuse_long(case, plant, seconds, None if command.yes else LONGEST)
+    name, plant = run_file.case.name, command.plant or plants_of(run_file)[-1]
+    with Working(name, ERR) as working:
+        case = made(run_file)
+        seconds = admitted(case, plant, None if command.yes else LONGEST)
         if seconds > TOLD:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
-        log = command.out / f"{run_file.case.name}.{plant}.rrd"
+        log = command.out / f"{name}.{plant}.rrd"
         open_folder(command.out, log.name)
         meanwhile("icmj.log.writer")
         with heard_once() as heard:
-            result = run_case(case, plant, lambda done: working.tell(run_file.case.name, done))
+            result = carried_out(case, plant, lambda done: working.tell(name, done))
             working.tell("writing the log", 0.95)
             from icmj.log.writer import write_log  # by now it has been imported meanwhile
 
             with heard.postponed():
                 write_log(result, log)
+    outcome = result.simulation.outcome
     if command.json:
-        outcome = {"kind": result.simulation.outcome.kind, "t": result.simulation.outcome.t}
-        OUT.show(plain_comparisons([compare(result)], logs=(log,)) | {"outcome": plain(outcome)})
+        OUT.show(plain_runs([result], logs=(log,)) | {"outcome": plain({"kind": outcome.kind, "t": outcome.t})})
     else:
         _tell_run(result, log, bool(command.set))
-    if result.simulation.outcome.kind == "interrupted":
+    if outcome.kind == "interrupted":
         raise KeyboardInterrupt
 
 
-def _tell_run(result: Result, log: Path, changed: bool) -> None:
+def _tell_page(page: Page, changed: bool = False) -> None:
+    """What stands on a page: a table of runs beside their prediction, a sentence for each other."""
+    if page.comparisons:
+        show_comparisons(page.comparisons, OUT, changed=changed)
+    for tried in page.tried:
+        OUT.say(f"{tried.run.case.name} ({tried.simulation.plant}): {tried.words}")
+
+
+def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
     """What a run did, in a table and in words."""
     from icmj.comparison.comparison import compare
+    from icmj.result.result import Result
     from icmj.simulation.remarks import relative_error
 
-    show_comparisons([compare(result)], OUT, changed=changed)
-    OUT.say(f"The run {result.simulation.outcome.message}.")
-    OUT.say(result.measurement.words)
+    if isinstance(result, Result):
+        show_comparisons([compare(result)], OUT, changed=changed)
+        OUT.say(f"The run {result.simulation.outcome.message}.")
+        OUT.say(result.measurement.words)
+    else:
+        for notice in result.notices:
+            OUT.note(notice)
+        OUT.say(result.words)
+    for name, value in result.measures.items():
+        OUT.say(f"{name}: {value:.6g}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         OUT.say(f"{words[0].upper()}{words[1:]}.")
     if (error := relative_error(result.simulation)) > 0:
@@ -199,12 +207,11 @@ def report(command: arguments.Report) -> None:
 
             sweeps = [read_sweep(folder) for folder in folders]
         branches, logs = branches_among([path for path in command.logs if path not in folders])
-        comparisons = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
+        page = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
     if command.json:
-        OUT.show(plain_comparisons(comparisons, report=command.out))
+        OUT.show(plain_runs((*page.comparisons, *page.tried), report=command.out))
         return
-    if comparisons:
-        show_comparisons(comparisons, OUT)
+    _tell_page(page)
     OUT.say(f"report  {command.out}", wrap=False)
 
 

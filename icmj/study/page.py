@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,20 @@ if TYPE_CHECKING:
     from icmj.cycle.branch import Branch
     from icmj.report.pairing import CaseRuns
     from icmj.result.swept import Swept
+    from icmj.result.tried import Tried
+
+
+@dataclass(frozen=True)
+class Page:
+    """What stands on a page.
+
+    Attributes:
+        comparisons: of runs beside their prediction.
+        tried: runs under controllers that are not intermittent.
+    """
+
+    comparisons: tuple[Comparison, ...]
+    tried: tuple[Tried, ...]
 
 
 def report(
@@ -27,7 +42,7 @@ def report(
     branches: Sequence[Branch] = (),
     workers: Workers | None = None,
     progress: Tell | None = None,
-) -> tuple[Comparison, ...]:
+) -> Page:
     """Build the report page, and if asked the summary, from logs alone, and from sweeps and branches of cycles.
 
     Args:
@@ -78,7 +93,7 @@ def report(
             write_text(summary, records + "\n")
         except OSError as error:
             raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
-    return comparisons
+    return Page(comparisons, tuple(tried))
 
 
 def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:

@@ -14,14 +14,15 @@ from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import RUNS
-from icmj.study.page import report
+from icmj.study.page import Page, report
 from icmj.work.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
-    from icmj.comparison.comparison import Comparison
+    from icmj.case.trial import Trial
     from icmj.result.attractor import Attractor
     from icmj.result.result import Result
+    from icmj.result.tried import Tried
     from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
@@ -38,13 +39,13 @@ class Outputs:
         logs: one for each case and plant.
         report: the HTML page.
         summary: ``summary.json``.
-        comparisons: the rows of the table.
+        page: what stands in both.
     """
 
     logs: tuple[Path, ...]
     report: Path
     summary: Path
-    comparisons: tuple[Comparison, ...]
+    page: Page
 
 
 def find_runs(paths: Sequence[Path], changes: Sequence[str] = (), *, allow_code: bool = False) -> tuple[RunFile, ...]:
@@ -172,36 +173,63 @@ def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attracto
         return ()
 
 
+def made(run: RunFile) -> Case | Trial:
+    """A run file made real, whatever its controller.
+
+    Raises:
+        IcmjError: if the run file, its models, the design or the controller fail.
+    """
+    from icmj.case.case import prepare
+    from icmj.case.trial import prepare_trial
+
+    return prepare_trial(run) if run.tries else prepare(run)
+
+
+def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> float:
+    """See, before anything is written, that a run can start and is not longer than ``longest`` [s]; its estimate [s].
+
+    Raises:
+        IcmjError: if it cannot start, or is longer.
+    """
+    from icmj.case.case import Case
+    from icmj.study.estimate import estimate, refuse_long, startable
+    from icmj.study.trial import estimate_trial, startable_trial
+
+    if isinstance(case, Case):
+        startable(case, plant)
+        seconds = estimate(case, plant)
+    else:
+        startable_trial(case, plant)
+        seconds = estimate_trial(case, plant)
+    refuse_long(case, plant, seconds, longest)
+    return seconds
+
+
+def carried_out(case: Case | Trial, plant: PlantKind, progress: Tell | None = None) -> Result | Tried:
+    """One run on one plant, complete, whatever its controller: :func:`run_case` or :func:`icmj.study.trial.try_law`.
+
+    Raises:
+        IcmjError: if it fails.
+    """
+    from icmj.case.case import Case
+    from icmj.study.trial import try_law
+
+    return run_case(case, plant, progress) if isinstance(case, Case) else try_law(case, plant, progress)
+
+
 def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:
     """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
-    from icmj.case.case import prepare
-    from icmj.study.estimate import estimate, refuse_long, startable
-
-    if run.tries:
-        from icmj.case.trial import prepare_trial
-        from icmj.study.trial import estimate_trial, startable_trial
-
-        trial = prepare_trial(run)
-        for plant in plants_of(run):
-            startable_trial(trial, plant)
-            if longest is not None:
-                refuse_long(trial, plant, estimate_trial(trial, plant), longest)
-        return
-    case = prepare(run)
+    case = made(run)
     for plant in plants_of(run):
-        startable(case, plant)
-        if longest is not None:
-            refuse_long(case, plant, estimate(case, plant), longest)
+        admitted(case, plant, longest)
 
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
     from icmj.log import write_log
-    from icmj.study.trial import try_law
 
-    result = (try_law if run.tries else run_case)(run, plant, progress)
     log = folder / f"{run.case.name}.{plant}.rrd"
-    write_log(result, log)
+    write_log(carried_out(made(run), plant, progress), log)
     return log
 
 
@@ -258,7 +286,7 @@ def run_study(
             for news in workers.run(work):
                 done[news.index] = news.done
                 tell(work[news.index].name, 0.1 + 0.7 * sum(done) / len(work))
-            comparisons = report(
+            page = report(
                 logs,
                 out / "report.html",
                 summary=out / "summary.json",
@@ -269,7 +297,7 @@ def run_study(
         # what the workers had under way when they were ended
         clear_leftovers(out)
     tell("done", 1.0)
-    return Outputs(logs, out / "report.html", out / "summary.json", comparisons)
+    return Outputs(logs, out / "report.html", out / "summary.json", page)
 
 
 def _in_turn(cases: Sequence[tuple[RunFile, PlantKind]]) -> list[tuple[RunFile, PlantKind]]:

@@ -130,10 +130,15 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Other controllers" in page
     assert "Switched feedback" in page
+    assert "asai (mujoco): Under switching control the run" in capsys.readouterr().out
     assert main(["run", str(run_path), "--out", str(out), "--plant", "linear"]) == 0
     said = capsys.readouterr().out
     assert "Under switching control the run" in said
     log = out / "asai.linear.rrd"
+    for command in (["run", str(run_path), "--out", str(out), "--plant", "linear"],
+                    ["report", str(log), "--out", str(out / "one.html")]):  # fmt: skip
+        assert main([*command, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["runs"] == records[:1]
     assert main(["report", str(log), "--out", str(out / "one.html")]) == 0
     assert main(["export", str(log)]) == 0
     assert main(["measure", str(log), "--since", "2"]) == 0

@@ -292,7 +292,7 @@ def test_from_run_file_to_report_on_both_plants(root: Path, tmp_path: Path) -> N
     path = tmp_path / "boxed.toml"
     path.write_text(boxed(root) + "\nlaw_q_t = [1e-2, 1e-3]\n", encoding="utf-8")
     outputs = icmj.run_study([icmj.load_run(path)], tmp_path / "out", jobs=2)
-    linear, mujoco = outputs.comparisons
+    linear, mujoco = outputs.page.comparisons
     assert linear.predicted.cycle
     assert linear.measured.converged
     assert abs(linear.relative_error.interval) < 1e-9
