@@ -1,7 +1,8 @@
-"""A backpack that the controller does not know of
-===============================================
+"""A load that the controller does not know: a backpack
+=====================================================
 
-Mass, balance and inertia of the trunk are wrong, and the ankle finds where the load is balanced.
+How does a hidden load change the sway? The controller assumes a wrong mass, centre of mass and inertia of the trunk;
+the ankle angle is adjusted until the load is balanced.
 """
 
 from pathlib import Path
@@ -14,7 +15,7 @@ import icmj
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 TRUNK, COM, INERTIA = 54.24, np.array([0.0, 0.0, 0.32452]), 3.58602  # kg, m, kg m²
-WHERE = np.array([-0.15, 0.0, 0.35])  # of the backpack above the hip: behind the back
+WHERE = np.array([-0.15, 0.0, 0.35])  # position of the backpack relative to the hip, behind the back
 
 RUN = """
 case = { name = "backpack", title = "A backpack that the controller does not know of" }
@@ -56,7 +57,7 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# The heavier the load, the shorter the interval; the cycle of the heaviest is seen to settle.
+# The heavier the load, the shorter the interval. With the heaviest load, the motion settles on its cycle.
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
 left.plot(predicted.keys(), predicted.values(), "o-", color="#0072b2")
 left.set(xlabel="load (kg)", ylabel=r"predicted $\Delta_{crit}$ (s)")

@@ -1,7 +1,7 @@
 """A pole on a ball joint, in three dimensions
 ===========================================
 
-Its arms are spread, so that it falls slower sideways than forwards.
+The arms of the pole are spread sideways, so that it falls more slowly to the side than forwards.
 """
 
 import tempfile
@@ -50,7 +50,7 @@ for plant in ("linear", "mujoco"):
     runs[plant] = run
 
 # %%
-# The pole sways forwards and backwards; that it falls slower sideways makes no cycle of its own.
+# The pole sways forwards and backwards. The slower fall to the side does not cause a separate cycle.
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for (plant, run), (width, colour) in zip(runs.items(), ((4, "#9bd0f0"), (1, "#a03c00")), strict=True):
     axes.plot(run.t, 2 * np.degrees(run.y[:, 1]), label=plant, linewidth=width, color=colour)

@@ -1,9 +1,9 @@
-"""A neural delay, known or mistaken
-=================================
+"""What does a neural delay change?
+================================
 
-How the critical interval moves with a delay that the controller knows, or is wrong about by a tenth.
+The critical interval as a function of a delay that the controller knows, or over- or underestimates by a tenth.
 
-For the picture of the page on delays: ``python examples/delay.py --picture delay.png --points 25``.
+To draw the figure of the documentation page on delays: ``python examples/delay.py --picture delay.png --points 25``.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """The cart-pole of dm_control
 ===========================
 
-Its file as it is, and what its actuator lets through.
+The model file is used unchanged; the figure shows what the limits of its actuator let through.
 """
 
 import importlib.util

@@ -1,7 +1,7 @@
 """The inverted pendulum of gymnasium
 ==================================
 
-Its file as it is, and five lines for the rest.
+The model file is used unchanged, with a run file of five lines.
 """
 
 import importlib.util
@@ -17,7 +17,7 @@ if found is None:
     sys.exit("gymnasium is not installed: pip install gymnasium brings its models")
 folder = Path(found.origin).parent / "envs" / "mujoco" / "assets"
 
-# its mass lies a little beside the pole's axis, so it balances with a lean
+# the centre of mass lies slightly beside the axis of the pole, so that the pole balances at a small angle
 RUN = """
 case = { name = "gymnasium", title = "gymnasium's inverted pendulum" }
 assumed = { model = "inverted_pendulum.xml", outputs = "joints", operating_point = "balance", free = ["hinge"] }
@@ -33,7 +33,7 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# Growing open-loop intervals until the cycle is reached.
+# The open-loop intervals grow until the cycle is reached.
 figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 axes.plot(run.events.t, run.events.interval, "o-", color="#a03c00", label="measured")
 axes.axhline(case.prediction.delta_crit, color="black", linestyle=":", label="predicted")

@@ -1,7 +1,7 @@
 """Standing with a lean
 ====================
 
-The operating point is a pose, and the torques that hold it are found.
+The operating point is a given pose; the torques that hold it are computed.
 """
 
 from pathlib import Path
@@ -31,7 +31,7 @@ ankle = run.applied[:, 0]
 print(f"about it the ankle's torque moves from {np.min(ankle):+.2f} to {np.max(ankle):+.2f} N m")
 
 # %%
-# What the ankle adds to the torque that holds the lean: a kick at each event, and what the model makes of it.
+# The ankle torque in addition to the torque that holds the lean: it jumps at each event and then follows the hold.
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 late = run.t > run.t[-1] - 4
 axes.plot(run.t[late], ankle[late], color="#a03c00")

@@ -1,7 +1,7 @@
 """Two muscles that can only pull
 ==============================
 
-Their tone is the operating point, and their activation a state.
+The tone of the muscles is part of the operating point, and their activations are states.
 """
 
 import tempfile
@@ -51,7 +51,7 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# What the two muscles are asked for: departures from their tone, of opposite sign.
+# The commands to the two muscles, as departures from their tone; they have opposite signs.
 figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 late = run.t > run.t[-1] - 5
 axes.plot(run.t[late], run.applied[late], label=plant.inputs)

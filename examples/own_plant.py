@@ -1,7 +1,7 @@
 """A plant of your own
 ===================
 
-Given as a transfer function: predicted, simulated and measured without a model file.
+A plant that is given by a transfer function is analysed, simulated and measured without a model file.
 """
 
 import control
@@ -9,7 +9,7 @@ from matplotlib import pyplot as plt
 
 import icmj
 
-# An unstable plant, and the same with an input gain 20 % higher than the controller believes
+# An unstable plant, and the same plant with an input gain 20 % higher than the controller assumes
 assumed = icmj.LinearPlant.from_statespace(control.ss(control.tf([2], [1, 0.5, -3])))
 actual = assumed.scaled(1.2)
 
@@ -26,7 +26,7 @@ motion = icmj.measure(run, T_hat=system.T_hat)
 print(motion.words)
 
 # %%
-# The output over the run, and the interval that it settles on.
+# The output over the run, and the open-loop intervals, which settle.
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.2), sharex=True, layout="constrained")
 top.plot(run.t, run.y, color="#0072b2")
 top.set(ylabel="$y$")

@@ -1,8 +1,9 @@
-"""Sway of a person and of the model
-=================================
+"""Does the model sway like a person?
+==================================
 
-The centre of pressure of someone who stands still, recorded, beside that of the three-link model under noise. Their
-sizes are alike, their speeds are not: the model's command jumps at every event, which muscles would smooth.
+The recorded centre of pressure of a person who stands still is compared with that of the three-link model under noise.
+Their sizes are similar, but their speeds are not: the command of the model jumps at every event, and muscles would
+smooth it.
 """
 
 from pathlib import Path
@@ -15,8 +16,8 @@ from icmj.measurement.sway import from_torque
 examples = Path(__file__).resolve().parent
 recorded = icmj.read_series(examples / "standing.csv", columns=["ap"], rate=100.0)
 
-# The three-link model stands on fixed feet: its centre of pressure is the ankle's torque over the weight above the
-# feet. The torque that acts is b = 0.9 of the command.
+# The three-link model stands on fixed feet, so its centre of pressure is the ankle torque divided by the weight above
+# the feet. The torque that acts is b = 0.9 of the command.
 case = icmj.prepare(icmj.load_run(examples.parent / "runs" / "quiet-standing.toml"))
 run = icmj.simulate(case, "linear").to_series(rate=100.0, controller=case.controller)
 simulated = from_torque(run.since(6.0), "u.ankle_torque", 77.68 * 9.81 / 0.9)
@@ -29,7 +30,8 @@ for sway in (person, model):
     print(f"{found.name}: RMS {found.rms:.1f} mm, mean speed {found.speed:.0f} mm/s, H on short times {short:.2f}")
 
 # %%
-# Over seconds both wander alike. Below a tenth of a second the person's sway is smooth, and the model's is not.
+# Over seconds, both wander similarly. Below a tenth of a second the sway of the person is smooth; that of the model is
+# not.
 figure, axes = plt.subplots(2, 2, figsize=(8, 5.4), layout="constrained", sharex="col", sharey="col")
 for (left, right), sway in zip(axes, (person, model), strict=True):
     icmj.plots.sway_diffusion(left, sway)
