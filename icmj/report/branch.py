@@ -93,7 +93,7 @@ def draw_amplitude(axes: Axes, branches: Sequence[Branch], linear: Sequence[Bran
         axes.set_yscale("log")
     else:
         axes.set_ylim(0, min(1.08 * float(peaks.max()), 6 * float(np.median(peaks))))
-    axes.set_ylabel(f"peak of {first.outputs[output]}{f' ({unit})' if unit else ''}")
+    axes.set_ylabel(f"peak of {style.words(first.outputs[output])}{f' ({unit})' if unit else ''}")
 
 
 def draw_multipliers(axes: Axes, branch: Branch) -> None:
@@ -149,7 +149,7 @@ def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output
                 axes.plot(*_portrait(linear, j, output, own), **{**style.PREDICTED, "linewidth": 3.0})
         label = f"{branch.value[i]:.2g}" if by_size else f"{branch.value[i]:.3g}"
         axes.plot(*_portrait(branch, i, output, scale), color=shade, linewidth=0.9, label=label)
-    name = branch.outputs[output]
+    name = style.words(branch.outputs[output])
     if by_size:
         axes.set_xlabel(rf"{name} / $q_t$")
         axes.set_ylabel(rf"rate of {name} / $q_t$ (1/s)")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
+from icmj.report.moving import moving, script
 from icmj.report.notation import SYMBOLS, notation, unbroken
+from icmj.report.overview import overview_figure
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.statements import in_paper_order
@@ -108,16 +110,17 @@ def render(
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     panels, laws, noisy = _pictures(cases, folder)
+    motions, of_case, of_trial = _motions(cases, tried)
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
     grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
-    others = sections.tried(tried, _tried(tried, folder), before + 1 + numbered(swept) + numbered(grown))
+    others = sections.tried(tried, _tried(tried, folder), before + 1 + numbered(swept) + numbered(grown), of_trial)
     parts: list[Section | None] = [swept, grown, others]
     if cases:
         parts = [
             sections.summary(cases),
             sections.statements(cases),
-            sections.figures(cases, panels),
+            sections.figures(cases, panels, of_case),
             sections.noise(cases, noisy, first_number=len(cases) + 1),
             sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
             sections.attractors(cases),
@@ -144,8 +147,51 @@ def render(
         subtitle=MOVED if alone else SUBTITLE,
         abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
         sections=[part for part in parts if part is not None],
+        first=_first(cases, tried, folder, of_case | of_trial, motions) if cases or tried else None,
+        motions=script(motions) if motions else "",
         version=VERSION,
     )
+
+
+def _motions(
+    cases: Sequence[CaseRuns], tried: Sequence[Tried]
+) -> tuple[dict[str, dict[str, Any]], dict[str, str], dict[str, str]]:
+    """What the page plays, by a name of the script's own, and these names by case: of cases, and of trials."""
+    motions: dict[str, dict[str, Any]] = {}
+    named: tuple[dict[str, str], dict[str, str]] = ({}, {})
+    runs: list[tuple[dict[str, str], str, Result | Tried]] = [(named[0], case.name, case.last) for case in cases]
+    runs += [(named[1], run.run.case.name, run) for run in tried]
+    for of, name, run in runs:
+        found = moving(run)
+        if found is not None and (name not in of or run.simulation.plant == "mujoco"):
+            of[name] = of.get(name, f"run{len(motions)}")
+            motions[of[name]] = found
+    return motions, *named
+
+
+def _first(
+    cases: Sequence[CaseRuns],
+    tried: Sequence[Tried],
+    folder: Path,
+    named: Mapping[str, str],
+    motions: Mapping[str, dict[str, Any]],
+) -> dict[str, Any]:
+    """The first screen: the sentence, the overview of the cases, and the body of most parts that settled on a cycle."""
+    drawn = None
+    if cases:
+        with style.applied():
+            alt = "Predicted and measured open-loop interval of each case, and their relative errors"
+            drawn = _drawn(overview_figure(cases), folder, "overview", alt)
+    bodies = {name: motions[key]["body"] for name, key in named.items() if motions[key]["body"]}
+    settled = {case.name for case in cases if any(c.measured.converged for c in case.comparisons.values())}
+    best = max(bodies, key=lambda name: (name in settled, len(bodies[name]["shapes"])), default=None)
+    return {
+        "headline": sections.headline(cases, tried),
+        "picture": drawn,
+        "caption": sections.caption(cases),
+        "motion": best and named[best],
+        "moving": best and motions[named[best]]["title"],
+    }
 
 
 def _pictures(

@@ -77,7 +77,7 @@ def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:
         axes.axvline(1 / case.prediction.period, label="predicted cycle", **style.CRITICAL)
     axes.set_ylim(bottom=LOWEST * (largest or 1.0))
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(shown.label(name if case.first.actual.n_y > 1 else "power", "²/Hz"))
+    axes.set_ylabel(shown.label(style.words(name) if case.first.actual.n_y > 1 else "power", "²/Hz"))
 
 
 def _line(plant: str) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import re
 
 from markupsafe import Markup, escape
 
+from icmj.base.text import printable
+
 _SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)")
 
 # what stands on one line: a symbol, its equals sign and its value; a number and its unit
@@ -52,9 +54,10 @@ def _explained(found: re.Match[str]) -> str:
 
 
 def unbroken(value: object) -> object:
-    """What the templates print, with no ``b = 0.9`` broken over two lines."""
+    """What the templates print, with no ``b = 0.9`` broken over two lines, and nothing that a terminal would obey."""
     if not isinstance(value, str) or len(value) > _LONGEST:
         return value
+    value = Markup(printable(value)) if isinstance(value, Markup) else printable(value)
     blank, joiner = "\N{NO-BREAK SPACE}", "\N{WORD JOINER}"
     joined = _TOGETHER.sub(lambda m: f"{blank}{m[1]}{blank}" if m[1] else blank, str(value))
     joined = _MAGNITUDE.sub(rf"|{joiner}\1|{joiner}", joined)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from icmj.base.text import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,6 +150,11 @@ def legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
         )
 
 
+def words(text: str) -> str:
+    """A name from elsewhere as matplotlib shows it: in one line, no dollar begins a formula."""
+    return one_line(text, 60).replace("$", r"\$")
+
+
 def event_lines(axes: Axes, times: Any) -> None:
     """Dotted vertical lines at event times (over the height of the axes)."""
     times = np.asarray(times)
@@ -156,9 +163,26 @@ def event_lines(axes: Axes, times: Any) -> None:
         axes.vlines(times, 0, 1, transform=axes.get_xaxis_transform(), zorder=0.5, linewidths=width, **EVENT)
 
 
+def link(kind: Literal["time", "plane"], *axes: Axes) -> None:
+    """Say of axes that a moment of the run has a place in them: along the abscissa, or as a point of the plane."""
+    for each in axes:
+        each.set_label(kind)
+
+
+def links(figure: Figure) -> str:
+    """Where axes that :func:`link` named are: kind; left, right, top and bottom from the upper left, 0 to 1; limits."""
+    found = []
+    for axes in figure.axes:
+        if axes.get_label() in ("time", "plane"):
+            box = axes.get_position()
+            numbers = (box.x0, box.x1, 1 - box.y1, 1 - box.y0, *axes.get_xlim(), *axes.get_ylim())
+            found.append(f"{axes.get_label()} {' '.join(f'{number:.6g}' for number in numbers)}")
+    return ";".join(found)
+
+
 def save(figure: Figure, kind: str) -> bytes:
     """The figure as ``svg`` or ``pdf``; the same bytes whenever it is drawn."""
     stream = BytesIO()
-    metadata = {"Date": None} if kind == "svg" else {"CreationDate": None}
+    metadata = {"Date": None, "Description": links(figure) or None} if kind == "svg" else {"CreationDate": None}
     figure.savefig(stream, format=kind, metadata=metadata)
     return stream.getvalue()

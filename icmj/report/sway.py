@@ -31,7 +31,9 @@ def draw_path(axes: Axes, sway: Sway) -> None:
     axes.plot(*sway.series.values.T, color="#56b4e9", linewidth=0.6, label="path")
     axes.plot(*plane.ellipse.outline().T, color="#222222", linewidth=1.0, label="95 % prediction ellipse")
     axes.set_aspect("equal")
-    axes.set(**{f"{axis}label": _label(name, plane.unit) for axis, name in zip("xy", plane.names, strict=True)})
+    axes.set(
+        **{f"{axis}label": _label(style.words(name), plane.unit) for axis, name in zip("xy", plane.names, strict=True)}
+    )
 
 
 def draw_diffusion(axes: Axes, sway: Sway) -> None:
@@ -44,7 +46,7 @@ def draw_diffusion(axes: Axes, sway: Sway) -> None:
         if not moved.any():
             continue
         exponents = ", ".join("–" if part is None else f"{part.H:.2f}" for part in (found.short, found.long))
-        label = f"{name}, H = {exponents}"
+        label = f"{style.words(name)}, H = {exponents}"
         axes.loglog(found.lag[moved], found.displacement[moved], color=colour, linewidth=1.4, label=label)
         for part in (found.short, found.long):
             if part is not None:
@@ -63,7 +65,7 @@ def draw_spectra(axes: Axes, sway: Sway) -> None:
     found = sway.spectrum
     drawn = found.frequency > 0
     for c, power, colour in zip(sway.coordinates, found.power.T, _colours(len(sway.coordinates)), strict=True):
-        axes.loglog(found.frequency[drawn], power[drawn], color=colour, linewidth=1.2, label=c.name)
+        axes.loglog(found.frequency[drawn], power[drawn], color=colour, linewidth=1.2, label=style.words(c.name))
         if np.isfinite(c.frequencies.median):
             axes.axvline(c.frequencies.median, color=colour, linewidth=0.8, linestyle=(0, (1, 1.6)))
     largest = float(found.power[drawn].max(initial=0.0))

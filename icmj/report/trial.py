@@ -26,7 +26,7 @@ def trial_figure(runs: Sequence[Tried]) -> Figure:
         t, line, name = run.simulation.t, style.RUN[run.simulation.plant], style.NAME[run.simulation.plant]
         for i, axes in enumerate(stack[:-1]):
             axes.plot(t, shown[i].factor * run.simulation.y[:, i], label=name, **line)
-            axes.set_ylabel(shown[i].label(first.actual.outputs[i]))
+            axes.set_ylabel(shown[i].label(style.words(first.actual.outputs[i])))
         for i in range(first.actual.n_u):
             stack[-1].plot(t, run.simulation.u[:, i], label=name if i == 0 else None, **line)
     end = max(float(run.simulation.t[-1]) for run in runs)
@@ -39,5 +39,6 @@ def trial_figure(runs: Sequence[Tried]) -> Figure:
             axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     stack[-1].set(xlabel="time (s)", ylabel=f"u{in_brackets(shared_unit(first.actual.input_units))}")
     figure.align_ylabels(stack)
+    style.link("time", *stack)
     style.legend(figure, stack[0])
     return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,7 +57,7 @@ def report(
         LogError, ReportError: if a log cannot be read or the page cannot be built.
     """
     from icmj.comparison.comparison import compare, to_json
-    from icmj.log import read_any
+    from icmj.log import read_any, read_scene
     from icmj.report import build_report
     from icmj.result.tried import Tried, to_record
 
@@ -65,6 +65,7 @@ def report(
     results, tried, of_case = [], list[Tried](), dict[str, list[Path]]()
     for number, log in enumerate(logs, 1):
         result = read_any(log)
+        result = replace(result, scene=read_scene(log))
         if isinstance(result, Tried):
             tried.append(result)
         else:

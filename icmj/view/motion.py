@@ -9,9 +9,10 @@ from icmj.base.array import Array
 from icmj.measurement.measurement import reduced_states
 from icmj.plant.linear_plant import transformation
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 
 
-def output_rate(result: Result, x: Array, u: Array) -> Array:
+def output_rate(result: Result | Tried, x: Array, u: Array) -> Array:
     """ẏ = C(Ax + Bu) of the linearised actual plant; shapes (..., n), (..., n_u) → (..., n_y)."""
     plant = result.actual
     return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T

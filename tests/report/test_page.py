@@ -8,33 +8,15 @@ from __future__ import annotations
 import html
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
+from report_browser import CHROMIUM, chromium
 from report_cases import CASES, whole_report
 
 from icmj.report.panels import PANELS
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--hide-scrollbars",
-    "--enable-logging=stderr",
-    "--allow-file-access-from-files",
-]
 
 LISTEN, INSPECT = (
     f"<script>{(Path(__file__).parent / name).read_text(encoding='utf-8')}</script>"
@@ -51,13 +33,6 @@ def report(tmp_path_factory):
     if CHROMIUM is None:
         pytest.skip("no Chromium here; on Debian: apt-get install chromium")
     return whole_report(tmp_path_factory.getbasetemp())
-
-
-def chromium(folder, *arguments):
-    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder / 'profile'}", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return done
 
 
 def inspect(page, folder, width, *flags):
@@ -101,7 +76,10 @@ def test_the_page_at(report, tmp_path, width, scheme):
     assert found["clipped"] == []
     assert found["over"] == []
     assert found["tables"] > 10
-    assert len(found["images"]) == len(CASES) * len(PANELS) + 1
+    assert len(found["images"]) == len(CASES) * len(PANELS) + 2
+    overview = found["images"].pop(0)
+    assert overview["complete"]
+    assert overview["ink"] > 150
     for image in found["images"]:
         assert image["complete"], image
         assert image["natural"] > 0, image

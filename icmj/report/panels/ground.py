@@ -33,6 +33,7 @@ def _draw_acting(case: CaseRuns) -> Figure:
         draw_acting(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     figure.align_ylabels(stack)
+    style.link("time", *stack)
     style.legend(figure, stack[0])
     return figure
 
@@ -49,7 +50,7 @@ def draw_acting(axes: Axes, case: CaseRuns, i: int) -> None:
     if simulation.noisy:
         axes.set_xlim(*latter_part(simulation, SHOWN))
     unit = plant.input_units[i] if plant.input_units else ""
-    name = plant.inputs[i] if len(acting_inputs(case)) > 1 else "$u$"
+    name = style.words(plant.inputs[i]) if len(acting_inputs(case)) > 1 else "$u$"
     axes.set(xlabel="$t$ (s)", ylabel=f"{name} ({unit})" if unit else name)
 
 
@@ -65,6 +66,7 @@ def _draw_pressure(case: CaseRuns) -> Figure:
     for axes, name in zip(stack, names, strict=True):
         draw_pressure(axes, case, name)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
+    style.link("time", *stack)
     style.legend(figure, stack[0])
     return figure
 

@@ -32,6 +32,7 @@ def _draw(case: CaseRuns) -> Figure:
     if case.prediction.V_inv is None:
         figure, (axes,) = style.new_figure()
         draw_norm(axes, case)
+        style.link("time", axes)
         style.legend(figure, axes)
         return figure
     figure, (critical, others) = style.new_figure(rows=2)
@@ -39,6 +40,7 @@ def _draw(case: CaseRuns) -> Figure:
     draw_others(others, case)
     critical.set_xlabel("")
     figure.align_ylabels([critical, others])
+    style.link("time", critical, others)
     style.legend(figure, critical)
     return figure
 

@@ -25,6 +25,7 @@ SHOWN = 8  # intervals
 def _draw(case: CaseRuns) -> Figure:
     figure, (axes,) = style.new_figure(style.TALL if case.last.actual.n_y > 1 else style.HEIGHT)
     draw_phase(axes, case)
+    style.link("plane", axes)
     style.legend(figure, axes)
     return figure
 
@@ -49,7 +50,7 @@ def draw_phase(axes: Axes, case: CaseRuns) -> None:
             y = simulation.y[late, i] * shown.factor
             axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
             if result is case.last and len(outputs) > 1 and len(y):
-                _label(axes, name, float(y[np.argmax(v)]), float(v.max()))
+                _label(axes, style.words(name), float(y[np.argmax(v)]), float(v.max()))
         _mark_events(axes, case.last, i, shown)
     axes.set(xlabel=_label_of("position $x_2$", units), ylabel=_label_of("velocity $x_1$", units, "/s"))
     if len(outputs) > 1:

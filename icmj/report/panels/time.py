@@ -25,6 +25,7 @@ def _draw_outputs(case: CaseRuns) -> Figure:
         draw_output(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     figure.align_ylabels(stack)
+    style.link("time", *stack)
     style.legend(figure, stack[0])
     return figure
 
@@ -50,12 +51,13 @@ def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
     axes.plot(top.continuous.t, inside, label="$y_c$", **style.CONTINUOUS)
     axes.set_ylim(-1.12 * reach, 1.12 * reach)
     axes.margins(x=0)
-    axes.set(xlabel="$t$ (s)", ylabel=shown.label(name if top.actual.n_y > 1 else "$y$"))
+    axes.set(xlabel="$t$ (s)", ylabel=shown.label(style.words(name) if top.actual.n_y > 1 else "$y$"))
 
 
 def _draw_intervals(case: CaseRuns) -> Figure:
     figure, (axes,) = style.new_figure()
     draw_intervals(axes, case)
+    style.link("time", axes)
     style.legend(figure, axes)
     return figure
 

@@ -3,6 +3,7 @@
 from icmj.report.sections.attractors import attractors
 from icmj.report.sections.branches import branches, numbered
 from icmj.report.sections.figures import figures, law
+from icmj.report.sections.first import caption, headline
 from icmj.report.sections.noise import noise
 from icmj.report.sections.plants import designs, matrix
 from icmj.report.sections.section import DrawnPanel, Picture, Section
@@ -20,8 +21,10 @@ __all__ = [
     "agrees_with_paper",
     "attractors",
     "branches",
+    "caption",
     "designs",
     "figures",
+    "headline",
     "law",
     "matrix",
     "noise",

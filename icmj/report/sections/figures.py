@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from icmj.report import numbers
@@ -12,8 +13,12 @@ from icmj.report.sections.wording import verdicts
 from icmj.view.quantity import in_unit, threshold_unit
 
 
-def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]]) -> Section:
-    """The panels of each case."""
+def figures(
+    cases: Sequence[CaseRuns],
+    panels: Mapping[str, Sequence[DrawnPanel]],
+    motions: Mapping[str, str] = MappingProxyType({}),
+) -> Section:
+    """The panels of each case; ``motions`` are the script's names of their runs, by case."""
     return Section(
         "figures",
         "The panels of each case",
@@ -23,6 +28,7 @@ def figures(cases: Sequence[CaseRuns], panels: Mapping[str, Sequence[DrawnPanel]
                 {
                     "name": case.name,
                     "title": case.first.run.case.title,
+                    "motion": motions.get(case.name),
                     "panels": panels[case.name],
                     "caption": _figure_caption(case),
                     "verdicts": verdicts(case),

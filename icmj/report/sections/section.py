@@ -9,11 +9,15 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: its file name without suffix, its SVG as a data URI, and its words for who cannot see it."""
+    """A drawn figure: its file name without suffix, its SVG as a data URI, and its words for who cannot see it.
+
+    ``linked`` says where its axes of time, or its plane, are in it, as :func:`icmj.report.style.links` writes it.
+    """
 
     name: str
     uri: str
     alt: str
+    linked: str = ""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
-from icmj.report.sections.wording import count, verdicts
+from icmj.report.sections.wording import count, reached, verdicts
 from icmj.report.statements import answered
 from icmj.report.style import NAME
 
@@ -67,37 +67,12 @@ def agrees_with_paper(case: CaseRuns) -> bool | None:
     return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
 
 
-# mark, word and explanation of what a run did, beside what was predicted
-_AS_PREDICTED = ("✓", "agrees", "settles on the predicted cycle")
-_NONE_AS_PREDICTED = ("✓", "none, agrees", "settles on no cycle, and none is predicted")
-_ANOTHER = ("○", "another cycle", "settles on a cycle that is not the predicted one")
-_UNPREDICTED = ("○", "another cycle", "settles on a cycle where linear theory predicts none")
-_REPELLED = ("✓", "agrees", "the predicted cycle does not attract, and the run settles on none")
-_MISSED = ("✗", "not reached", "does not settle, although the predicted cycle attracts")
-
-
-def _reached(comparison: Comparison | None) -> tuple[str, str, str]:
-    """How a run agrees with its prediction: a mark, a word and an explanation."""
-    if comparison is None:
-        return numbers.MISSING, "", "no run"
-    if comparison.measured.kind == "noisy":
-        return numbers.MISSING, "under noise", "a motion under noise has no cycle"
-    settled, predicted = comparison.measured.kind == "cycle", comparison.predicted
-    if comparison.measured.converged:
-        return _AS_PREDICTED
-    if not predicted.cycle:
-        return _UNPREDICTED if settled else _NONE_AS_PREDICTED
-    if settled:
-        return _ANOTHER
-    return _MISSED if predicted.verdict == "attracting" else _REPELLED
-
-
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
     paper, prediction = case.first.run.case.paper, case.prediction
     cells = {}
     for plant in ("linear", "mujoco"):
         comparison = case.comparisons.get(plant)
-        mark, word, said = _reached(comparison)
+        mark, word, said = reached(comparison)
         cells[plant] = {
             "interval": numbers.MISSING if comparison is None else _interval(comparison),
             "error": _shown_error(comparison),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,19 @@ from icmj.result.tried import Tried
 from icmj.view.quantity import quantities
 
 
-def tried(runs: Sequence[Tried], pictures: Mapping[str, Picture], first_number: int) -> Section | None:
+def tried(
+    runs: Sequence[Tried],
+    pictures: Mapping[str, Picture],
+    first_number: int,
+    motions: Mapping[str, str] = MappingProxyType({}),
+) -> Section | None:
     """A table of the runs, and a figure of each case, or ``None`` where there are none.
 
     Args:
         runs: of any case, on any plant.
         pictures: outputs over time, by case.
         first_number: number of the first figure.
+        motions: the script's names of runs, by case.
     """
     cases: dict[str, list[Tried]] = {}
     for run in runs:
@@ -30,6 +37,7 @@ def tried(runs: Sequence[Tried], pictures: Mapping[str, Picture], first_number: 
             "title": same[0].run.case.title,
             "number": number,
             "picture": pictures[name],
+            "motion": motions.get(name),
             "facts": _facts(same[0]),
             "outputs": _outputs(same[0]),
             "rows": [_row(run) for run in same],

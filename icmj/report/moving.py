@@ -1,0 +1,149 @@
+"""A run as the page's script plays it: shapes of the body as seen from its right, poses and outputs over time.
+
+Numbers go in columns of 16 bits between their least and their largest value; a column that does not change is one
+number. A frame of a standing person takes some 90 bytes of the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from icmj.base.array import Array
+from icmj.base.text import one_line
+from icmj.report.style import NAME
+from icmj.result.result import Result
+from icmj.result.tried import Tried
+from icmj.simulation.scene import Geom, Scene, frames
+from icmj.view.motion import output_rate
+from icmj.view.quantity import quantities
+
+MOST = 4000  # frames, the last of a run: 80 s of 50 Hz
+LONGEST = 30.0  # s: a longer cycle is not what is played first
+LARGEST = 1e6  # of a number that is drawn
+STEPS = 2**16 - 1
+
+
+def script(motions: Mapping[str, dict[str, Any]]) -> Markup:
+    """The motions as JSON that stands in a script element: no sign in it can end this or open another."""
+    text = json.dumps(motions, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for sign in "<>&\u2028\u2029":
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return Markup(text)
+
+
+def moving(run: Result | Tried) -> dict[str, Any] | None:
+    """What the script plays of a run; ``None`` of one without two frames of finite numbers.
+
+    Its columns are ``t``, ``y`` and ``v`` (outputs and their rates, as people read them), and of a body, true and
+    magnified, for every part the position and the quaternion x, z, q_w, q_x, q_y, q_z, and its centre of mass x, z.
+    """
+    simulation = run.simulation
+    scene = run.scene if run.scene is not None and run.scene.geoms else None
+    rows = frames(simulation.t) if scene is None else np.searchsorted(simulation.t, scene.t - 1e-8)
+    rows = np.minimum(rows, len(simulation.t) - 1)[-MOST:]
+    shown = quantities(run.actual)
+    scale = np.array([quantity.factor for quantity in shown])
+    with np.errstate(over="ignore", invalid="ignore"):
+        y, v = simulation.y[rows] * scale, output_rate(run, simulation.x[rows], simulation.u[rows]) * scale
+    parts = [y, v] if scene is None else [y, v, *_poses(scene)]
+    table = np.column_stack([simulation.t[rows], *(part[-MOST:] for part in parts)])
+    drawn = np.isfinite(table).all(axis=1) & (np.abs(table) < LARGEST).all(axis=1)
+    table = table[: len(drawn) if drawn.all() else int(np.argmin(drawn))]
+    if len(table) < 2 or not run.actual.n_y:
+        return None
+    events = simulation.events.t[simulation.events.t >= table[0, 0]]
+    return {
+        "title": f"{one_line(run.run.case.title)}, {NAME[simulation.plant]}",
+        "outputs": [
+            [one_line(name, 100), unit.unit.replace("deg", "°")]
+            for name, unit in zip(run.actual.outputs, shown, strict=True)
+        ],
+        "events": [round(float(t), 4) for t in events],
+        "cycle": _cycle(run),
+        "columns": [_column(values) for values in table.T],
+        "body": None if scene is None else _body(scene),
+    }
+
+
+def _cycle(run: Result | Tried) -> float | None:
+    """Period [s] of what the run settled on, if it did."""
+    measured = run.measurement if isinstance(run, Result) else None
+    if measured is None or measured.kind != "cycle" or not measured.period or measured.period > LONGEST:
+        return None
+    return round(float(measured.period), 6)
+
+
+def _column(values: Array) -> list[Any]:
+    low, high = float(values.min()), float(values.max())
+    step = (high - low) / STEPS
+    if step < 1e-12:
+        return [round(low, 9)]
+    whole = np.rint((values - low) / step).astype("<u2")
+    return [float(f"{low:.9g}"), float(f"{step:.9g}"), base64.b64encode(whole.tobytes()).decode()]
+
+
+def _poses(scene: Scene) -> list[Array]:
+    found = []
+    for xpos, xquat, com in (
+        (scene.xpos, scene.xquat, scene.com),
+        (scene.magnified_xpos, scene.magnified_xquat, scene.magnified_com),
+    ):
+        for body in range(len(scene.bodies)):
+            found += [xpos[:, body, ::2], xquat[:, body]]
+        found.append(com[:, ::2])
+    return found
+
+
+def _body(scene: Scene) -> dict[str, Any]:
+    """What does not change: shapes, the farthest first, and where floor, top and middle are."""
+    geoms = [geom for geom in scene.geoms if geom.type != "plane"]
+    geoms.sort(key=lambda geom: -float(scene.xpos[0, geom.body, 1] + geom.pos[1]))
+    shapes = [(geom, *_outline(geom)) for geom in geoms]
+    reach = [scene.xpos[0, geom.body, 2] + geom.pos[2] + float(geom.size.max()) for geom in geoms]
+    planes = [float(geom.pos[2]) for geom in scene.geoms if geom.type == "plane"]
+    floor = planes[0] if planes else float(scene.xpos[0, :, 2].min())
+    height = max(reach, default=0.0) - floor
+    return {
+        "parts": len(scene.bodies),
+        "floor": round(floor, 4),
+        "height": round(height, 4) if height > 1e-6 else 1.0,
+        "middle": round(float(np.median(scene.com[:, 0])), 4),
+        "magnification": scene.magnification,
+        "shapes": [
+            {
+                "part": geom.body,
+                "radius": round(radius, 4),
+                "points": np.round(points, 4).tolist(),
+                "colour": "rgb({}, {}, {})".format(*np.rint(255 * geom.rgba[:3]).astype(int)),
+            }
+            for geom, points, radius in shapes
+        ],
+    }
+
+
+def _outline(geom: Geom) -> tuple[Array, float]:
+    """Points of the part's own frame, and a radius: the shape is what a ball of it sweeps over their convex hull."""
+    a, b, c = geom.size
+    ring = np.array([[np.cos(angle), np.sin(angle)] for angle in np.linspace(0, 2 * np.pi, 16, endpoint=False)])
+    none, radius = np.zeros(len(ring)), 0.0
+    if geom.type == "sphere" or (geom.type == "ellipsoid" and a == b == c):
+        points, radius = np.zeros((1, 3)), a
+    elif geom.type == "capsule":
+        points, radius = np.array([[0, 0, -b], [0, 0, b]]), a
+    elif geom.type == "cylinder":
+        points = np.vstack([np.column_stack([a * ring, none + end]) for end in (-b, b)])
+    elif geom.type == "box":
+        points = np.array([[x, y, z] for x in (-a, a) for y in (-b, b) for z in (-c, c)])
+    else:
+        u, w = ring.T
+        circles = (np.column_stack(of) for of in ((u, w, none), (u, none, w), (none, u, w)))
+        points = np.vstack(list(circles)) * geom.size
+    q, r = geom.quat[0], geom.quat[1:]
+    turned = points + 2 * np.cross(r, np.cross(r, points) + q * points)
+    return turned + geom.pos, float(radius)

@@ -1,0 +1,133 @@
+"""The first figure of the page: of every case the predicted interval, the measured ones, and how far apart they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from icmj.report import style
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.wording import reached
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
+LONGEST = 50  # characters of a case's title beside its row
+WIDE = 4.0  # largest over smallest interval from which on their axis is logarithmic
+EXACT = 1e-16  # relative error that is drawn of what agrees to the last digit
+COLOUR = {"✓": "#00664b", "○": "#6b5300", "✗": "#a03c00"}
+
+
+def overview_figure(cases: Sequence[CaseRuns]) -> Figure:
+    """Intervals at the left, their relative errors in the middle, the verdict in words at the right; a row a case."""
+    from matplotlib.figure import Figure
+
+    height = ABOVE + BELOW + ROW * len(cases)
+    figure = Figure(figsize=(WIDTH * style.MM, height * style.MM))
+    titles = [_short(case.first.run.case.title) for case in cases]
+    left = 3.0 + 1.08 * max(map(len, titles))
+    middle, right = WIDTH - 44.0, WIDTH - 24.0
+    low, share = BELOW / height, ROW * len(cases) / height
+    intervals = figure.add_axes((left / WIDTH, low, (middle - 4 - left) / WIDTH, share))
+    errors = figure.add_axes((middle / WIDTH, low, (right - middle) / WIDTH, share), sharey=intervals)
+    draw_intervals(intervals, cases)
+    draw_errors(errors, cases)
+    intervals.set_yticks(range(len(cases)), titles, parse_math=False)
+    errors.tick_params(labelleft=False)
+    for row, case in enumerate(cases):
+        mark, words = _verdict(case)
+        errors.text(
+            1.06, row, f"{mark} {words}".strip(), transform=errors.get_yaxis_transform(), va="center", size=8.2,
+            color=COLOUR.get(mark, "#555555"), family=["STIXGeneral", "DejaVu Sans"],
+        )  # fmt: skip
+    for axes in (intervals, errors):
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0, labelsize=8.0)
+    for x, words in ((left, "open-loop interval"), (middle, "relative error"), (right + 1.2, "agreement")):
+        figure.text(x / WIDTH, 1 - 5.6 / height, words, size=8.4, style="italic", va="top")
+    handles = dict(zip(*reversed(intervals.get_legend_handles_labels()), strict=True))
+    figure.legend(
+        handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(1 - 1.0 / WIDTH, 1 - 0.4 / height),
+        ncols=5, fontsize=8.2,
+    )  # fmt: skip
+    return figure
+
+
+def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
+    """Predicted Δ_crit as a broad bar, measured intervals on it; where nothing settles, a range or nothing."""
+    shown: list[float] = []
+    for row, case in enumerate(cases):
+        axes.axhline(row, color="#e6e3db", linewidth=0.5, zorder=0)
+        delta = case.prediction.delta_crit
+        if delta is not None:
+            hollow = {} if case.prediction.cycle else {"markerfacecolor": "white", "markeredgecolor": "#b5ad93"}
+            look: dict[str, Any] = {"color": "#cfc8b2", "markersize": 13, "markeredgewidth": 1.0, **hollow}
+            label = "predicted" if case.prediction.cycle else "predicted, no cycle"
+            axes.plot(delta, row, linestyle="none", label=label, zorder=1, **_bar(look))
+            shown.append(delta)
+        for plant, result in case.runs.items():
+            interval, told = case.comparisons[plant].measured.interval, result.statistics
+            if interval is None or not np.isfinite(interval) or interval <= 0:
+                continue
+            shown.append(interval)
+            if told is not None and told.interval_deviation is not None:
+                ends = [
+                    max(interval - told.interval_deviation.value, interval / 10),
+                    interval + told.interval_deviation.value,
+                ]
+                axes.plot(ends, [row, row], **style.RUN[plant], zorder=2)
+                shown += ends
+            look = {"linestyle": "none", **style.MARK[plant], "zorder": 3}
+            if case.comparisons[plant].measured.kind == "homoclinic":
+                arrow = {"arrowstyle": "->", "color": style.RUN[plant]["color"], "shrinkB": 0}
+                axes.annotate("", (interval * 2, row), (interval, row), arrowprops=arrow, zorder=2)
+            axes.plot(interval, row, label=style.NAME[plant] if plant == "mujoco" else "linear plant", **look)
+    low, high = min(shown, default=1.0), max(shown, default=1.0)
+    if high > WIDE * low:
+        axes.set_xscale("log")
+        ticks = [t for t in (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if low / 1.5 < t < high * 1.5]
+        axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        axes.minorticks_off()
+        axes.set_xlim(low / 1.35, high * 1.35)
+    else:
+        apart = max(0.25 * (high - low), 0.2 * low)  # what agrees to a percent is seen to agree
+        axes.set_xlim(low - apart, high + apart)
+        axes.locator_params(axis="x", nbins=5)
+    axes.set_ylim(len(cases) - 0.5, -0.5)
+    axes.set_xlabel(r"$\Delta_{ol}$ (s)")
+
+
+def draw_errors(axes: Axes, cases: Sequence[CaseRuns]) -> None:
+    """Magnitude of the relative error of the interval, on a logarithmic axis, where a cycle is predicted."""
+    for row, case in enumerate(cases):
+        axes.axhline(row, color="#e6e3db", linewidth=0.5, zorder=0)
+        for plant, comparison in case.comparisons.items():
+            error = comparison.relative_error.interval
+            if error is not None and comparison.measured.kind != "noisy":
+                axes.plot(max(abs(error), EXACT), row, linestyle="none", **style.MARK[plant])
+    axes.set_xscale("log")
+    axes.set_xlim(EXACT / 5, 3.0)
+    axes.set_xticks([1e-15, 1e-8, 1], ["$10^{-15}$", "$10^{-8}$", "1"])
+    axes.minorticks_off()
+    axes.set_xlabel(r"$|\Delta_{ol}/\Delta_{crit}-1|$")
+
+
+def _bar(look: dict[str, Any]) -> dict[str, Any]:
+    from matplotlib.path import Path
+
+    tall = Path([(-0.13, -0.5), (0.13, -0.5), (0.13, 0.5), (-0.13, 0.5), (-0.13, -0.5)], closed=True)
+    return {**look, "marker": tall}
+
+
+def _verdict(case: CaseRuns) -> tuple[str, str]:
+    """Mark and word of the plant drawn last, which is the one that need not agree."""
+    mark, word, _ = reached(case.comparisons[case.last.simulation.plant])
+    return (mark, word) if mark in COLOUR else ("", word or "–")
+
+
+def _short(title: str) -> str:
+    return title if len(title) <= LONGEST else f"{title[: LONGEST - 1].rstrip()}…"

@@ -1,0 +1,76 @@
+"""The first screen: what was predicted, what was measured and whether they agree, in one sentence and one figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from icmj.report import numbers
+from icmj.report.pairing import CaseRuns
+from icmj.report.sections.noise import is_noisy
+from icmj.report.sections.wording import count, verdicts
+from icmj.result.tried import Tried
+
+CAPTION = (
+    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it predicts"
+    " no cycle. On it: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar agrees; how "
+    "closely, the relative error says (the further left, the closer). {}"
+)
+ARROW = "An arrow: the intervals grow without bound. "
+NOISE = "A line: intervals under noise, their mean and standard deviation. "
+WORDS = "✓ agrees with the prediction; ○ another cycle than a predicted one; ✗ a predicted cycle is not reached."
+
+
+def caption(cases: Sequence[CaseRuns]) -> str:
+    """What the overview shows of these cases."""
+    grows = any(c.measured.kind == "homoclinic" for case in cases for c in case.comparisons.values())
+    return CAPTION.format(ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)
+
+
+def headline(cases: Sequence[CaseRuns], tried: Sequence[Tried] = ()) -> str:
+    """One sentence: predicted, measured, agreement; of controllers without a prediction, what they did."""
+    if not cases:
+        return tried[0].words if len(tried) == 1 else _held(tried)
+    if len(cases) == 1:
+        return _single(cases[0])
+    expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
+    quiet = [case for case in cases if not is_noisy(case)]
+    said = count(len(quiet), "case") + (" without noise" if len(quiet) < len(cases) else "")
+    if not expected:
+        return f"Linear theory predicts a limit cycle in none of {said}."
+    found = [case.comparisons[case.last.simulation.plant] for case in expected]
+    settled = [comparison for comparison in found if comparison.measured.converged]
+    worst = max((abs(c.relative_error.interval or 0.0) for c in settled), default=0.0)
+    plants = {case.last.simulation.plant for case in expected}
+    who = {"mujoco": "the bodies simulated in MuJoCo settle", "linear": "the simulated linear plants settle"}
+    subject = who[plants.pop()] if len(plants) == 1 else "the simulated plants settle"
+    many = "all of them" if len(settled) == len(found) else f"{len(settled)} of them"
+    close = f", at intervals within {_percent(worst)} of the predicted ones" if settled else ""
+    agree = "prediction and measurement agree"
+    if len(settled) < len(found):
+        agree = f"{len(found) - len(settled)} do not agree"
+    return f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}: {agree}."
+
+
+def _single(case: CaseRuns) -> str:
+    prediction, comparison = case.prediction, case.comparisons[case.last.simulation.plant]
+    if not prediction.cycle or is_noisy(case):
+        return " ".join(verdicts(case))
+    delta, plant = numbers.number(prediction.delta_crit), comparison.plant
+    told = (
+        f"Linear theory predicts a limit cycle with an open-loop interval of {delta} s; "
+        f"the run {'in MuJoCo' if plant == 'mujoco' else 'of the linear plant'} "
+    )
+    if comparison.measured.converged:
+        close = _percent(abs(comparison.relative_error.interval or 0.0))
+        return f"{told}settles on it, its interval within {close} of that: prediction and measurement agree."
+    return f"{told}does not settle on it. {' '.join(verdicts(case))}"
+
+
+def _held(tried: Sequence[Tried]) -> str:
+    stood = sum(run.simulation.outcome.kind == "completed" for run in tried)
+    kinds = ", ".join(dict.fromkeys(run.law.kind for run in tried))
+    return f"{count(len(tried), 'run')} under {kinds} control: {stood} ran to the end. Nothing is predicted of them."
+
+
+def _percent(error: float) -> str:
+    return "10⁻¹² %" if error < 1e-14 else f"{numbers.number(100 * error, 2)} %"
