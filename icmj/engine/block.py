@@ -16,6 +16,7 @@ the model may be in other hands, in several threads.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import prod
@@ -26,12 +27,22 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.realisation import Realisation
 from icmj.engine.pushing import WIDTH
-from icmj.engine.signals import CELL, SIGNAL, WEIGHTS, cells_of, signals_of, sorted_terms, weights_of
+from icmj.engine.signals import (
+    CELL,
+    FOREVER,
+    SIGNAL,
+    WEIGHTS,
+    cells_of,
+    drawn_of,
+    signals_of,
+    sorted_terms,
+    weights_of,
+)
 from icmj.simulation.disturbance import Disturbance
+from icmj.simulation.settings import Gaussian
 
 MAGIC = 20170508228.0
-VERSION = 7.0
-FOREVER = 1e30
+VERSION = 8.0
 
 
 class Slot(IntEnum):
@@ -79,9 +90,11 @@ class Slot(IntEnum):
     UNIT = 39  # of its time [s]
     AT_COURSE = 40
     N_V = 41  # readings of the controller: the outputs, then signals that it is given
+    VALUES = 42  # of Gaussian noises
+    AT_VALUES = 43
 
 
-HEADER = 42
+HEADER = 44
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -103,6 +116,7 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_WEIGHTS, "weights", (Slot.WAVES, WEIGHTS)),
     (Slot.AT_CELLS, "cells", (Slot.SIGNALS, CELL)),
     (Slot.AT_COURSE, "course", (Slot.N_U, Slot.POWERS)),
+    (Slot.AT_VALUES, "values", (Slot.VALUES,)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -112,7 +126,7 @@ class Block:
     """The controller as it stands in a model: views of the numeric's data, which writing changes.
 
     Attributes:
-        header: by :class:`Slot`, shape (42,).
+        header: by :class:`Slot`, shape (44,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_v); y − y_0 is zero beyond the n_y outputs.
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
@@ -128,6 +142,7 @@ class Block:
         sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
         signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
             28), (S, 201).
+        values: of all Gaussian noises on their grids, shape (V,).
         course: of a controller whose command is known ahead, the command as polynomials in (t − SINCE)/UNIT, which
             whoever runs it writes; shape (n_u, POWERS).
     """
@@ -152,6 +167,7 @@ class Block:
     weights: Array
     cells: Array
     course: Array
+    values: Array
 
     @property
     def act(self) -> slice:
@@ -176,6 +192,8 @@ def pack(
     act: int,
     stage: int,
     powers: int = 0,
+    drawn: Sequence[Sequence[tuple[int, float, Gaussian]]] = ((), (), ()),
+    duration: float = 0.0,
 ) -> Array:
     """The numeric's data.
 
@@ -189,9 +207,16 @@ def pack(
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
         powers: coefficients of a command that is known ahead.
+        drawn: Gaussian noises beside commands, of outputs, and of how large pushes are: place, factor and noise.
+        duration: of the run, for which they are drawn [s].
     """
     tables = [sorted_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
     signals = [signals_of(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
+    values = [np.zeros(0)]
+    for i, noises in enumerate(drawn):
+        rows, found = drawn_of(noises, sum(map(len, values)), duration)
+        signals[i] = np.concatenate([signals[i], rows])
+        values.append(found)
     flat, waves = np.concatenate(signals), np.concatenate(tables)
     parts = {
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
@@ -206,16 +231,17 @@ def pack(
         "weights": weights_of(waves, flat),
         "cells": cells_of(flat),
         "course": np.zeros((len(ctrl_0), powers)),
+        "values": np.concatenate(values),
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
     header[Slot.N_V] = realisation.N.shape[1]
     header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
-    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(disturbance), len(errors)
-    header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(sizes), len(waves)
+    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(tables[0]), len(tables[1])
+    header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(tables[2]), len(waves)
     header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
-    header[[Slot.POWERS, Slot.UNIT]] = powers, 1.0
+    header[[Slot.POWERS, Slot.UNIT, Slot.VALUES]] = powers, 1.0, len(parts["values"])
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at

@@ -24,6 +24,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.rates import fastest_rate, is_stiff
 from icmj.engine.recording import States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.signals import points_between
 from icmj.engine.units import state_units
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
@@ -98,9 +99,8 @@ class ComposedLoop:
         """
         if plant.spec is not self.plant.spec or integrator_of(plant, settings) != self.model.opt.integrator:
             return None
-        settings.expect_sinusoids("MuJoCo")
         acting = acting_on(plant.linearisation.plant, settings, controller)
-        numbers = repack(self.model, plant, controller, *acting)
+        numbers = repack(self.model, plant, controller, *acting, settings.duration)
         if numbers is None:
             return None
         return ComposedLoop(plant, controller, *acting, self.model, numbers)
@@ -133,6 +133,7 @@ class ComposedLoop:
         # noise may be faster than the loop, and shakes E
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
+        edges = points_between(acting.edges, acting.gaussian, settings.duration)
         return Schedule(
             timestep=timestep,
             tolerance=tolerance,
@@ -140,8 +141,8 @@ class ComposedLoop:
             delta_min=trigger.delta_min,
             clock=trigger.clock,
             delay=self.controller.delay.t_d,
-            edges=acting.edges,
-            phases=phases_of(acting.edges),
+            edges=edges,
+            phases=phases_of(edges),
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
             rate=max(own, float(acting.omega.max(initial=0.0))),
@@ -280,9 +281,8 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
         SimulationError: if a disturbance names an unknown input, output or body.
     """
-    settings.expect_sinusoids("MuJoCo")
     acting = acting_on(plant.linearisation.plant, settings, controller)
-    model = compose(plant, controller, *acting)
+    model = compose(plant, controller, *acting, settings.duration)
     model.opt.integrator = integrator_of(plant, settings)
     return ComposedLoop(plant, controller, *acting, model)
 

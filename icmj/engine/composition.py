@@ -43,12 +43,13 @@ def compose(
     disturbance: Disturbance,
     errors: Disturbance | None = None,
     pushes: Pushes = NO_PUSHES,
+    duration: float = 0.0,
 ) -> mujoco.MjModel:
     """The closed-loop model of ``plant`` under ``controller``; the plant's file and spec are not touched.
 
     Outputs and inputs are those of the plant's ports; the operating point of the actual plant is where controls and
     outputs are counted from. ``errors`` are those of the outputs as the observer reads them, ``pushes`` act on the
-    plant itself.
+    plant itself; Gaussian noise is drawn for a run of ``duration`` [s].
 
     Raises:
         ModelError: if the numbers of inputs or outputs do not fit the design, or a sensor needs accelerations (it
@@ -60,7 +61,7 @@ def compose(
     _check(bare, name, plant, controller)
     controls, powers = standing(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes, powers)
+    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes, powers, duration)
 
     spec, size = plant.spec.copy(), controls.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
@@ -111,6 +112,7 @@ def repack(
     disturbance: Disturbance,
     errors: Disturbance,
     pushes: Pushes,
+    duration: float = 0.0,
 ) -> Array | None:
     """What a composed ``model`` of the same spec would hold of another controller or gain: its numeric's data.
 
@@ -123,7 +125,7 @@ def repack(
     (controls, powers), held = standing(controller), numbers_of(model)
     _check(model, model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
-    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes, powers)
+    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes, powers, duration)
     return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
 
 
@@ -137,6 +139,7 @@ def _packed(
     errors: Disturbance,
     pushes: Pushes,
     powers: int,
+    duration: float,
 ) -> Array:
     """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
@@ -165,7 +168,14 @@ def _packed(
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
     scaled = replace(controls, modes=(replace(controls.modes[0], K=K, N=N),))
-    return pack(scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, powers)
+    drawn = (
+        [(int(ports.actuators[i]), float(ports.b[i]), noise) for i, noise in disturbance.gaussian],
+        [(int(entries[i]), 1 / float(g[i]), noise) for i, noise in errors.gaussian],
+        [(i, 1.0, noise) for i, noise in pushes.size.gaussian],
+    )
+    return pack(
+        scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, powers, drawn, duration
+    )  # fmt: skip
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

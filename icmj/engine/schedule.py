@@ -70,7 +70,8 @@ class Schedule:
 
     def jumps(self, start: float, end: float) -> Array:
         """Times strictly between two successive events at which inputs jump: edges and actions, rising."""
-        inside = self.edges[(self.edges > start) & (self.edges < end)]
+        first = int(np.searchsorted(self.edges, start, side="right"))
+        inside = self.edges[first : max(first, int(np.searchsorted(self.edges, end)))]
         if self.delay == 0:
             return inside
         if np.isfinite(self.clock):

@@ -6,13 +6,20 @@ to rounding. Its coefficients are cos θ, sin θ times *weights*, which are the 
 follow from the terms and its number alone, whoever asks first, and what a signal is worth at an instant is the same to
 the last bit whatever the steps. Each signal keeps its latest cells, one in each of some places by its number. From cell
 to cell the phases turn by ω times the width; in the first of every group of cells they are taken from ω and φ anew.
+
+Gaussian noise (:mod:`icmj.simulation.gaussian`) is a signal, too: it goes straight from one value of its grid to the
+next, and all its values are there from the start.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.simulation.gaussian import at_points
+from icmj.simulation.settings import Gaussian
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
 HALF = 12  # coefficients of even powers, and of odd ones
@@ -20,7 +27,8 @@ KEPT = 8  # cells of a signal: the stages of a long step go back and forth
 GROUP = 16  # cells whose phases follow from each other
 SIGNAL, WEIGHTS, PLACE = 6, 4 + 2 * HALF, 1 + 2 * HALF
 CELL = 1 + KEPT * PLACE
-_LONGEST = 1e30  # s, of a constant
+FOREVER = 1e30  # s: the end of what does not end, and the longest cell of a constant
+SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
 
 
 def sorted_terms(table: Array) -> Array:
@@ -31,13 +39,15 @@ def sorted_terms(table: Array) -> Array:
 def signals_of(table: Array, first: int) -> Array:
     """(place, start, end, first term, the one after the last, width of a cell [s]) of each signal, shape (S, 6).
 
+    Of Gaussian noise (:func:`drawn_of`) the fourth is below zero: −1 less the number of its first value.
+
     ``table`` are :func:`sorted_terms`, whose first one has the number ``first``.
     """
     places = table[:, [0, 4, 5]]
     begins = np.flatnonzero(np.r_[True, np.any(places[1:] != places[:-1], axis=1)][: len(table)])
     ends = np.r_[begins[1:], len(table)][: len(begins)].astype(int)
     fastest = np.array([np.abs(table[begin:end, 2]).max() for begin, end in zip(begins, ends, strict=True)])
-    width = 2 * REACH / np.maximum(fastest, 2 * REACH / _LONGEST)
+    width = 2 * REACH / np.maximum(fastest, 2 * REACH / FOREVER)
     return np.column_stack([places[begins], first + begins, first + ends, width])
 
 
@@ -49,7 +59,7 @@ def weights_of(terms: Array, signals: Array) -> Array:
     """
     found, power = [np.zeros(0)], np.arange(2 * HALF)[:, None]
     sign, factor = np.array([1.0, -1.0, -1.0, 1.0])[power % 4], np.cumprod(np.maximum(power, 1.0), axis=0)
-    for *_, first, last, width in signals:
+    for *_, first, last, width in signals[signals[:, 3] >= 0]:
         _, amplitude, omega, *_ = terms[int(first) : int(last)].T
         turn = omega * width
         series = amplitude * sign * (turn / 2) ** power / factor
@@ -63,3 +73,32 @@ def cells_of(signals: Array) -> Array:
     cells = np.zeros((len(signals), CELL))
     cells[:, 0] = cells[:, 1::PLACE] = np.nan
     return cells
+
+
+def drawn_of(noises: Sequence[tuple[int, float, Gaussian]], first: int, duration: float) -> tuple[Array, Array]:
+    """Signals of Gaussian noises, each (place, factor, noise), and their values over a run of ``duration`` [s].
+
+    ``first`` is the number of values before them.
+
+    Returns:
+        shapes (S, 6) and (V,).
+    """
+    rows, values = [], [np.zeros(0)]
+    for place, factor, noise in noises:
+        drawn = factor * at_points(noise, 0, int(duration / noise.interval * (1 + 1e-12)) + 2)
+        begin = first + sum(map(len, values))
+        rows.append((place, noise.start, FOREVER, -1 - begin, begin + len(drawn), noise.interval))
+        values.append(drawn)
+    return np.array(rows, dtype=float).reshape(-1, SIGNAL), np.concatenate(values)
+
+
+def points_between(edges: Array, noises: Sequence[Gaussian], duration: float) -> Array:
+    """The points of the finest grid of Gaussian noises in a run, where these bend, among ``edges``; rising [s]."""
+    if not noises:
+        return edges
+    interval = min(noise.interval for noise in noises)
+    points = interval * np.arange(1, int(duration / interval * (1 + 1e-12)) + 1)
+    place = np.searchsorted(edges, points)
+    beside = np.r_[-np.inf, edges, np.inf]
+    alone = np.minimum(points - beside[place], beside[place + 1] - points) > SAME * interval
+    return np.union1d(edges, points[alone])

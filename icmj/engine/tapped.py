@@ -171,7 +171,7 @@ def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
     """
-    settings.expect_sinusoids("MuJoCo")
+    settings.expect_sinusoids("the simulation of a controller that reads delayed outputs")
     acting, errors, pushes = acting_on(plant.linearisation.plant, settings)
     model = compose(plant, law, acting, None, pushes)
     model.opt.integrator = integrator_of(plant, settings)

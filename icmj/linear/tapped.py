@@ -60,7 +60,7 @@ def simulate_tapped(
 
     realisation = expect_tapped(law, plant)
     x = plant_start(plant, settings, x0)
-    settings.expect_sinusoids("the simulation of such a controller")
+    settings.expect_sinusoids("the simulation of a controller that reads delayed outputs")
     acting, errors, pushes = everything = acting_on(plant, settings)
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))

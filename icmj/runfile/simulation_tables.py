@@ -136,7 +136,7 @@ class NoiseTable(PlaceTable):
 
 
 class GaussianTable(PlaceTable):
-    """Gaussian noise on one input or body, or on one output as the observer reads it; of linear plants.
+    """Gaussian noise on one input or body, or on one output as the observer reads it.
 
     White, or a first-order low-pass with its ``corner`` [Hz], exact in law at the points of a grid; see
     :class:`icmj.simulation.settings.Gaussian`.

@@ -148,6 +148,11 @@ class Acting(NamedTuple):
         return np.unique(np.concatenate([self.disturbance.edges, self.errors.edges, self.pushes.size.edges]))
 
     @property
+    def gaussian(self) -> tuple[Gaussian, ...]:
+        """All Gaussian noises."""
+        return tuple(noise for of in (self.disturbance, self.errors, self.pushes.size) for _, noise in of.gaussian)
+
+    @property
     def omega(self) -> Array:
         """Frequencies of all terms [rad/s]."""
         return np.concatenate([self.disturbance.omega, self.errors.omega, self.pushes.size.omega])

@@ -154,8 +154,7 @@ class Bias:
 class Gaussian(Placed):
     """Gaussian noise on a grid of its own, where :class:`Noise` may act: for fits, and runs of any length.
 
-    At the points of the grid it is exact in law, between them it goes straight from one to the next. Linear plants
-    alone take it.
+    At the points of the grid it is exact in law, between them it goes straight from one to the next.
 
     Attributes:
         input, output: what it acts on, one of the two, or of a ``body``.
@@ -237,7 +236,7 @@ class Settings:
         return any(isinstance(source, Noise | Gaussian) for source in self.disturbance)
 
     def expect_sinusoids(self, plant: str) -> None:
-        """See that no Gaussian noise acts, which ``plant`` does not take.
+        """See that no Gaussian noise acts, which ``plant``, a simulation in words, does not take.
 
         Raises:
             SimulationError: if any does.

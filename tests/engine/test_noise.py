@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -16,8 +17,10 @@ from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import reading_error_of
-from icmj.simulation.settings import Bias, Noise, Settings, Source
+from icmj.simulation.settings import Bias, Gaussian, Noise, Settings, Source
 from icmj.simulation.simulation import Simulation
+
+Kind = Callable[[float], tuple[Source, ...]]
 
 
 def sources(size: float = 1.0) -> tuple[Source, ...]:
@@ -30,38 +33,63 @@ def sources(size: float = 1.0) -> tuple[Source, ...]:
     )
 
 
-def run(size: float = 1.0, delay: float = 0.0, **more: object) -> Simulation:
-    chosen = Settings(**{"duration": 3.0, "disturbance": sources(size), **more})  # type: ignore[arg-type]
+def drawn(size: float = 1.0) -> tuple[Source, ...]:
+    """Gaussian noise on an input, two outputs and a body, on two grids, and a bias that begins between their points."""
+    return (
+        Gaussian(input="ankle_torque", size=0.5 * size, corner=0.5, interval=0.02, seed=1),
+        Gaussian(output="shank", size=5e-4 * size, corner=1.0, interval=0.02, seed=2, start=0.1234),
+        Gaussian(output="trunk", size=3e-4 * size, interval=0.04, seed=3),
+        Gaussian(body="trunk", force=(1.0, 0.0, 0.0), size=0.5 * size, corner=1.0, interval=0.02, seed=4),
+        Bias("thigh", 3e-4 * size, start=0.5003),
+    )
+
+
+KINDS = pytest.mark.parametrize("kind", [sources, drawn])
+
+
+def run(size: float = 1.0, delay: float = 0.0, kind: Kind = sources, **more: object) -> Simulation:
+    chosen = Settings(**{"duration": 3.0, "disturbance": kind(size), **more})  # type: ignore[arg-type]
     control = replace(controller("three_link", 0.01 * size), delay=Delay(delay))
     return simulate(plant("three_link", 0.9), control, chosen, x0=0.01 * size * np.ones(6))
 
 
+@KINDS
 @pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_both_plants_driven_by_the_same_noise_agree_to_the_order_of_the_nonlinearity(delay: float) -> None:
+def test_both_plants_driven_by_the_same_noise_agree_to_the_order_of_the_nonlinearity(delay: float, kind: Kind) -> None:
     body = plant("three_link", 0.9)
-    departures = []
-    for size in (0.3, 0.1, 0.03):
-        engine = run(size, delay, timestep=1e-3)
+    departures, sizes = [], (0.2, 0.1, 0.05)
+    for size in sizes:
+        engine = run(size, delay, kind, timestep=5e-4)
         control = replace(controller("three_link", 0.01 * size), delay=Delay(delay))
-        chosen = Settings(duration=3.0, disturbance=sources(size))
-        linear = simulate_linear(body.linearisation.plant, control, chosen, x0=0.01 * size * np.ones(6))
+        chosen = Settings(duration=3.0, disturbance=kind(size))
+        linear = simulate_linear(body.pushed(chosen.pushes), control, chosen, x0=0.01 * size * np.ones(6))
         assert len(engine.events) == len(linear.events) >= 4
         departures.append(np.abs(engine.events.t - linear.events.t).max())
-    slope = np.polyfit(np.log([0.3, 0.1, 0.03]), np.log(departures), 1)[0]
+    slope = np.polyfit(np.log(sizes), np.log(departures), 1)[0]
     assert slope == pytest.approx(2.0, abs=0.05)
 
 
-def test_event_times_converge_at_fourth_order() -> None:
-    exact = run(timestep=2.5e-4).events.t
-    errors = [np.abs(run(timestep=h).events.t - exact).max() for h in (8e-3, 4e-3, 2e-3)]
+@KINDS
+def test_event_times_converge_at_fourth_order(kind: Kind) -> None:
+    exact = run(kind=kind, timestep=2.5e-4).events.t
+    errors = [np.abs(run(kind=kind, timestep=h).events.t - exact).max() for h in (8e-3, 4e-3, 2e-3)]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(orders > 3.7), orders
 
 
-def test_one_seed_gives_the_same_bits_repeated_and_in_threads() -> None:
-    alone = run()
+@KINDS
+def test_adaptive_steps_keep_to_their_tolerance(kind: Kind) -> None:
+    exact = run(kind=kind, timestep=2.5e-4).events.t
+    for tolerance in (1e-5, 1e-8):
+        times = run(kind=kind, tolerance=tolerance).events.t
+        assert np.abs(np.diff(times) / np.diff(exact) - 1).max() < 5 * tolerance  # aimed at in each interval
+
+
+@KINDS
+def test_one_seed_gives_the_same_bits_repeated_and_in_threads(kind: Kind) -> None:
+    alone = run(kind=kind)
     with ThreadPoolExecutor(2) as pool:
-        for other in [run(), *pool.map(lambda _: run(), range(4))]:
+        for other in [run(kind=kind), *pool.map(lambda _: run(kind=kind), range(4))]:
             for name in ("t", "x", "x_o", "x_h"):
                 np.testing.assert_array_equal(getattr(alone, name), getattr(other, name))
 

@@ -186,14 +186,21 @@ def _verify(data: mujoco.MjData, block: Block) -> None:
         ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.
     """
 
-    def waves(terms: Array, count: int) -> Array:
+    def waves(terms: Array, signals: Array, count: int) -> Array:
         at, amplitude, omega, phi, start, end = terms.T
         open_ = (start <= block.header[Slot.PHASE]) & (block.header[Slot.PHASE] < end)
-        return np.bincount(at.astype(int), open_ * amplitude * np.cos(omega * data.time + phi), count).astype(float)
+        found = np.bincount(at.astype(int), open_ * amplitude * np.cos(omega * data.time + phi), count).astype(float)
+        for place, begin, _, first, last, interval in signals[signals[:, 3] < 0]:
+            values = block.values[-1 - int(first) : int(last)]
+            if begin <= block.header[Slot.PHASE]:
+                found[int(place)] += np.interp(data.time, interval * np.arange(len(values)), values)
+        return found
 
+    commanded, read = (int(block.header[slot]) for slot in (Slot.COMMANDED, Slot.READ))
     a, y = data.act[block.act], data.sensordata[: len(block.y_0)]
-    command = block.ctrl_0 - block.K @ a + waves(block.terms, len(block.ctrl_0))
-    v = waves(block.errors, block.N.shape[1])
+    beside = waves(block.terms, block.signals[:commanded], len(block.ctrl_0))
+    command = block.ctrl_0 - block.K @ a + beside
+    v = waves(block.errors, block.signals[commanded : commanded + read], block.N.shape[1])
     v[: len(y)] += y - block.y_0
     rates = block.M @ a + block.N @ v
     for found, expected in ((data.ctrl[: len(command)], command), (data.act_dot[block.act], rates)):

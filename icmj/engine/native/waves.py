@@ -89,6 +89,16 @@ def _interpolated(b, signal, cells, time):  # type: ignore[no-untyped-def]
     return even + x * odd
 
 
+@exact
+def _straight(b, signal, time):  # type: ignore[no-untyped-def]
+    """Gaussian noise, between two values of its grid."""
+    first, last = int(b[Slot.AT_VALUES]) - 1 - int(b[signal + 3]), int(b[Slot.AT_VALUES]) + int(b[signal + 4])
+    place = time / b[signal + 5]
+    point = min(max(np.floor(place), 0.0), last - first - 2.0)
+    at = first + int(point)
+    return b[at] + (place - point) * (b[at + 1] - b[at])
+
+
 @compiled
 def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
     """The signals at a time, kept with it: a step asks twice for every time.
@@ -103,7 +113,9 @@ def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
         signal = int(b[Slot.AT_SIGNALS]) + _SIGNAL * k
         value = 0.0
         if b[signal + 1] <= moment < b[signal + 2]:
-            if phase < 0:
+            if b[signal + 3] < 0:
+                value = _straight(b, signal, time)
+            elif phase < 0:
                 value = _sum(b, signal, time)
             else:
                 value = _interpolated(b, signal, int(b[Slot.AT_CELLS]) + _CELL * k, time)
