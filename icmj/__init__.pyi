@@ -99,6 +99,7 @@ from .simulation.settings import Gaussian as Gaussian
 from .simulation.settings import Impulse as Impulse
 from .simulation.settings import Noise as Noise
 from .simulation.settings import Settings as Settings
+from .simulation.settings import Sinusoids as Sinusoids
 from .simulation.settings import Step as Step
 from .simulation.simulation import Simulation as Simulation
 from .study.study import run_case as run_case

@@ -272,9 +272,15 @@ def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
 def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
     start = positive(rng, duration / 2, duration / 10, low=0.0)
     base = {"size": number(rng, 0.1, 1.0), **({"start": start} if rng.random() < 0.5 else {})}
-    kind = rng.choice(("impulse", "step", "noise", "bias", "noise", "gaussian"))
-    on_input = kind in ("impulse", "step") or (kind in ("noise", "gaussian") and rng.random() < 0.5)
+    kind = rng.choice(("impulse", "step", "noise", "bias", "noise", "gaussian", "sinusoids", "os:system"))
+    on_input = kind in ("impulse", "step") or (kind != "bias" and rng.random() < 0.5)
     port = {"input": rng.choice(list(names.inputs))} if on_input else {"output": rng.choice(list(names.outputs))}
+    if kind == "sinusoids":
+        size = rng.choice((3, 3, 3, 5, 4))
+        rows = [[number(rng, 0.1, 1.0), *(positive(rng, 5.0, 50.0) for _ in range(size - 1))] for _ in range(3)]
+        return {"kind": kind, **port, "terms": rows}
+    if kind == "os:system":  # never run: nobody allowed it
+        return {"kind": kind, **port, "parameters": {"command": "false"}}
     found = {"kind": kind, **port, **base}
     if kind == "impulse":
         found["duration"] = positive(rng, 0.05, duration / 10, duration)

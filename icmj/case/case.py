@@ -118,6 +118,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
     run.intermittent  # noqa: B018, nothing is loaded for another controller
+    run = run.drawn()
     known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
     assumed = known.assumed if known else assumed_plant(run)
     actual = actual_plant(run, assumed)

@@ -50,7 +50,7 @@ def prepare_trial(run: RunFile) -> Trial:
         RunFileError: if the run file's controller is intermittent, or it asks for what its models do not have.
         ModelError, AnalysisError: if a plant or the controller fails.
     """
-    table = run.rival
+    table, run = run.rival, run.drawn()
     assumed = assumed_plant(run)
     actual = actual_plant(run, assumed)
     check_names(run, assumed.linearisation.plant, actual)

@@ -21,7 +21,7 @@ from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
 from icmj.simulation.interval import OpenLoop, OpenLoopInterval
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Bias, Settings, Step
 
 if TYPE_CHECKING:
     from icmj.engine.open_loop import OpenLoops
@@ -85,9 +85,7 @@ class ReturnMap:
     held: bool = False
 
     def __post_init__(self) -> None:
-        changing = [
-            s for s in self.settings.disturbance if getattr(s, "duration", None) or hasattr(s, "seed") or s.start
-        ]
+        changing = [s for s in self.settings.disturbance if not isinstance(s, Step | Bias) or s.start]
         if changing:
             raise CycleError(
                 f"a cycle is sought of a loop that does not change in time, but {type(changing[0]).__name__.lower()} "

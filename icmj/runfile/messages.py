@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from icmj.base.nearness import did_you_mean
 
+OWN = "own"  # tag of a table that names code as module:name
 MOST = 20  # sentences in one message; a list of a thousand wrong numbers is told by its first ones
 
 _BOUNDS = {
@@ -132,13 +133,15 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
     if kind == "value_error":
         return str(context.get("error", error["msg"]))
     if kind in ("union_tag_not_found", "union_tag_invalid"):
-        name = context["discriminator"].strip("'")
-        tags = [_tag(model) for model in _members(annotation) if _tag(model)]
+        name = "kind"  # by which all tables are told apart
+        named = [tag for model in _members(annotation) if (tag := _tag(model))]
+        tags = [tag for tag in named if tag != OWN]
+        code = [] if len(tags) == len(named) else ["the module:name of code of your own"]
         if isinstance(got, dict) and name not in got:
-            return f"{name} is required, and not there; it is {_either([repr(tag) for tag in tags])}"
+            return f"{name} is required, and not there; it is {_either([*map(repr, tags), *code])}"
         got = got.get(name) if isinstance(got, dict) else got
-        hint = did_you_mean(str(got), [tag for tag in tags if tag])
-        return f"{name} must be {_either([repr(tag) for tag in tags])}, got {short(got)}{hint}"
+        hint = did_you_mean(str(got), tags)
+        return f"{name} must be {_either([*map(repr, tags), *code])}, got {short(got)}{hint}"
     if kind == "literal_error":
         choices = [str(choice) for choice in _choices(annotation)]
         return f"expected {_expected(annotation)}, got {short(got)}{did_you_mean(str(got), choices)}"

@@ -21,7 +21,7 @@ from icmj.runfile.law_tables import AnyController, OwnController, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable
-from icmj.runfile.simulation_tables import SimulationTable, StudyTable
+from icmj.runfile.simulation_tables import OwnNoiseTable, SimulationTable, StudyTable
 from icmj.runfile.table import (
     MOST,
     Line,
@@ -125,6 +125,20 @@ class RunFile(TomlTable):
         changed = type(self).validated(data, self._path)
         changed._allows_code = self._allows_code
         return changed
+
+    def drawn(self) -> RunFile:
+        """The same run file with noise of a user's own code as the sinusoids that the code draws, which a log keeps.
+
+        Raises:
+            RunFileError: if the code may not be run, fails, or draws none.
+        """
+        own = [(i, table) for i, table in enumerate(self.simulation.disturbance) if isinstance(table, OwnNoiseTable)]
+        end = self.simulation.duration
+        try:
+            changes = {f"simulation.disturbance[{i}]": table.drawn(self.code, end) for i, table in own}
+        except RunFileError as error:
+            raise RunFileError(f"{self._path}: {error}") from error
+        return self.with_(**changes) if changes else self
 
     def _data(self) -> dict[str, Any]:
         """What it says, as plain data without defaults."""

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from icmj.base.environment import SWITCH
-from icmj.errors import SimulationError
+from icmj.errors import RunFileError, SimulationError
 from icmj.plant.push import ZERO
+from icmj.runfile.messages import short
 from icmj.runfile.table import (
+    LARGEST,
     MOST,
     Finite,
+    Line,
     NonNegative,
+    Parameters,
     Positive,
     Reference,
     TomlTable,
 )
 from icmj.simulation.settings import (
     GRID,
+    MOST_TERMS,
     NOISE_TERMS,
     Bias,
     Gaussian,
@@ -27,9 +34,11 @@ from icmj.simulation.settings import (
     Noise,
     On,
     Settings,
+    Sinusoids,
     Source,
     Step,
 )
+from icmj.work.own_code import Code, accepted, digest_of
 
 Vector = tuple[Finite, Finite, Finite]
 SHORTEST = 1e-6  # s
@@ -180,7 +189,78 @@ class BiasTable(TomlTable):
         return Bias(self.output, self.size, self.start)
 
 
-SourceTable = Annotated[ImpulseTable | StepTable | NoiseTable | GaussianTable | BiasTable, Field(discriminator="kind")]
+class SinusoidsTable(PlaceTable):
+    """A sum of sinusoids on one input or body, or on one output as the observer reads it.
+
+    See :class:`icmj.simulation.settings.Sinusoids`. It is also how noise of a user's own code is recorded.
+    """
+
+    kind: Literal["sinusoids"]
+    """Kind of the disturbance."""
+    terms: Annotated[list[Annotated[list[Finite], Field(min_length=3, max_length=5)]], Field(max_length=MOST_TERMS)]
+    """Terms [a, ω, φ] or [a, ω, φ, start, end] of a cos(ωt + φ) [unit; rad/s; rad; s]."""
+    output: str | None = None
+    """Name of the output, as the observer reads it."""
+    made_by: Line = ""
+    """Code that has drawn the terms, as module:name."""
+    sha256: str = ""
+    """Digest of its source file."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, self.terms)), **self.placed)
+
+
+class OwnNoiseTable(PlaceTable):
+    """Noise of one's own: the ``module:name`` of a function that draws the terms of its sum of sinusoids."""
+
+    tag: ClassVar[str] = "own"
+
+    kind: Reference
+    """The function; it is given the parameters, and ``duration`` [s] if it takes one."""
+    parameters: Parameters = {}
+    """Of the function, by name; its seed among them."""
+    output: str | None = None
+    """Name of the output, as the observer reads it."""
+
+    def source(self) -> None:
+        """Nothing before its code has drawn it (:meth:`drawn`)."""
+
+    def drawn(self, code: Code, duration: float) -> dict[str, Any]:
+        """The table of kind ``sinusoids`` for a run of ``duration`` [s], whose terms ``code`` draws.
+
+        Raises:
+            RunFileError: if the code may not be run, fails, or draws no terms.
+        """
+        make = code.named(self.kind)
+        told = code.made(self.kind, **{**accepted(make, {"duration": duration}), **self.parameters})
+        try:
+            terms = np.atleast_2d(np.asarray(told, dtype=float))
+        except (TypeError, ValueError):
+            terms = np.zeros((0, 0))
+        if terms.ndim != 2 or terms.shape[1] not in (3, 5) or not len(terms):
+            raise RunFileError(f"{self.kind}: expected rows (a, ω, φ) or (a, ω, φ, start, end), got {short(told)}")
+        kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
+        drawn = {"terms": np.clip(terms, -LARGEST, LARGEST).tolist(), "made_by": self.kind, "sha256": digest_of(make)}
+        return {**kept, "kind": "sinusoids", **drawn}
+
+
+def _kind(table: Any) -> str | None:
+    kind = table.get("kind") if isinstance(table, Mapping) else getattr(table, "kind", None)
+    return "own" if isinstance(kind, str) and ":" in kind else None if kind is None else str(kind)
+
+
+SourceTable = Annotated[
+    Annotated[ImpulseTable, Tag("impulse")]
+    | Annotated[StepTable, Tag("step")]
+    | Annotated[NoiseTable, Tag("noise")]
+    | Annotated[GaussianTable, Tag("gaussian")]
+    | Annotated[BiasTable, Tag("bias")]
+    | Annotated[SinusoidsTable, Tag("sinusoids")]
+    | Annotated[OwnNoiseTable, Tag("own")],
+    Discriminator(_kind),
+]
+"""A disturbance of a run file, by its ``kind``."""
 
 
 class SimulationTable(TomlTable):
@@ -215,7 +295,8 @@ class SimulationTable(TomlTable):
             SimulationError: if they do not fit together.
         """
         plain = {name: getattr(self, name) for name in type(self).model_fields}
-        return Settings(**plain | {"disturbance": tuple(table.source() for table in self.disturbance)})
+        sources = (table.source() for table in self.disturbance)
+        return Settings(**plain | {"disturbance": tuple(source for source in sources if source is not None)})
 
     @model_validator(mode="before")
     @classmethod

@@ -20,7 +20,8 @@ Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST)]
 Weight = Literal["output", "identity"] | Numbers | Matrix
 Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
 Reference = Annotated[str, Field(pattern=REFERENCE, max_length=200)]
-Parameters = dict[str, bool | Finite | str | Numbers | Matrix]
+Whole = Annotated[int, Field(ge=-int(LARGEST), le=int(LARGEST), strict=True)]
+Parameters = dict[str, bool | Whole | Finite | str | Numbers | Matrix]
 Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 
 

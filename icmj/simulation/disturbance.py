@@ -23,7 +23,7 @@ from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.simulation.gaussian import at_times
-from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Placed, Settings, Source
+from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Placed, Settings, Sinusoids, Source
 from icmj.simulation.waves import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
@@ -195,7 +195,7 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
         SimulationError: if a source names an output that the plant does not have.
     """
     return _sum(
-        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gaussian)],
+        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gaussian | Sinusoids)],
         outputs,
         "output",
     )
@@ -246,6 +246,8 @@ def _terms(source: Source) -> list[tuple[float, ...]]:
     """(a, ω, φ, start, end) of every term; Gaussian noise has none."""
     if isinstance(source, Gaussian):
         return []
+    if isinstance(source, Sinusoids):
+        return [(*term, 0.0, np.inf)[:5] if len(term) == 3 else term for term in source.terms]
     if isinstance(source, Impulse):
         return [(source.size / source.duration, 0.0, 0.0, source.start, source.start + source.duration)]
     if not isinstance(source, Noise):

@@ -137,6 +137,36 @@ class Noise(Placed):
         _require(1 <= self.terms <= MOST_TERMS, f"{where}: terms {self.terms}: expected between 1 and {MOST_TERMS}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Sinusoids(Placed):
+    """A sum of sinusoids Σ a cos(ωt + φ) where :class:`Noise` may act: whatever noise a user's own code draws.
+
+    Attributes:
+        input, output: what it acts on, one of the two, or of a ``body``.
+        terms: (a, ω, φ) of each term [unit of the input or output, or of force and torque; rad/s; rad], or (a, ω, φ,
+            start, end), which acts from ``start`` to ``end`` only [s].
+    """
+
+    input: str | None = None
+    output: str | None = None
+    terms: tuple[tuple[float, ...], ...]
+    on: On = "command"
+
+    def __post_init__(self) -> None:
+        if self.body is not None and self.on == "command":  # not said
+            object.__setattr__(self, "on", "body")
+        where = f"sinusoids on {self._check_place('sinusoids')!r}"
+        object.__setattr__(self, "terms", tuple(tuple(map(float, term)) for term in self.terms))
+        count = len(self.terms)
+        _require(1 <= count <= MOST_TERMS, f"{where}: {count} terms: expected between 1 and {MOST_TERMS}")
+        for term in self.terms:
+            size = len(term)
+            _require(size in (3, 5), f"{where}: a term is (a, ω, φ) or (a, ω, φ, start, end), got {size} numbers")
+            _require(bool(np.isfinite(term[:4]).all()), f"{where}: a, ω, φ and start must be finite, got {term}")
+            _require(term[1] >= 0, f"{where}: ω {term[1]} rad/s is negative")
+            _require(size == 3 or 0 <= term[3] < term[4], f"{where}: a term is to act from a start ≥ 0 to a later end")
+
+
 @dataclass(frozen=True)
 class Bias:
     """A constant error of one output as the observer reads it: ``size`` [unit of the output] from ``start`` [s] on."""
@@ -187,7 +217,7 @@ class Gaussian(Placed):
         _require(self.start >= 0, f"{where}: start {self.start} s is negative")
 
 
-Source = Impulse | Step | Noise | Bias | Gaussian
+Source = Impulse | Step | Noise | Bias | Gaussian | Sinusoids
 """One source of disturbance."""
 
 
@@ -233,7 +263,7 @@ class Settings:
     @property
     def noisy(self) -> bool:
         """Whether any noise acts, so that a run is to be told by its statistics."""
-        return any(isinstance(source, Noise | Gaussian) for source in self.disturbance)
+        return any(isinstance(source, Noise | Gaussian | Sinusoids) for source in self.disturbance)
 
     def expect_sinusoids(self, plant: str) -> None:
         """See that no Gaussian noise acts, which ``plant``, a simulation in words, does not take.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
+from icmj.simulation.settings import Sinusoids
 from icmj.study.study import run_case
 from icmj.work.own_code import Code, digest_of, reference_of
 
@@ -61,6 +63,12 @@ def longest(simulation):
 
 def nothing(simulation):
     return "nothing"
+
+def tremor(duration, size, seed=0):
+    """Two sinusoids, and one in the second half of the run."""
+    phase = np.random.default_rng(seed).uniform(0, 6, 3)
+    rows = [(size, 50.0, phase[0], 0.0, np.inf), (size / 2, 71.0, phase[1], 0.0, np.inf)]
+    return [*rows, (size / 3, 9.0, phase[2], duration / 2, np.inf)]
 
 def broken(*given, **named):
     raise KeyError("a mistake of mine")
@@ -177,6 +185,57 @@ def test_a_change_in_code_is_the_change_in_words(own: Path) -> None:
         in_code.actual.linearisation.plant.B_d, in_words.actual.linearisation.plant.B_d, rtol=1e-12, atol=1e-12
     )
     assert not np.allclose(in_code.actual.linearisation.plant.B_d, prepare(plain).actual.linearisation.plant.B_d)
+
+
+def test_noise_of_ones_own_is_drawn_once_and_a_log_keeps_it(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = {"kind": "rules:tremor", "input": "torque", "parameters": {"size": 0.01, "seed": 3}}
+    run = load_run(own, allow_code=True).with_(**{"simulation.disturbance": [table]})
+    own.write_text(run.text, encoding="utf-8")
+    assert main(["run", str(own), "--out", str(own.parent), "--plant", "linear"]) == 2
+    assert "which is not run unasked" in capsys.readouterr().err
+    names: dict[str, object] = {}
+    exec(RULES, names)
+    rows = names["tremor"](6.0, 0.01, 3)  # type: ignore[operator]
+    for plant in ("linear", "mujoco"):
+        result = run_case(run, plant)
+        assert result.simulation.noisy
+        case = prepare(run)
+        given = replace(case.settings, disturbance=(Sinusoids(input="torque", terms=tuple(rows)),))
+        same = simulate(replace(case, settings=given), plant)
+        np.testing.assert_array_equal(same.x, result.simulation.x)
+        # d(t) is what the function says
+        half = same.t >= 3.0
+        waves = [a * np.cos(w * same.t + phi) * (half if start else 1.0) for a, w, phi, start, _ in rows]
+        np.testing.assert_allclose(same.applied[:, 0] - same.u[:, 0], np.sum(waves, axis=0), atol=1e-15)
+        write_log(result, own.with_suffix(".rrd"))
+        source = (own.parent / "rules.py").read_text(encoding="utf-8")
+        (own.parent / "rules.py").unlink()
+        back = read_log(own.with_suffix(".rrd"))
+        (kept,) = back.run.simulation.disturbance
+        assert (kept.kind, kept.made_by, len(kept.sha256)) == ("sinusoids", "rules:tremor", 64)  # type: ignore[union-attr]
+        assert back.to_series(100.0).values.shape == result.to_series(100.0).values.shape
+        (own.parent / "rules.py").write_text(source, encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"kind": "rules:absent"}, "the module has no 'absent'"),
+        ({"kind": "rules:nothing", "parameters": {"simulation": 1.0}}, "expected rows"),
+        ({"kind": "rules:broken"}, "a mistake of mine"),
+        ({"kind": "rules:tremor"}, "fails"),
+        ({"kind": "sinusoid"}, "or the module:name of code of your own, got 'sinusoid'; did you mean sinusoids"),
+        ({"kind": "sinusoids", "terms": []}, "0 terms: expected between 1 and 2000"),
+        ({"kind": "sinusoids", "terms": [[1.0, 2.0]]}, "has 2 entries"),
+        ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 1.0]]}, "got 4 numbers"),
+        ({"kind": "sinusoids", "terms": [[1.0, -2.0, 3.0]]}, "is negative"),
+        ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 2.0, 1.0]]}, "to a later end"),
+    ],
+)
+def test_noise_that_is_none_is_one_line(own: Path, table: dict, words: str) -> None:
+    with pytest.raises(RunFileError, match=words) as told:
+        prepare(load_run(own, allow_code=True).with_(**{"simulation.disturbance": [{"input": "torque"} | table]}))
+    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
