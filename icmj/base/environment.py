@@ -1,4 +1,4 @@
-"""What the process is told at its start: what libraries in other languages read once, and when Python tidies up."""
+"""The environment of the process: variables that libraries read once at the start, and Python's garbage collection."""
 
 from __future__ import annotations
 

@@ -151,7 +151,8 @@ def ready(folder: Path, *names: str) -> None:
 def clear_leftovers(folder: Path) -> None:
     """Remove what writers in ``folder`` left that ended before it was complete; those still alive keep theirs.
 
-    Of a writer on another machine, or in another container, nobody here can tell; its part goes after a day.
+    It is unknown whether a writer on another machine, or in another container, still runs; its part is removed after a
+    day.
     """
     with suppress(OSError):
         for path in folder.iterdir():

@@ -1,6 +1,6 @@
-"""What a program of ours loads, and when: libraries of libraries that nobody asks for, not; what comes last, meanwhile.
+"""Import control for the command line: unused libraries are not imported, and late ones are imported in the background.
 
-For the command line alone: whoever imports icmj into a program of his own finds all libraries as they are.
+This applies to the command line only: a program that imports icmj gets all libraries unchanged.
 """
 
 from __future__ import annotations

@@ -39,17 +39,17 @@ PlantKind = Literal["linear", "mujoco"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Case(Shown):
-    """A run file made real.
+    """The plants, the controller and the prediction that a run file defines.
 
     Attributes:
         run: the run file.
         assumed, actual: plants, each with its linearisation: models on the engine, or given by matrices.
         controller: design on the assumed plant, hold and event rule.
         rule: the event rule, which is the controller's trigger.
-        settings: of its runs.
+        settings: settings of its runs.
         system: error system of the actual plant under that controller.
-        prediction: the linear theory of it.
-        told: what there is to tell of its plants.
+        prediction: results of the linear theory.
+        told: notices about its plants.
     """
 
     run: RunFile
@@ -64,18 +64,18 @@ class Case(Shown):
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
-        """What to tell of it: its plants, limits of the actual one on the predicted orbit, slow noise, a set-point."""
+        """Notices about its plants, limits of the actual plant on the predicted orbit, slow noise, and a set-point."""
         limits = reach(self.actual, self.prediction)
         return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
 
     @cached_property
     def setpoint(self) -> Setpoint | None:
-        """r(t) that its runs follow, ``None`` where there is none; theory, cycles and growth are those of r = 0."""
+        """The set-point r(t) of its runs, ``None`` if there is none; theory, cycles and growth apply to r = 0."""
         end = self.run.simulation.duration
         return setpoint(self.controller.plant, [table.target(end) for table in self.run.setpoint])
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         name, prediction = self.run.case.name, self.prediction.card()
         assumed, actual = self.system.design.plant, self.system.actual
         sizes = ", ".join((count(actual.n, "state"), count(actual.n_u, "input"), count(actual.n_y, "output")))
@@ -109,12 +109,12 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
 
     Args:
         run: the run file.
-        like: another case, whose assumed plant and design are taken over where the run files agree on them.
-        progress: called now and then with the fraction done of the analysis, 0–1.
+        like: another case, whose assumed plant and design are reused if the run files agree on them.
+        progress: called repeatedly with the completed fraction of the analysis, 0–1.
 
     Raises:
-        RunFileError: if the run file asks for what its models do not have; the message names the run file.
-        ModelError: if a plant makes a prediction meaningless, and the run file does not allow it.
+        RunFileError: if the run file names something that its models do not have; the message names the run file.
+        ModelError: if a property of a plant makes a prediction meaningless and the run file does not allow it.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
     run.intermittent  # noqa: B018, nothing is loaded for another controller
@@ -184,12 +184,12 @@ def simulate(
     Args:
         case: the case.
         plant: ``linear`` or ``mujoco``.
-        trigger: instead of the case's event rule (a clock, or continuous control).
+        trigger: a clock or continuous control, to replace the case's event rule.
         start: plant, observer and, if given, hold state at t = 0, shapes (n,), (n̂,), (n̂,), instead of the run file's.
         duration: instead of the run file's [s].
-        refinement: factor on the timestep of the run file or, where it has none, of the model; its fourth power is the
-            factor on a tolerance.
-        progress: called now and then with the fraction done, 0–1.
+        refinement: factor on the timestep of the run file or, without one, of the model; a tolerance is multiplied by
+            its fourth power.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
         SimulationError: if the simulation cannot be started.
@@ -218,15 +218,17 @@ def simulate_plant(
 
     Args:
         plant: a linear plant, or one of :func:`icmj.load_plant`.
-        controller: design, hold and trigger (:class:`icmj.Controller`), or one that reads delayed outputs only.
+        controller: design, hold and trigger (:class:`icmj.Controller`), or a controller that only reads delayed
+            outputs.
         settings: duration, start, step, disturbance.
         x0, x_o0, x_h0: start of plant, observer and hold as whole vectors, instead of the named states in ``settings``.
-        progress: called now and then with the fraction done, 0–1.
-        match: how inputs and outputs of plant and controller's model belong together: by name, those without names by
-            position; or all by position. ``u`` and ``y`` of the run are in the order of the controller's model.
+        progress: called repeatedly with the completed fraction, 0–1.
+        match: how inputs and outputs of the plant are assigned to those of the controller's model: by name, and by
+            position if they have no names; or all by position. ``u`` and ``y`` of the run are in the order of the
+            controller's model.
 
     Raises:
-        SimulationError, ModelError, AnalysisError: if plant and controller do not fit, or the start is not one.
+        SimulationError, ModelError, AnalysisError: if plant and controller do not fit, or the initial state is invalid.
     """
     if isinstance(plant, LinearPlant):
         plant = matched(plant, controller.plant, match)

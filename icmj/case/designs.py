@@ -1,4 +1,4 @@
-"""The controller that a run file asks for, and its design: by LQ weights, or with gains of one's own."""
+"""The controller of a run file and its design: by LQ weights, or with given gains."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ MANY = 20.0  # periods of the edge of its spectrum, beyond which no run falls sh
 
 
 def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
-    """What there is to tell of both plants; what holds for both is told once."""
+    """The notices about both plants; a notice that applies to both appears once."""
     yield from assumed.told
     told = {notice.kind for notice in assumed.told}
     yield from (_of(notice, "actual") for notice in actual.told if notice.kind not in told)

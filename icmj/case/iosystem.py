@@ -28,19 +28,19 @@ def to_iosystem(
     plant alone                    ``StateSpace`` of a linear plant, ``NonlinearIOSystem`` of a model on the engine
     ``Continuous()``               the same of the loop; states (x, x_o)
     ``ClockTrigger(Δ)``            linear plant: ``StateSpace`` in discrete time, dt = Δ; states (x, x_o) at ticks
-    an event rule                  linear plant: ``NonlinearIOSystem`` in discrete time, looked at every ``dt``, so that
+    an event rule                  linear plant: ``NonlinearIOSystem`` in discrete time, evaluated every ``dt``, so that
                                    events are late by up to ``dt``; states (x, x_o, x_h, time since the last event)
     =============================  ==================================================================================
 
-    A loop's inputs are d_<input>, which acts beside the command, and n_<output>, an error of the observer's reading;
-    its outputs are the plant's and u_<input>, the command. For exact events take :func:`icmj.simulate_plant` and
-    ``to_timeresponse()`` of the run.
+    The inputs of a loop are d_<input>, which is added to the command, and n_<output>, an error of the observer's
+    reading; its outputs are those of the plant and u_<input>, the command. For exact events use
+    :func:`icmj.simulate_plant` and ``to_timeresponse()`` of the run.
 
     Args:
         plant: a linear plant, one of :func:`icmj.load_plant`, or of a case.
-        controller: design, hold and trigger; none for the plant alone.
-        dt: how often an event rule is looked at [s].
-        match: how inputs and outputs of plant and controller's model belong together.
+        controller: design, hold and trigger; ``None`` for the plant alone.
+        dt: interval at which an event rule is evaluated [s].
+        match: how inputs and outputs of the plant are assigned to those of the controller's model.
 
     Raises:
         AnalysisError: if there is a delay, a signal that the controller is given, an event rule without ``dt`` or the

@@ -1,4 +1,4 @@
-"""The two plants of a run file: the one that the controller believes in, and the one that is there."""
+"""The two plants of a run file: the assumed plant of the controller, and the actual plant."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def assumed_plant(run: RunFile) -> AnyPlant:
 
 
 def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
-    """The plant that is there, with the inputs and outputs of the assumed one, matched by name.
+    """The actual plant, with the inputs and outputs of the assumed plant, matched by name.
 
     States that the assumed plant drops are dropped here, too, if nothing that is kept depends on them.
 

@@ -1,6 +1,6 @@
 """A controller that is not intermittent on the two plants of a run file: made, and simulated.
 
-There is no critical interval and no event rule; what there is to know comes from its runs.
+There is no critical interval and no event rule; all results come from simulations.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from icmj.simulation.simulation import Simulation
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A run file whose controller is not intermittent, made real.
+    """The plants and the controller of a run file whose controller is not intermittent.
 
     Attributes:
         run: the run file.
         assumed, actual: plants, as of :class:`icmj.case.case.Case`.
         law: the controller, made for the assumed plant.
-        settings: of its runs.
-        notices: what there is to tell of its plants and settings.
+        settings: settings of its runs.
+        notices: notices about its plants and settings.
     """
 
     run: RunFile

@@ -73,7 +73,7 @@ def measure(command: arguments.Measure) -> None:
 
 
 def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
-    """What is to be measured of a log or a file, evenly sampled if it is a log or a rate is asked for; what to tell."""
+    """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.series.even import even_series
     from icmj.series.reading import read_series
 

@@ -19,7 +19,7 @@ LOG = logging.getLogger("icmj")
 
 
 class Working:
-    """What is under way, and how far; a context manager that shows it in a thread of its own.
+    """Progress of the current work; a context manager that shows it from a separate thread.
 
     A command that is done before that says nothing, so that its errors stay alone on their line.
     """

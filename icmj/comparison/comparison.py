@@ -80,11 +80,11 @@ class Comparison(Shown):
     Attributes:
         case, plant: the case's name, and ``linear`` or ``mujoco``.
         predicted, measured, relative_error: the numbers.
-        words: the verdict in one or two sentences for people.
-        notices: what to tell of plants and run.
-        pressure: of a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; else empty.
+        words: the verdict in one or two sentences.
+        notices: notices about plants and run.
+        pressure: for a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; otherwise empty.
         outputs, output_units: names and units of the outputs.
-        measures: numbers by name that measures of one's own gave.
+        measures: results of the user's own measures, by name.
     """
 
     case: str
@@ -100,7 +100,7 @@ class Comparison(Shown):
     measures: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         predicted, measured, error = self.predicted, self.measured, self.relative_error
         named = (self.outputs, self.output_units)
         rows = (

@@ -1,8 +1,8 @@
-"""The intermittent controller: design, hold and trigger, and the states it runs with (paper, section 2.2).
+"""The intermittent controller: design, hold and trigger, and its states (paper, section 2.2).
 
-u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs all the time. An *event* is
-an instant at which the controller takes up new feedback, whether an event rule, or a clock, decides when. With a delay
-(:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* comes later: x_h := the prediction.
+u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs continuously. An *event* is
+an instant at which the controller takes new feedback; an event rule or a clock determines it. With a delay
+(:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* follows later: x_h := the prediction.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class Controller(Law):
     """The intermittent controller: everything that the closed loop needs besides the plant.
 
     Raises:
-        AnalysisError: on construction, if a part is not of its class, the hold is of another size than the design, or
-            control is continuous and yet delayed.
+        AnalysisError: on construction, if a part has the wrong class, the sizes of hold and design differ, or
+            continuous control is combined with a delay.
     """
 
     design: Design
@@ -67,16 +67,16 @@ class Controller(Law):
 
     @property
     def plant(self) -> LinearPlant:
-        """The plant of its design."""
+        """The plant for which it was designed."""
         return self.design.plant
 
     @property
     def kind(self) -> Kind:
-        """Of its trigger: ``event``, ``clock`` or ``continuous``."""
+        """The kind of its trigger: ``event``, ``clock`` or ``continuous``."""
         return self.trigger.kind
 
     def facts(self) -> Mapping[str, Any]:
-        """Those of its trigger, and the delay."""
+        """The facts of its trigger, and the delay."""
         return {**self.trigger.facts(), "delay": self.delay.t_d}
 
     @property
@@ -86,18 +86,18 @@ class Controller(Law):
 
     @cached_property
     def faces(self) -> Faces:
-        """Those of the event rule on the hold's and the observer's difference, of what :attr:`model` has for states."""
+        """Faces of the event rule on the difference of hold and observer, for the states of :attr:`model`."""
         faces = self.trigger.faces(self.design)
         return self.setpoint.faces(faces) if self.setpoint else faces
 
     @cached_property
     def model(self) -> tuple[Design, Hold]:
-        """Design and hold of what observer and hold run: the assumed plant, and the set-point if there is one."""
+        """Design and hold of the model that they run: the assumed plant, extended by the set-point if there is one."""
         return self.setpoint.model(self.design, self.hold) if self.setpoint else (self.design, self.hold)
 
     @cached_property
     def realisation(self) -> Realisation:
-        """A linear system with resets (paper, eqs. obs, hold, u); AnalysisError where the trigger does not fit."""
+        """A linear system with resets (paper, eqs. obs, hold, u); AnalysisError if the trigger does not fit."""
         return _realised(self)
 
     def triggered_by(self, trigger: Trigger) -> Controller:
@@ -137,7 +137,7 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
 
 
 def continuous_limit(controller: Controller) -> Trigger:
-    """The trigger of the continuous controller to compare with; with a delay, a clock of a twentieth of it."""
+    """The trigger of continuous control, used for comparison; with a delay, a clock of a twentieth of it."""
     return ClockTrigger(controller.delay.t_d / 20) if controller.delay else Continuous()
 
 

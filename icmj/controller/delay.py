@@ -1,12 +1,13 @@
-"""The delay between an event and its action, and the predictor that bridges it.
+"""The delay between an event and its action, and the predictor that compensates for it.
 
-At an event t_i the pair (x_o, x_h) is taken up; until t_i + t_d the old hold goes on; then x_h := E_p (x_o, x_h)(t_i),
-the model run over the delay under the hold in force (Gawthrop, Loram, Lakie and Gollee 2011). The predictor goes
-by the delay that the controller *assumes*, which may differ from the one that is there.
+At an event t_i the pair (x_o, x_h) is sampled. The old hold continues until t_i + t_d; then x_h := E_p (x_o, x_h)(t_i),
+where the model is run over the delay under the current hold (Gawthrop, Loram, Lakie and Gollee 2011). The predictor
+uses the delay that the controller *assumes*, which may differ from the actual one.
 
-A rule arms again no sooner than its feedback has acted, so one action at most is under way. A clock may tick faster
-than the delay: then the model is run through the resets that are still to come, each when the controller expects it.
-The controller knows its own hold, so what has acted is no longer expected; what it thinks overdue it leaves out.
+An event rule is armed again only after its feedback has acted, so at most one action is pending. A clock may tick
+faster than the delay; the model is then run through the pending resets, each at the time at which the controller
+expects it. The controller knows its own hold, so a reset that has taken place is no longer expected; overdue resets are
+left out.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ class Delay:
     """The time from an event to its action.
 
     Attributes:
-        t_d: the delay that is there [s].
-        assumed: what the predictor takes it for [s]; ``t_d`` if ``None``.
+        t_d: the actual delay [s].
+        assumed: the delay that the predictor assumes [s]; ``t_d`` if ``None``.
 
     Raises:
-        AnalysisError: on construction, if one is negative or not finite, only the assumed one is there, or the one that
-            is there is too short to be one.
+        AnalysisError: on construction, if a delay is negative or not finite, if only the assumed delay is positive, or
+            if the actual delay is too short to be resolved.
     """
 
     t_d: float = 0.0
@@ -57,20 +58,20 @@ class Delay:
 
     @property
     def predicted(self) -> float:
-        """The delay that the predictor bridges [s]."""
+        """The delay that the predictor compensates for [s]."""
         return self.t_d if self.assumed is None else self.assumed
 
     def __bool__(self) -> bool:
         return self.t_d > 0
 
     def in_flight(self, clock: float) -> int:
-        """How many events at most have not acted yet, right after one, under a clock of this interval, or a rule."""
+        """The largest number of pending actions right after an event, under a rule or a clock of this interval."""
         if not self:
             return 0
         return max(int(np.ceil(self.t_d / clock * (1 - SAME))), 1) if np.isfinite(clock) else 1
 
     def expected(self, ages: Sequence[float]) -> list[float]:
-        """When actions under way are expected, from now on [s], of events so long ago; overdue ones are left out."""
+        """Times until pending actions are expected [s], from the ages of their events; overdue ones are left out."""
         times = [self.predicted - age for age in ages]
         return [time for time in times if time > SAME * self.predicted]
 

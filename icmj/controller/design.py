@@ -71,7 +71,7 @@ def design_lq(
     Raises:
         DesignError: if a weight has the wrong shape or sign or is not symmetric, or a Riccati equation has no
             stabilising solution.
-        AnalysisError: if the plant is not a linear one.
+        AnalysisError: if the plant is not linear.
     """
     expect_linear(plant, "the plant to design for")
     C_w = plant.C.T @ plant.C if Q_c is None else _semidefinite(_square(Q_c, plant.n, "Q_c"), "Q_c")

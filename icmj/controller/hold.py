@@ -1,4 +1,4 @@
-"""The hold: what drives the control between events (paper, section 2.2)."""
+"""The hold, which generates the control between events (paper, section 2.2)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _ALIKE = 1e4  # condition of eigenvectors beyond which they cost digits
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """What the hold state does between events: ẋ_h = A_h x_h (eq. hold).
+    """The motion of the hold state between events: ẋ_h = A_h x_h (eq. hold).
 
     Attributes:
-        name: for people.
+        name: name for tables and figures.
         A_h: hold matrix, shape (n̂, n̂).
 
     Raises:
@@ -36,7 +36,7 @@ class Hold:
         object.__setattr__(self, "A_h", A_h)
 
     def expect_fit(self, design: Design) -> None:
-        """See that the hold is one for ``design``.
+        """Check that the hold fits ``design``.
 
         Raises:
             AnalysisError: if it has another number of states.
@@ -46,7 +46,7 @@ class Hold:
             raise AnalysisError(f"the hold's A_h has shape {self.A_h.shape}; the controller's model has {n} states")
 
     def free(self, x_h: Array, t: Array) -> Array:
-        """Where it has come to after times ``t`` [s] from ``x_h``, exp(A_h t) x_h; shapes (n̂,), (K,) → (K, n̂)."""
+        """The hold state at times ``t`` [s] after ``x_h``, exp(A_h t) x_h; shapes (n̂,), (K,) → (K, n̂)."""
         rates, modes = self._modes
         if modes is None:
             from scipy.linalg import expm
@@ -68,7 +68,7 @@ def system_matched(design: Design) -> Hold:
 
 
 def zero_order(design: Design) -> Hold:
-    """The zero-order hold, A_h = 0: the control stays what it was at the event."""
+    """The zero-order hold, A_h = 0: the control keeps its value from the event."""
     return Hold("zero-order", np.zeros_like(design.A_c))
 
 

@@ -1,4 +1,4 @@
-"""What every controller answers, whatever theory it stands for."""
+"""The interface of every controller."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 
 class Law(ABC):
-    """A controller: simulations ask this, and how it moves (:class:`icmj.controller.realisation.Realisation`).
+    """A controller; simulations use this interface and its :class:`icmj.controller.realisation.Realisation`.
 
-    One of one's own is a frozen dataclass that is a ``Law``.
+    Your own controller is a frozen dataclass that inherits from ``Law``.
     """
 
     @property
     @abstractmethod
     def plant(self) -> LinearPlant:
-        """The plant that it takes the actual one for: its inputs and outputs, in this order, are the controller's."""
+        """The assumed plant; the controller has its inputs and outputs, in the same order."""
 
     @property
     @abstractmethod
@@ -31,7 +31,7 @@ class Law(ABC):
     @property
     @abstractmethod
     def realisation(self) -> Realisation:
-        """How it moves.
+        """Its modes, states and resets.
 
         Raises:
             AnalysisError: if its parts do not fit.
@@ -39,19 +39,19 @@ class Law(ABC):
 
     @abstractmethod
     def facts(self) -> Mapping[str, Any]:
-        """What there is to say of it, by the field's names, for tables and summaries."""
+        """Its parameters by their usual names, for tables and summaries."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedLaw(Law):
-    """A controller of somebody's own code as a log keeps it: how it moves, in numbers, and where it came from.
+    """A controller from user code, as a log stores it: its realisation as numbers, and its origin.
 
     Attributes:
         assumed: the plant that it was made for.
         moves: its realisation.
         called: its ``kind``.
         reference: ``module:name`` of its class.
-        sha256: digest of the source file; "" where there was none.
+        sha256: digest of the source file; "" if there was none.
         parameters: the fields of its dataclass, by name.
     """
 

@@ -1,21 +1,20 @@
-"""How a controller moves: the one description that every simulation and every analysis reads.
+"""The dynamics of a controller, in the form that every simulation and every analysis uses.
 
-A controller has a state a and is at any time in one of its *modes*. In a mode
+A controller has a state a and is always in one of its *modes*. In a mode
 
     ȧ = M a + N v + …,      u = −K a − S v
 
-where v are its *readings*: the outputs, or outputs of a while ago (its taps). After these come *signals* that it is
-given as functions of time, in which the plant has no part. What happens at instants is said by maps and by functions
-whose sign matters:
+where v are its *readings*: the current outputs, or delayed outputs (its taps). They are followed by *signals*, which
+are given functions of time that do not depend on the plant. Instantaneous changes are described by maps and by
+functions whose sign changes:
 
-* an *event* sets a := J a, and its *action*, a delay later, a := G a. It comes when the state reaches a face
-  |R_j a| = 1 of an event rule, or with a clock;
-* *guards* g_j(v) = vᵀQ_j v + c_j choose the mode: a table says for each mode and each pattern of signs which mode
-  follows.
+* an *event* sets a := J a, and its *action*, one delay later, sets a := G a. An event occurs when the state reaches a
+  face |R_j a| = 1 of an event rule, or at a tick of a clock;
+* *guards* g_j(v) = vᵀQ_j v + c_j select the mode: for each mode and each pattern of signs, a table gives the next mode.
 
-Observer, hold and event rule are one instance of it (:mod:`icmj.controller.controller`): a single mode that reads the
-outputs as they are. A feedback of delayed outputs that is switched on and off is another
-(:mod:`icmj.controller.switching`): two modes, no state.
+Observer, hold and event rule are one instance (:mod:`icmj.controller.controller`): a single mode that reads the current
+outputs. Feedback of delayed outputs that is switched on and off is another (:mod:`icmj.controller.switching`): two
+modes, no state.
 """
 
 from __future__ import annotations
@@ -48,13 +47,13 @@ class Rates:
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """What a controller does while it is in this mode: ȧ = M a + N v, u = −K a − S v.
+    """The dynamics of a controller in one mode: ȧ = M a + N v, u = −K a − S v.
 
     Attributes:
-        name: of the mode.
+        name: name of the mode.
         M, N: shapes (N_a, N_a), (N_a, n_v) (for observer and hold eqs. obs, hold).
         K, S: shapes (n_u, N_a), (n_u, n_v) (eq. u).
-        rates: what M and N are made of, where that is known: M = A − N H − B K.
+        rates: the matrices from which M and N are composed, if they are known: M = A − N H − B K.
     """
 
     name: str
@@ -67,7 +66,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """A quadratic function of the readings whose sign has a say in which mode is on: g(v) = vᵀQ v + c.
+    """A quadratic function of the readings whose sign helps to select the mode: g(v) = vᵀQ v + c.
 
     Attributes:
         Q: symmetric, shape (n_v, n_v).
@@ -84,25 +83,25 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """A controller as linear modes with resets in its state a, which a simulation runs without knowing its parts.
+    """A controller as linear modes with resets of its state a; a simulation needs nothing else of the controller.
 
     Attributes:
         layout: the segments of a.
-        modes: at least one; a run begins in the one that :meth:`following` gives for mode 0 at its start.
+        modes: at least one; a run starts in the mode that :meth:`following` gives for mode 0.
         J: a := J a at an event, shape (N_a, N_a) (eq. imp).
         G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
         cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
         delay: t_d from an event to its action [s].
-        taps: how old what it reads is [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), rising; (0,) for the outputs as
-            they are.
-        guards: whose signs choose the mode; they read taps that are delayed.
+        taps: delays of the readings [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), increasing; (0,) for the current
+            outputs.
+        guards: functions whose signs select the mode; they read delayed taps.
         table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
         signals: terms a cos(ωt + φ) on [start, end) of the last columns of N, (signal, a, ω, φ, start, end) of each,
             shape (M, 6). One that ends when it starts is an impulse of area a, which moves the state at once.
 
     Raises:
-        AnalysisError: on construction, if taps are not as they should be, or guards have no delayed tap to read.
+        AnalysisError: on construction, if taps are invalid, or guards have no delayed tap to read.
     """
 
     layout: Layout
@@ -129,12 +128,12 @@ class Realisation:
 
     @property
     def tapped(self) -> bool:
-        """Whether it reads outputs of a while ago only, so that its command is known that long ahead."""
+        """Whether it only reads delayed outputs, so that its command is known one delay in advance."""
         return self.taps[0] > 0
 
     @property
     def M(self) -> Array:
-        """Of the first mode, which for a single one is all there is."""
+        """M of the first mode, which may be the only one."""
         return self.modes[0].M
 
     @property
@@ -159,11 +158,11 @@ class Realisation:
         return self.modes[0].rates
 
     def following(self, mode: int, v: Array) -> int:
-        """The mode that follows ``mode`` where these are the readings, shape (n_v,)."""
+        """The mode that follows ``mode`` for these readings, shape (n_v,)."""
         return self.chosen(mode, tuple(float(guard(v)) > 0 for guard in self.guards))
 
     def chosen(self, mode: int, positive: tuple[bool, ...]) -> int:
-        """The mode that follows ``mode`` where the guards have these signs."""
+        """The mode that follows ``mode`` for these signs of the guards."""
         if self.table is None:
             return mode
         return int(self.table[mode, sum(1 << j for j, sign in enumerate(positive) if sign)])

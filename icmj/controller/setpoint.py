@@ -1,10 +1,10 @@
-"""The set-point r(t): where the plant is to be, the steady state that this takes, and how it moves.
+"""The set-point r(t): the target of the plant, its steady state, and its course over time.
 
 A controller regulates x − x_ss r with u − u_ss r, where the *assumed* plant is at rest in x_ss r under u_ss r. It is
-the same controller of a larger model, whose state is (x, r): r is known, and nothing that the controller does moves it.
-So observer, hold, event rule, delay and predictor stay what they are, and x_h := x_o takes up the set-point, too; until
-then a new one is a prediction error. What moves r is ṙ(t), a signal that the controller is given: sinusoids and
-constants in windows, and impulses where r jumps.
+the same controller for a larger model, whose state is (x, r): r is known, and the controller cannot change it.
+Observer, hold, event rule, delay and predictor are therefore unchanged, and x_h := x_o also samples the set-point;
+until then a new set-point is a prediction error. The given signal ṙ(t) moves r: it consists of sinusoids and constants
+in windows, and of impulses where r jumps.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Setpoint:
     """A set-point of R channels and its steady states; see the module.
 
     Attributes:
-        names, units: of its channels.
-        x_ss, u_ss: state and command at which the assumed plant rests where r is 1, shapes (n̂, R) and (n_u, R).
-        terms: of ṙ(t): channel, amplitude a, ω [rad/s], φ, start and end [s] of a cos(ωt + φ), shape (M, 6); one that
-            ends when it starts is a jump of r by a.
+        names, units: names and units of its channels.
+        x_ss, u_ss: state and command at which the assumed plant is at rest for r = 1, shapes (n̂, R) and (n_u, R).
+        terms: terms of ṙ(t): channel, amplitude a, ω [rad/s], φ, start and end [s] of a cos(ωt + φ), shape (M, 6); a
+            term that ends when it starts is a jump of r by a.
     """
 
     names: tuple[str, ...]
@@ -61,7 +61,7 @@ class Setpoint:
 
     @property
     def edges(self) -> Array:
-        """Times at which r or its rate jumps, rising, positive and finite [s]."""
+        """Times at which r or its rate jumps, increasing, positive and finite [s]."""
         times = np.unique(self.terms[:, 4:])
         return times[np.isfinite(times) & (times > 0)]
 
@@ -91,19 +91,20 @@ class Setpoint:
         return of, Hold(hold.name, A_h)
 
     def faces(self, faces: Faces) -> Faces:
-        """Faces on a difference of states (x, r), from those on one of states x."""
+        """Faces on a difference of states (x, r), from those on a difference of states x."""
         return replace(faces, R=np.hstack([faces.R, -faces.R @ self.x_ss]))
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One channel of a set-point, or a part of what moves it: parts of one name and one combination are added.
+    """One channel of a set-point, or a part of it: parts with the same name and combination are added.
 
     Attributes:
-        combination: of which it is the set-point: outputs, or states, of the assumed plant by name, with their weights.
-        terms: of its ṙ(t), from ``step``, ``pulse``, ``ramp``, ``sines`` or ``ternary``; (M, 5).
-        name: that of a single output or state if it is empty.
-        unit: that of a single output or state if it is empty.
+        combination: outputs or states of the assumed plant, by name, with their weights; the channel is a target for
+            their sum.
+        terms: terms of its ṙ(t), from ``step``, ``pulse``, ``ramp``, ``sines`` or ``ternary``; (M, 5).
+        name: name of the channel; if empty, that of the single output or state.
+        unit: unit of the channel; if empty, that of the single output or state.
     """
 
     combination: Mapping[str, float]
@@ -113,13 +114,15 @@ class Target:
 
 
 def setpoint(plant: LinearPlant, targets: Sequence[Target]) -> Setpoint | None:
-    """The set-point of these targets for a controller that assumes ``plant``; ``None`` where there are none.
+    """The set-point of these targets for a controller that assumes ``plant``; ``None`` if there are no targets.
 
-    Where several steady states are, it is that with the least command, and of these the one of the least state.
+    If there are several steady states, the one with the least command is taken, and among these the one with the least
+    state.
 
     Raises:
-        AnalysisError: if a target names what is neither output nor state of the plant, two of one name differ in their
-            combination, or the plant has no such steady state: it cannot rest there, or there are too many set-points.
+        AnalysisError: if a target names something that is neither an output nor a state of the plant, if two targets
+            with the same name differ in their combination, or if the plant has no such steady state: it cannot rest
+            there, or there are too many set-points.
     """
     if not targets:
         return None

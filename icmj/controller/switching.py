@@ -1,13 +1,12 @@
 """Feedback of delayed outputs that is switched on and off in their plane: no observer, no hold, two modes.
 
-From readings of t_d ago, a position θ_Δ and a rate θ'_Δ,
+With readings delayed by t_d, a position θ_Δ and a rate θ'_Δ,
 
     u = −(P θ_Δ + D θ'_Δ)     where θ_Δ (θ'_Δ − a θ_Δ) > 0 and θ_Δ² + θ'_Δ² > r²
     u = 0                     elsewhere
 
-(Asai et al. 2009, after Bottaro et al. 2008). Where feedback is off, the plant falls along its own stable
-manifold towards the upright, and that brings it nearer. With ``switches`` false it is on throughout, which is the
-continuous delayed controller.
+(Asai et al. 2009, after Bottaro et al. 2008). While feedback is off, the plant moves along its own stable manifold
+towards the upright. With ``switches`` false, feedback is always on, which is the continuous delayed controller.
 """
 
 from __future__ import annotations
@@ -31,21 +30,21 @@ ON, OFF = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class SwitchingPD(Law):
-    """Delayed proportional and derivative feedback, switched by where the delayed outputs are.
+    """Delayed proportional and derivative feedback, switched by regions in the plane of the delayed outputs.
 
     Attributes:
-        assumed: the plant, of which inputs and outputs are named.
+        assumed: the plant, whose inputs and outputs are used by name.
         position, rate: names of the outputs θ and θ'.
         P, D: gains of each input [input per position, input per rate], shape (n_u,), or one number for all.
         delay: t_d [s].
-        slope: a, of the line that bounds the region where feedback is off [1/s]; negative for the second and fourth
-            quadrant and a little more.
+        slope: slope a of the line that bounds the region where feedback is off [1/s]; negative, so that feedback is off
+            in the second and fourth quadrants except for a wedge.
         dead_zone: r, size of (θ, θ') within which feedback is off.
-        switches: whether it is switched at all.
+        switches: whether feedback is switched; if not, it is always on.
 
     Raises:
-        AnalysisError: on construction, if an output is not there, a number is not finite, the delay not positive, or
-            the dead zone negative.
+        AnalysisError: on construction, if an output does not exist, a number is not finite, the delay is not positive,
+            or the dead zone is negative.
     """
 
     assumed: LinearPlant

@@ -1,4 +1,4 @@
-"""A branch of cycles along a parameter, with what happens on it: data, complete and reloadable."""
+"""A branch of cycles along a parameter, with its special points, as data that can be stored and read again."""
 
 from __future__ import annotations
 
@@ -21,21 +21,22 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True, eq=False)
 class SpecialPoint:
-    """Where something happens on a branch.
+    """A bifurcation or an end on a branch.
 
     Attributes:
         kind: ``fold``: the branch turns; ``flip``: a cycle of twice the intervals is born; ``symmetry breaking``: the
-            same of a mirrored cycle, whose halves become unlike; ``Neimark–Sacker``: a pair of multipliers crosses the
-            circle; ``branch point``: two branches meet; ``grazing``: the event function touches zero before the event,
-            or the event itself is a touch; ``least interval``: one falls to Δ_min or the delay; ``homoclinic``: one
-            grows without bound; ``fall``: a position reaches its limit; ``end``: it ends for another reason.
-        value: of the parameter, to 1e-6 or better.
-        index: of the branch's point before it.
-        state: z at an event there, shape (N,); of ``homoclinic`` and ``grazing`` at the last cycle before it.
-        intervals: there [s], shape (p,).
+            same for a mirrored cycle, whose halves become different; ``Neimark–Sacker``: a pair of multipliers crosses
+            the circle; ``branch point``: two branches meet; ``grazing``: the event function touches zero before the
+            event, or only touches it at the event; ``least interval``: an interval decreases to Δ_min or the delay;
+            ``homoclinic``: an interval grows without bound; ``fall``: a position reaches its limit; ``end``: the branch
+            ends for another reason.
+        value: value of the parameter, to 1e-6 or better.
+        index: index of the preceding point of the branch.
+        state: z at an event of this cycle, shape (N,); for ``homoclinic`` and ``grazing``, of the last cycle before it.
+        intervals: its open-loop intervals [s], shape (p,).
         y_peak: largest magnitude of every output over the period, shape (n_y,).
-        multiplier: the one that crosses the circle; NaN where none does.
-        words: one sentence for people.
+        multiplier: the multiplier that crosses the circle; NaN if none does.
+        words: a description in one sentence.
     """
 
     kind: Kind
@@ -54,24 +55,24 @@ class Branch:
 
     Attributes:
         run: the run file.
-        parameter: its name.
+        parameter: name of the parameter.
         plant: ``linear`` or ``mujoco``.
-        mirrored: whether the second half of each is the first with opposite sign.
-        value: of the parameter at each of M cycles, shape (M,).
+        mirrored: whether the second half of each cycle is the first with opposite sign.
+        value: value of the parameter at each of M cycles, shape (M,).
         intervals: over the period, or its first half [s]; shape (M, p).
         states: z at the events, departures from the operating point, shape (M, p, N).
-        scale: of z, at the first, shape (N,).
-        y_peak, y_range: of the outputs over the period, shape (M, n_y).
-        multipliers: of P^p, by falling magnitude, shape (M, N).
-        closure: shape (M,).
+        scale: size of z on the first cycle, shape (N,).
+        y_peak, y_range: largest magnitude and peak-to-peak range of the outputs over the period, shape (M, n_y).
+        multipliers: multipliers of P^p, by decreasing magnitude, shape (M, N).
+        closure: relative closure errors, shape (M,).
         graze: highest inner maximum of the event function over the threshold squared, shape (M,).
-        neutral: how many multipliers are ±1 by construction.
-        t: times of each cycle's course from its first event on [s], K of them in each interval; shape (M, p K).
-        x, y, u: its states, outputs and commands, shapes (M, p K, ...).
+        neutral: number of multipliers that are ±1 by construction.
+        t: times along each cycle from its first event on [s], K in each interval; shape (M, p K).
+        x, y, u: states, outputs and commands at these times, shapes (M, p K, ...).
         qpos: MuJoCo's positions, shape (M, p K, nq); (M, p K, 0) on the linear plant.
-        outputs, inputs, names, units: of outputs, inputs, plant states; units of the outputs.
-        specials: in the order of the branch.
-        end: why it ends, one sentence.
+        outputs, inputs, names, units: names of outputs, inputs and plant states; units of the outputs.
+        specials: special points, in the order of the branch.
+        end: the reason for its end, in one sentence.
     """
 
     run: RunFile

@@ -1,4 +1,4 @@
-"""A cycle of the simulated loop: found directly, attracting or not, with its multipliers."""
+"""A cycle of the simulated loop, attracting or not, computed directly with its multipliers."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ class Cycle:
 
     Attributes:
         plant: ``linear`` or ``mujoco``.
-        events: per period; a mirrored cycle has twice those of ``intervals``.
+        events: number of events per period; a mirrored cycle has twice as many as ``intervals``.
         mirrored: whether its second half is the first with opposite sign.
         intervals: open-loop intervals over the period, or over its first half if it is mirrored [s], shape (p,).
-        period: after which the state repeats [s].
+        period: time after which the state repeats [s].
         states: z = (x, x_o), with a delay (x, x_o, x_h), at the event that begins each interval, departures from the
             operating point; shape (p, N).
-        scale: size of each state on the cycle, shape (N,); what closure and differences are relative to.
+        scale: size of each state on the cycle, shape (N,); closure and differences are relative to it.
         y_peak: largest magnitude of every output over the period, shape (n_y,).
         y_range: peak to peak over the period, shape (n_y,).
-        J: derivative of the return map over ``intervals``, shape (N, N); −P is what returns on a mirrored cycle, the
-            derivative is that of P, as in the linear theory.
-        multipliers: its eigenvalues by falling magnitude, shape (N,).
-        multiplier_errors: how wrong each may be, shape (N,).
+        J: derivative of the return map P over ``intervals``, shape (N, N). On a mirrored cycle −P returns the state,
+            but J is the derivative of P, as in the linear theory.
+        multipliers: eigenvalues of J, by decreasing magnitude, shape (N,).
+        multiplier_errors: error estimate of each, shape (N,).
         closure: largest |±P(z) − z| relative to ``scale``.
         history: closures of Newton's iterates, the first guess first.
-        interval_error: what the step of the integrator does to the mean interval, relative; 0 on the linear plant.
-        neutral: directions in which it is not isolated, whose multipliers are ±1.
+        interval_error: relative error of the mean interval due to the step of the integrator; 0 on the linear plant.
+        neutral: number of directions in which the cycle is not isolated; their multipliers are ±1.
     """
 
     plant: PlantKind
@@ -87,7 +87,7 @@ class Cycle:
 
     @property
     def attracting(self) -> bool:
-        """Whether every multiplier is inside the unit circle, and not on it but for rounding, modulo neutral modes."""
+        """Whether every multiplier is inside the unit circle by more than rounding, modulo neutral modes."""
         return bool(np.abs(self.isolated).max(initial=0.0) < 1 - SAME)
 
     @property
@@ -126,21 +126,21 @@ def find_cycle(
     threads: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Cycle:
-    """The cycle of a case that is nearest to a first guess, by Newton on the return map.
+    """The cycle of a case that is nearest to a first guess, by Newton's method on the return map.
 
     Args:
         case: the case.
         plant: ``linear`` or ``mujoco``.
-        start: the first guess: the linear ``prediction``, the end of a ``simulation`` as the run file has it, a guess
-            of one's own, or ``auto``: the prediction if it has an orbit, else the simulation.
+        start: the first guess: the linear ``prediction``, the end of a ``simulation`` of the run file, your own guess,
+            or ``auto``, which is the prediction if it has an orbit, and otherwise the simulation.
         size: threshold instead of the case's [unit of the weighted state].
-        limit: on all positions, instead of the run file's [rad or m].
+        limit: limit on all positions, instead of that of the run file [rad or m].
         refinement: factor on the timestep.
-        threads: that take differences at once.
-        progress: called now and then with the fraction done, 0–1.
+        threads: number of threads that compute differences in parallel.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        CycleError: if there is no cycle near the guess, and why, or something acts on the loop that changes in time.
+        CycleError: if there is no cycle near the guess, with the reason, or if a disturbance changes in time.
         SimulationError: if a flight cannot be prepared.
     """
     rule = case.rule if size is None else case.rule.resized(size)

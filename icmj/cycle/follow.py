@@ -1,4 +1,4 @@
-"""Branches of cycles of a run file: from its cycle at one value of a parameter on, and off from special points."""
+"""Branches of cycles of a run file: from its cycle at one value of a parameter, and from special points."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ def follow(
     """The branch of cycles of a run file along a parameter, by pseudo-arclength continuation.
 
     Args:
-        run: the run file; its ``simulation.limit`` says from where on the body has fallen.
-        name: of the parameter: ``b``, ``q_t``, ``delay``, ``delta_min``, ``rho``, a change such as ``mass:trunk`` (by a
-            factor), or a dotted key of the run file.
+        run: the run file; its ``simulation.limit`` defines when the body has fallen.
+        name: name of the parameter: ``b``, ``q_t``, ``delay``, ``delta_min``, ``rho``, a change such as ``mass:trunk``
+            (by a factor), or a dotted key of the run file.
         to: its last value.
-        start_at: its first value; the run file's own by default.
+        start_at: its first value; by default that of the run file.
         plant: ``linear`` or ``mujoco``.
         start: first guess of the first cycle; see :func:`icmj.cycle.cycle.find_cycle`.
-        points: least number of cycles, if the branch runs through.
-        progress: called now and then with the part of the range done, 0–1.
+        points: minimum number of cycles, if the branch reaches ``to``.
+        progress: called repeatedly with the completed fraction of the range, 0–1.
 
     Raises:
-        CycleError: if there is no such parameter, or no cycle to start from, and why.
-        IcmjError: if the run file does not allow a value, or there is no loop of it.
+        CycleError: if there is no such parameter, or no cycle to start from, with the reason.
+        IcmjError: if the run file does not allow a value, or no loop can be formed from it.
     """
     of = parameter(name)
     first = of.value(run) if start_at is None else start_at
@@ -98,14 +98,14 @@ def branch_off(
     """The branch that begins at a flip, a loss of symmetry or a branch point of another.
 
     Args:
-        branch: the other.
+        branch: the other branch.
         special: one of its special points.
-        to: last value of the parameter on one side; the range of ``branch`` by default.
-        away: length of the first step, relative to the state's size; its sign is the side to go to.
+        to: last value of the parameter on one side; by default the range of ``branch``.
+        away: length of the first step, relative to the size of the state; its sign selects the side.
         points, progress: as for :func:`follow`.
 
     Raises:
-        CycleError: if nothing branches off there, or no cycle was found on the new branch.
+        CycleError: if no branch begins at this point, or no cycle was found on the new branch.
     """
     if special.kind not in BRANCHING:
         raise CycleError(f"nothing branches off from a {special.kind}; take one of {', '.join(BRANCHING)}")

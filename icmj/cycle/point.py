@@ -1,4 +1,4 @@
-"""One cycle of a branch with all that is told of it: multipliers, courses of its intervals, how near events graze."""
+"""One cycle of a branch with its results: multipliers, courses of its intervals, distance from grazing."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Point:
 
 
 def point(curve: Curve, found: Corrected, tolerance: float | None = None, D: Array | None = None) -> Point:
-    """All that is told of a point that was found.
+    """The results at a point that was found.
 
     Args:
         curve: the equation.

@@ -1,4 +1,4 @@
-"""A branch in a Parquet file: one row a cycle, everything else in the file's metadata, bit for bit both ways."""
+"""A branch in a Parquet file: one row for each cycle, all other data in the metadata, restored bit for bit."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _LISTED = ("scale",)
 
 
 def write_branch(branch: Branch, path: Path | str) -> None:
-    """Write a branch as Parquet; under its name the file is whole.
+    """Write a branch as Parquet; the file is either complete or absent.
 
-    A column of cycles has lists of numbers, row-major; their shapes are in the metadata. ``multipliers`` are pairs (re,
-    im).
+    A column has a list of numbers for each cycle, row-major; the shapes are in the metadata. ``multipliers`` are pairs
+    (re, im).
 
     Raises:
         LogError: if the file cannot be written.
@@ -60,7 +60,7 @@ def read_branch(path: Path | str) -> Branch:
     """Read a branch that :func:`write_branch` wrote.
 
     Raises:
-        LogError: if there is none, or it is not one of this version.
+        LogError: if the file does not exist, or is not a branch of this version.
     """
     import pyarrow as pa
     from pyarrow import parquet

@@ -1,14 +1,14 @@
-"""How accurate a run is, measured by repeating a stretch of it at half the timestep, or a hundredth of the tolerance.
+"""The accuracy of a run, measured by repeating a part of it at half the timestep, or a hundredth of the tolerance.
 
-The stretch is the last complete open-loop interval, from the state right after the event that begins it; where
-there are fewer than two events it is the last second. With a method of order p the error at step h is
-2^p/(2^p − 1) times the difference between h and h/2. Between a tolerance and a hundredth of it the difference is the
-error; where stability bounds the steps a hundredth changes little, and :data:`FINE` is taken. It costs as much as
-three intervals of the run.
+This part is the last complete open-loop interval, from the state right after the event that begins it; if there are
+fewer than two events, it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
+difference between h and h/2. Between a tolerance and a hundredth of it the difference is the error; if stability bounds
+the steps, a hundredth changes little, and :data:`FINE` is used. The estimate costs as much as three intervals of the
+run.
 
-What the step should be follows from the same number: errors fall with h^p, so :func:`choose_timestep` measures one
-step and scales it to the tolerance asked for. The default is the model file's own timestep; the shipped ones (2 ms
-for the three-link, 5 ms for the pendulum) keep the relative error of an interval below 1e-9.
+The required step follows from the same number: errors are proportional to h^p, so :func:`choose_timestep` scales one
+measured step to the requested tolerance. The default is the timestep of the model file; the shipped ones (2 ms for the
+three-link, 5 ms for the pendulum) keep the relative error of an interval below 1e-9.
 """
 
 from __future__ import annotations
@@ -167,17 +167,17 @@ def _nothing(loop: ComposedLoop) -> Accuracy:
 
 
 def choose_timestep(simulation: Simulation, tolerance: float) -> float:
-    """The timestep [s] at which the relative error of an interval would be ``tolerance``, from one run.
+    """The timestep [s] at which the relative error of an interval would be ``tolerance``, estimated from one run.
 
     Args:
         simulation: a run on the engine, with an error estimate.
-        tolerance: relative error of the interval wanted; of the outputs where the run has no events.
+        tolerance: required relative error of the interval, or of the outputs if the run has no events.
 
     Returns:
         at most the inverse of the loop's fastest rate, beyond which the estimate does not hold.
 
     Raises:
-        SimulationError: if the simulation is not one of the engine, or its steps were adapted to a tolerance.
+        SimulationError: if the simulation was not on the engine, or its steps were adapted to a tolerance.
     """
     facts = simulation.precision
     if "timestep" not in facts or "fastest_rate" not in facts:

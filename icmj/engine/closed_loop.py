@@ -83,13 +83,13 @@ class ComposedLoop:
 
     @cached_property
     def block(self) -> Block:
-        """The controller as it stands in the model."""
+        """The controller in the form that the model contains."""
         block = block_of(self.model)
         assert block is not None
         return block
 
     def again(self, plant: MujocoPlant, controller: Controller, settings: Settings) -> ComposedLoop | None:
-        """Like :func:`close_loop`, on the same model, which is lent to it for its runs; for the same thread.
+        """Like :func:`close_loop`, but sharing its model, which it writes to in its runs; only for the same thread.
 
         Returns:
             the loop, or ``None`` where its model has to be another.

@@ -1,4 +1,4 @@
-"""How the actual plant departs from a model: a set of changes that applies itself to it."""
+"""The deviation of the actual plant from a model: a set of changes and their application."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ Edit = Callable[[mujoco.MjSpec, float], object]
 
 @dataclass(frozen=True)
 class Deviation:
-    """How the actual plant departs from an MJCF model; the default is no departure.
+    """The deviation of the actual plant from an MJCF model; by default there is none.
 
     Attributes:
-        gain: b, input gain of every input (one number), or of each in the order in which they are chosen; short for
-            changes of ``input_gain``.
-        dynprm: in place of ``dynprm`` of the named actuators; short for changes of ``dynprm``.
-        rho: ρ, how much of every change there is: 0 none, 1 all of it.
-        changes: the others, by name.
-        edit: whatever else is changed in the model: a function of its spec and ρ, called last.
+        gain: b, the input gain of all inputs (one number), or of each in the order in which they are selected; an
+            abbreviation for changes of ``input_gain``.
+        dynprm: replacements for ``dynprm`` of the named actuators; an abbreviation for changes of ``dynprm``.
+        rho: ρ, the scale of every change: 0 for none, 1 for the whole change.
+        changes: other changes, by name.
+        edit: any other change of the model: a function of its spec and ρ, called last.
     """
 
     gain: float | Sequence[float] = 1.0
@@ -41,10 +41,10 @@ class Deviation:
     edit: Edit | None = None
 
     def apply(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Change the model; what belongs to the plant's ports is left to them.
+        """Apply the changes to the model, except those of ports, which the ports apply.
 
         Raises:
-            ModelError: if a name is not one of the model's, or a number does not fit; it begins with ``name``.
+            ModelError: if the model does not have a name, or a number does not fit; the message begins with ``name``.
         """
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]

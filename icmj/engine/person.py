@@ -1,4 +1,4 @@
-"""A person's measures put into a model of shank, thigh and trunk, with or without a foot of its own."""
+"""A model of shank, thigh and trunk, with or without a foot, scaled to the body measures of a person."""
 
 from __future__ import annotations
 

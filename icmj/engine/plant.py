@@ -43,9 +43,9 @@ class MujocoPlant:
 
     Attributes:
         path: the MJCF file.
-        spec: its model, deviated; copy before editing (``spec.copy()``).
-        linearisation: at the operating point, with the point itself and the ports.
-        told: what was chosen where nothing was named.
+        spec: its model with the deviation applied; copy before editing (``spec.copy()``).
+        linearisation: linearisation at the operating point, with the point itself and the ports.
+        told: notices of default choices.
     """
 
     path: Path
@@ -55,19 +55,19 @@ class MujocoPlant:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The model that steps; copy before editing (``copy.copy``)."""
+        """The compiled model; copy before editing (``copy.copy``)."""
         with hushed():
             return compiled(self.spec, self.linearisation.point)
 
     @cached_property
     def quality(self) -> Quality:
-        """How good its operating point is."""
+        """The quality of its operating point."""
         with hushed():
             return assess(self.model, self.linearisation)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """All states that the model has, also those that the plant leaves out."""
+        """All states of the model, including those that the plant leaves out."""
         return state_names(self.model)
 
     def matched(self, assumed: LinearPlant, match: Match = "name") -> MujocoPlant:
@@ -91,7 +91,7 @@ class MujocoPlant:
         return tuple(filter(None, (self.model.body(i).name for i in range(1, self.model.nbody))))
 
     def pushed(self, pushes: Iterable[Push]) -> LinearPlant:
-        """The linear plant, which knows what these pushes on bodies do.
+        """The linear plant with the effect of these pushes on bodies.
 
         Raises:
             SimulationError: if there is no such body.
@@ -103,10 +103,10 @@ class MujocoPlant:
         return replace(here.plant, pushes=dict(zip(wanted, found.T, strict=True)))
 
     def limits(self, limit: Limit) -> Array:
-        """How far each position of the model may depart before the body has fallen [rad or m], shape (nv,).
+        """The departure of each position of the model at which the body has fallen [rad or m], shape (nv,).
 
         Raises:
-            SimulationError: if a limit names what is no position.
+            SimulationError: if a limit names something that is not a position.
         """
         nv = self.model.nv
         return limits_of(limit, state_names(self.model)[:nv], state_units(self.model)[:nv])
@@ -132,12 +132,12 @@ def load_plant(
 
     Args:
         path: the MJCF file.
-        deviation: what is changed in it.
-        keyframe: its operating point; the reference configuration if ``None``.
-        selection: its inputs, outputs and states; all of the model's if ``None``.
-        operating: how its operating point follows from the keyframe; it is the keyframe's if ``None``.
-        start: instead of a keyframe.
-        person: whose measures the model gets.
+        deviation: changes of the model.
+        keyframe: the keyframe of its operating point; the reference configuration if ``None``.
+        selection: its inputs, outputs and states; if ``None``, all of the model.
+        operating: the rule that gives the operating point from the keyframe; if ``None``, the keyframe itself.
+        start: a configuration to use instead of a keyframe.
+        person: the person to whose body measures the model is scaled.
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,

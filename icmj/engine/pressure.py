@@ -1,7 +1,7 @@
-"""Centre of pressure of a body that stands on a floor: where the ground's reaction acts, and what each contact bears.
+"""Centre of pressure of a body that stands on a floor: the point of the ground reaction, and the load on each contact.
 
-It is not an output (a force jumps with the inputs, D ≠ 0) but follows from the state and the control of every row, by
-the engine's own contact forces.
+It is not an output (a force depends directly on the inputs, D ≠ 0) but is computed from the state and the control of
+every row, with the contact forces of the engine.
 """
 
 from __future__ import annotations
@@ -35,15 +35,16 @@ def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -
 
 
 def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Controller | None = None) -> Pressure:
-    """The ground's reaction at every row of ``simulation``, from either simulator.
+    """The ground reaction at every row of ``simulation``, from either simulator.
 
     Args:
         plant: the actual plant.
         simulation: a run of it.
-        controller: of the run; with it the reaction is known right after every event, too, where torque has jumped.
+        controller: controller of the run; with it the reaction right after every event is computed, too, where the
+            torque has jumped.
 
     Raises:
-        ModelError: if the simulation is not of this plant, or the plant does not stand on anything at rest.
+        ModelError: if the simulation is not one of this plant, or the plant has no contact with a floor at rest.
     """
     n = len(plant.linearisation.ports.states)
     if simulation.x.shape[1] != n:

@@ -45,7 +45,7 @@ def simulate(
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
         x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
         error_estimate: measure the error by repeating the last interval at half the timestep, or a hundredth of the
             tolerance.
 

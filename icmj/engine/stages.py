@@ -1,7 +1,7 @@
 """Which stages of MuJoCo's forward pass a composed model needs, and whether its motion is smooth.
 
 ``mj_forward`` looks for contacts, builds and solves constraints, refreshes every transmission and every sensor. Where a
-model has none of that, the same accelerations come from fewer calls of the same functions, to the last bit.
+model has none of these, fewer calls of the same functions give the same accelerations, to the last bit.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ GROWTH, SHRINKAGE, SAFETY = 6.0, 0.2, 0.9
 SHORTEST = 1e-11  # s; a step that has to be shorter meets something that is not smooth
 NUDGE = 1e-4  # an event is polished by steps of so many times the loop's shortest time constant, or less
 METHODS = {3: ("RK23", 2), 4: ("RK34", 2), 5: ("RK45", 3), 8: ("DOP853", 8)}
-"""By order: a name, and how often outputs are looked at in a step."""
+"""By order: a name, and the number of samples of the outputs in a step."""
 ALLOWED = 5.0  # local error in a step over the error of an interval asked for, found by trial
 STIFF = 20.0  # times the plant's slowest rate: where the loop's fastest is beyond that, stability bounds steps
 _STIFF = (3e-5, 3, 2.0), (3e-6, 4, 10.0), (5e-8, 5, 8.0), (1e-8, 8, 200.0), (0.0, 8, 40.0)

@@ -44,7 +44,7 @@ def simulate_tapped(
         law: the controller.
         settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
         error_estimate: measure the error by repeating the last seconds at half the timestep, or a hundredth of the
             tolerance.
 

@@ -1,1 +1,1 @@
-"""What is asked of a case beyond one run: growth under the clock, the amplitude law, coexisting attractors."""
+"""Experiments beyond one run: growth under a clock, the amplitude law, coexisting attractors."""

@@ -23,8 +23,8 @@ def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
     """Run the case in MuJoCo at each threshold, started on the predicted orbit, and fit the slopes.
 
     Returns:
-        The law; ``None`` where no attracting cycle is predicted or there are fewer than two thresholds. A threshold
-        at which the run does not settle has NaN errors and is left out of the fit.
+        The law; ``None`` if no attracting cycle is predicted or there are fewer than two thresholds. A threshold at
+        which the run does not settle has NaN errors and is left out of the fit.
     """
     orbit, trigger = case.prediction.orbit, case.rule
     if len(q_t) < 2 or orbit is None or case.prediction.verdict != "attracting":

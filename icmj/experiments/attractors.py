@@ -1,4 +1,4 @@
-"""Coexisting attractors: what the closed loop settles on from many starts, each motion reported, none averaged."""
+"""Coexisting attractors: the motions that the closed loop settles on from many starts, each reported separately."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ def attractors(
     progress: Callable[[int], None] | None = None,
     match: Match = "name",
 ) -> tuple[Attractor, ...]:
-    """Every motion found from ``starts`` random starts of the linear closed loop, the most frequent first.
+    """All motions found from ``starts`` random initial states of the linear closed loop, the most frequent first.
 
-    Plant state and observer error are drawn at random, each entry in proportion to its largest value on the run that
-    ``settings`` describes, times the ``magnitudes`` in turn. A motion that has not settled is followed for up to eight
-    times the duration. Two cycles are one attractor if their states at the events agree up to a shift along the
+    Plant state and observer error are drawn at random; each entry is scaled with its largest value on the run that
+    ``settings`` describes, and with the ``magnitudes`` in turn. A motion that has not settled is continued for up to
+    eight times the duration. Two cycles are one attractor if their states at the events agree up to a shift along the
     cycle, or up to the sign (the loop is odd, so the mirror image of a motion is a motion); other motions are grouped
-    by their kind. The limit on positions is not applied, because the loop is linear. This is a search: attractors
-    with a small basin can be missed.
+    by their kind. The limit on positions is not applied, because the loop is linear. The search may miss attractors
+    with a small basin.
 
     Args:
         plant: the actual plant.
-        controller: with an event trigger, or any other.
-        settings: duration and disturbances, and the run that sets the scale.
-        starts: number of starts.
-        seed: of the random starts.
+        controller: a controller with any trigger.
+        settings: duration, disturbances, and the run that sets the scale.
+        starts: number of initial states.
+        seed: seed of the random initial states.
         magnitudes: factors on the scale, used in turn.
         tolerance: relative agreement of two cycles.
         progress: called with the number of starts done.
-        match: how inputs and outputs of plant and controller's model belong together, as for
+        match: how inputs and outputs of the plant are assigned to those of the controller's model, as for
             :func:`icmj.case.case.simulate_plant`.
 
     Raises:
-        AnalysisError: if they do not.
+        AnalysisError: if they do not correspond.
         SimulationError: as :func:`icmj.linear.run.simulate`, or if the run that sets the scale stays at zero.
     """
     plant = matched(plant, controller.design.plant, match)

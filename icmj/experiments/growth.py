@@ -1,4 +1,4 @@
-"""Growth per interval under the clock: what panel (a) predicts, measured in simulation."""
+"""Growth per interval under a clock: measured in simulation, for comparison with the prediction of panel (a)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ INTERVALS = 6  # the least that a growth is measured from
 def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
     """Run the case under clocks around Δ_crit and measure the growth of x̄ from event to event.
 
-    Each run starts along the dominant eigenvector of φ(Δ), so that the growth shows at once.
+    Each run starts along the dominant eigenvector of φ(Δ), so that the growth appears immediately.
 
     Returns:
-        The points; ``None`` if ``points`` is 0. Where Δ_crit is undefined they spread over the interval searched. Those
-        beyond what numbers can hold are NaN.
+        The points; ``None`` if ``points`` is 0. If Δ_crit is undefined, they are spread over the interval searched.
+        Values that overflow are NaN.
     """
     if points == 0:
         return None

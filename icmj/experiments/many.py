@@ -1,4 +1,4 @@
-"""Very many runs of one case that differ in seed, start or numbers, in several processes; what is kept of each."""
+"""Many runs of one case that differ in seed, initial state or other values, in several processes."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ _ALONE = 8  # runs that are not worth a process
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch(Shown):
-    """Runs of one case side by side; see :func:`simulate_many`.
+    """Many runs of one case; see :func:`simulate_many`.
 
     Attributes:
-        file: the run file that all depart from.
-        seeds: of each run, shape (n,).
-        varied: values by key of the run file, each of shape (n,).
-        t: times of the rows that signals are kept at [s], shape (K,).
+        file: the run file from which all runs are derived.
+        seeds: seed of each run, shape (n,).
+        varied: varied values by key of the run file, each of shape (n,).
+        t: times of the rows of the signals [s], shape (K,).
         outcome: how each run ended (``completed``, ``sliding``, ``fell``, …), length n.
-        kept: what was asked for, by name, each of shape (n, …); see :func:`simulate_many`.
+        kept: the requested quantities by name, each of shape (n, …); see :func:`simulate_many`.
     """
 
     file: RunFile
@@ -60,12 +60,12 @@ class Batch(Shown):
         return self.kept[name]
 
     def case(self, index: int) -> Case:
-        """The case of one of these runs, to be simulated again with all that it records."""
+        """The case of one of these runs, which can be simulated again with its complete record."""
         varied = {key: values[index].item() for key, values in self.varied.items()}
         return _reseeded(prepare(self.file.with_(**varied) if varied else self.file), int(self.seeds[index]))
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         ended = {kind: self.outcome.count(kind) for kind in dict.fromkeys(self.outcome)}
         rows = tuple((name, f"shape {values.shape}") for name, values in self.kept.items())
         words = ", ".join(f"{count} {kind}" for kind, count in ended.items())
@@ -83,27 +83,28 @@ def simulate_many(
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Batch:
-    """Simulate one case many times, under noise of other seeds or with other numbers, and keep the same of every run.
+    """Simulate one case many times, with different noise seeds or values, and keep the same quantities of every run.
 
     Args:
         case: the case.
-        n: how many runs; by default as many as there are ``seeds`` or values to ``vary``.
+        n: number of runs; by default the number of ``seeds`` or of values to ``vary``.
         plant: ``linear`` or ``mujoco``.
-        seeds: one number a run, 0, 1, 2, … by default. With the noise's own it makes the
-            seed of every noise: noises of one run stay different signals, and a run is the same whoever computes it.
-        vary: values by key of the run file (``simulation.initial.ankle``, ``actual.gain``), one a run. What is not of
-            ``simulation`` is designed and analysed anew for every value.
+        seeds: one seed for each run, by default 0, 1, 2, …. Together with the seed of each noise it determines the
+            signal: the noises of one run remain different signals, and a run does not depend on the process that
+            computes it.
+        vary: values by key of the run file (``simulation.initial.ankle``, ``actual.gain``), one for each run. For keys
+            outside ``simulation``, design and analysis are repeated for every value.
         keep: names, or a function. Signals (``x``, ``y``, ``u``, ``x_o``, ``x_h``) are kept at the multiples of
-            ``record_interval``, shape (n, K, w), NaN after a run has ended early; ``events`` their times [s], shape
-            (n, most events), NaN beyond the last; ``sway`` the numbers of :func:`icmj.measure_sway` of the outputs, as
-            ``sway.shank.rms`` or ``sway.shank.frequency.median``, shape (n,), NaN where a run was too short. A function
-            takes the run and returns numbers or arrays by name, of the same shapes for every run; for several processes
-            it must be importable.
-        jobs: processes; as many as there are cores by default. In one nothing is started.
-        progress: called now and then with the fraction done, 0–1.
+            ``record_interval``, shape (n, K, w), NaN after the end of a run that ended early; ``events`` gives their
+            times [s], shape (n, largest number of events), NaN after the last; ``sway`` gives the numbers of
+            :func:`icmj.measure_sway` for the outputs, such as ``sway.shank.rms`` or ``sway.shank.frequency.median``,
+            shape (n,), NaN if a run was too short. A function takes the run and returns numbers or arrays by name, with
+            the same shapes for every run; for several processes it must be importable.
+        jobs: number of processes; by default the number of cores. With one, no process is started.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        SimulationError: if numbers of runs differ, or what is to be kept is not known.
+        SimulationError: if numbers of runs differ, or a quantity to be kept is unknown.
         RunFileError: if a key is unknown, or a value not allowed.
     """
     varied = {key: np.asarray(values) for key, values in (vary or {}).items()}

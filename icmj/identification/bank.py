@@ -127,7 +127,7 @@ def bank(
         plant: on which to simulate.
         size: how many.
         seed: of values and noise.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
         IdentificationError: if hardly any of them can be compared: the person falls, or there are no events.

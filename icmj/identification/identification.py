@@ -1,4 +1,4 @@
-"""The inverse question of the paper's conclusion: which model error made a measured motion, and how surely."""
+"""The inverse question of the paper's conclusion: the model error that explains a motion, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _BAD_FIT = 0.05  # mean intervals: events that the best value does not explain
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What a motion tells of the unknown.
+    """The estimate of the unknown from a motion.
 
     Attributes:
-        name: of the unknown.
-        value: best value, or ``None`` where the motion cannot tell.
-        intervals: where it lies with 95 % confidence: one pair (low, high), or several where branches cannot be told
-            apart; empty where the motion cannot tell.
-        way: what it was taken from: the settled ``rhythm``, the ``sequence`` of events since the start, motions
-            simulated under ``noise``, or ``none``.
-        words: for people.
-        probability: that the motion predicted by the best value would agree less with what it makes itself, by errors
-            of times and readings or by noise; ``None`` where nothing was compared. Below
-            :data:`icmj.identification.agreement.LEVEL` nothing fits, and the motion cannot tell.
-        edge: an end of the range that the intervals reach, beyond which the value may lie; else ``None``.
+        name: name of the unknown.
+        value: best value, or ``None`` if the motion does not determine it.
+        intervals: the 95 % confidence set: one pair (low, high), or several if branches cannot be distinguished; empty
+            if the motion does not determine the value.
+        way: the method: the settled ``rhythm``, the ``sequence`` of events since the start, motions simulated under
+            ``noise``, or ``none``.
+        words: a description in words.
+        probability: probability that a motion made by the best value would agree less well with its own prediction than
+            the observed motion does, due to errors of times and readings or to noise; ``None`` if nothing was compared.
+            Below :data:`icmj.identification.agreement.LEVEL` no value fits, and the motion does not determine one.
+        edge: an end of the range that the intervals reach, beyond which the value may lie; otherwise ``None``.
     """
 
     name: str
@@ -68,20 +68,20 @@ def identify(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Identification:
-    """Estimate one model error from a measured motion, with its uncertainty, or say that the motion cannot tell.
+    """Estimate one model error and its uncertainty from a motion, or report that the motion does not determine it.
 
-    Without noise in the run file: the value whose cycle has the settled interval and sign; where the motion has not
-    settled and its start is known, the value whose simulated events are those observed. With noise: by simulated
-    motions (:mod:`icmj.identification.bank`).
+    Without noise in the run file, the estimate is the value whose cycle has the settled interval and sign; if the
+    motion has not settled and its start is known, it is the value whose simulated events are those observed. With
+    noise, simulated motions are compared (:mod:`icmj.identification.bank`).
 
     Args:
-        unknown: what is sought, and the run file with all that is known.
+        unknown: the number that is sought, and the run file with all that is known.
         observed: the motion.
-        plant: what moved, and so what is simulated: the linear plant or MuJoCo's.
-        refine: whether the nonlinear plant's exact cycle corrects the linear theory; only for MuJoCo's.
-        known: what was computed for another motion of the same length: predictions, or simulated motions.
-        seed: of simulated motions.
-        progress: called now and then with the fraction done, 0–1.
+        plant: the plant that moved, which is simulated: ``linear`` or ``mujoco``.
+        refine: whether the exact cycle of the nonlinear plant corrects the linear theory; only for ``mujoco``.
+        known: results computed for another motion of the same length: predictions, or simulated motions.
+        seed: seed of simulated motions.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
         IcmjError: if the run file cannot have the unknown, or no motion can be simulated.

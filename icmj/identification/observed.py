@@ -1,4 +1,4 @@
-"""What was observed of a motion: times of events, with or without the outputs there, or an output at many instants."""
+"""The observation of a motion: times of events, with or without the outputs at them, or an output at many instants."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ READING = 0.01  # of its size: standard deviation of the error of an output, if 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A motion as far as it was observed; nothing of what made it.
+    """A motion as far as it was observed, without its cause.
 
     Attributes:
-        times: of the events [s], rising, shape (K,); empty where only outputs were observed.
-        outputs: at the events, shape (K, n_y); (K, 0) where they were not observed.
-        t, y: instants [s] and outputs there, shapes (N,) and (N, n_y); empty where only events were observed.
-        begin: where the record begins [s]; the first interval is counted from here.
-        whole: whether the record begins with the start that the run file describes.
-        resolution: to which the times are known [s]: the sampling interval, or the last decimal of times of events.
-        timing, reading: standard deviations of the errors of times [s] and of outputs [their unit]; ``None`` for what
-            rounding to the resolution makes, and for a hundredth of each output's size.
+        times: times of the events [s], increasing, shape (K,); empty if only outputs were observed.
+        outputs: outputs at the events, shape (K, n_y); (K, 0) if they were not observed.
+        t, y: instants [s] and the outputs at them, shapes (N,) and (N, n_y); empty if only events were observed.
+        begin: start of the record [s]; the first interval is counted from here.
+        whole: whether the record begins with the initial state of the run file.
+        resolution: resolution of the times [s]: the sampling interval, or the last decimal of the times of events.
+        timing, reading: standard deviations of the errors of times [s] and of outputs [their unit]; ``None`` for the
+            rounding error of the resolution, and for a hundredth of the size of each output.
     """
 
     times: Array
@@ -47,7 +47,7 @@ class Observed:
 
     @property
     def intervals(self) -> Array:
-        """Open-loop intervals [s]: of a whole record all K, from its begin on, else the K − 1 between the events."""
+        """Open-loop intervals [s]: all K of a whole record, otherwise the K − 1 between the events."""
         return np.diff(self.times, prepend=self.begin) if self.whole else np.diff(self.times)
 
     @property
@@ -56,11 +56,11 @@ class Observed:
         return self.resolution / np.sqrt(12) if self.timing is None else self.timing
 
     def unsure(self, size: Array) -> Array:
-        """Standard deviation of the errors of outputs of some sizes, shape (n_y,) [their units]."""
+        """Standard deviation of the errors of outputs with these sizes, shape (n_y,) [their units]."""
         return READING * size if self.reading is None else np.full(len(size), self.reading)
 
     def with_errors(self, timing: float | None, reading: float | None) -> Observed:
-        """The same, of which another accuracy is known.
+        """The same motion with another accuracy.
 
         Raises:
             IdentificationError: if one is negative or not finite.
@@ -69,13 +69,13 @@ class Observed:
 
     @property
     def duration(self) -> float:
-        """How long was observed [s]."""
+        """Duration of the observation [s]."""
         last = max(self.times[-1] if len(self.times) else 0.0, self.t[-1] if len(self.t) else 0.0)
         return float(last - self.begin)
 
     @classmethod
     def of_simulation(cls, simulation: Simulation) -> Observed:
-        """Events of a run and the outputs there, and that it began where its run file says."""
+        """The events of a run and the outputs at them, from the initial state of its run file on."""
         times = simulation.events.t
         # every event is a row
         rows = np.clip(np.searchsorted(simulation.t, times), 0, len(simulation.t) - 1)

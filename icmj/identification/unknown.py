@@ -1,4 +1,4 @@
-"""What is not known of the plant: one field of the run file, or a named change, between two bounds."""
+"""The unknown: one field of the run file, or a named change, between two bounds."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Unknown:
     """One number that is sought.
 
     Attributes:
-        run: the run file; what it says of the unknown itself is not looked at.
+        run: the run file; its own value of the unknown is not used.
         field: dotted key of the run file, as ``actual.gain`` (b) or ``actual.rho`` (ρ); "" for a change.
         change: a change of the actual plant whose factor is sought, or ``None``.
-        low, high: between what it is sought.
-        longest: Δ up to which crossings are searched [s]; the run file's if ``None``.
+        low, high: bounds of the search.
+        longest: Δ up to which crossings are searched [s]; if ``None``, that of the run file.
     """
 
     run: RunFile
@@ -61,16 +61,16 @@ class Unknown:
         return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)
 
     def case(self, value: float, like: Case | None = None, **changes: Any) -> Case | None:
-        """The case there, or ``None`` where it has none."""
+        """The case with this value, or ``None`` if there is none."""
         try:
             return prepare(self.at(value, **changes), like=like)
         except IcmjError:
             return None
 
     def checked(self) -> Case:
-        """The case in the middle: see that there is one.
+        """The case in the middle of the range, to check that there is one.
 
         Raises:
-            IcmjError: if field or change are none of the run file's or of its models.
+            IcmjError: if the run file or its models do not have the field or change.
         """
         return prepare(self.at((self.low + self.high) / 2))

@@ -47,7 +47,7 @@ def simulate(
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0, x_o0: start of plant (n,) and observer (n̂,), instead of the named states in ``settings``.
         x_h0: start of the hold state (n̂,); the observer's by default, because t = 0 is an event.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Returns:
         Recorded at multiples of ``record_interval``, at every event (values just before the reset) and at the end.

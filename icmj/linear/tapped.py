@@ -46,7 +46,7 @@ def simulate_tapped(
         law: the controller.
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0: start of the plant (n,), instead of the named states in ``settings``.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Returns:
         Recorded at multiples of ``record_interval``, at every switch (values just before it), which is an event, and at

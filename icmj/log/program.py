@@ -30,7 +30,7 @@ def program() -> Path:
 
 
 def verify(path: Path) -> str:
-    """Decode the whole recording in a process of its own; returns what is wrong with it, or nothing.
+    """Decode the whole recording in a separate process; returns a description of its fault, or nothing.
 
     A damaged file can abort the process that decodes it (one in four thousand with a single bit flipped), or have it
     ask for all the memory there is (one wrong byte among the sizes at the file's end); that must not be ours. Takes

@@ -23,14 +23,15 @@ class DamagedLog(LogError):
 
 
 def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
-    """The result that a log was written from, every number bit for bit; ``scene`` is ``None``.
+    """The result from which a log was written, bit for bit; ``scene`` is ``None``.
 
-    An event rule of somebody's own is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`).
+    An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`).
 
     Args:
         path: the log.
-        allow_code: whether the rule's own class may be imported, from the run file's folder or where it is installed,
-            and made again of its parameters; where it is not there, or its source is another, the numbers stay.
+        allow_code: whether the class of the rule may be imported, from the folder of the run file or as an installed
+            module, and instantiated with its parameters; if it is missing or its source has changed, the numbers are
+            used.
 
     Raises:
         LogError: if the file is missing, not a log of icmj, cut short, or its archive has changed since it was
@@ -45,12 +46,12 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
 
 
 def read_trial(path: Path | str) -> Tried:
-    """The run under a controller that is not intermittent that a log was written from; ``scene`` is ``None``.
+    """The run of a log whose controller is not intermittent; ``scene`` is ``None``.
 
-    A controller of somebody's own is read as its numbers (:class:`icmj.controller.law.RecordedLaw`).
+    A controller from user code is read as its numbers (:class:`icmj.controller.law.RecordedLaw`).
 
     Raises:
-        LogError: as of :func:`read_log`, or if its controller is intermittent.
+        LogError: as for :func:`read_log`, or if the controller is intermittent.
     """
     result = read_any(path)
     if isinstance(result, Result):

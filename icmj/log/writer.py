@@ -37,9 +37,9 @@ FORMAT = 1
 def write_log(result: Result | Tried, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
-    It is written under another name, read back for completeness, and renamed: under its name a log is whole.
-    The archive that :func:`icmj.log.read_log` returns carries its own digest, so there is no file beside the log to
-    lose or to forget.
+    The log is written under a temporary name, read back to check that it is complete, and renamed, so that a log is
+    either complete or absent. The archive in it, which :func:`icmj.log.read_log` reads, contains its own digest, so
+    that no second file is needed.
 
     Raises:
         LogError: if the result cannot be stored or the file cannot be written.

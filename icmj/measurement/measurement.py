@@ -1,4 +1,4 @@
-"""What a simulation did: the cycle it settled on, or that it grew, decayed, wandered or was too short to tell."""
+"""The motion of a simulation: the cycle on which it settled, or that it grew, decayed, wandered or was too short."""
 
 from __future__ import annotations
 
@@ -62,18 +62,18 @@ class _Return:
 def measure(
     simulation: Simulation, *, T_hat: Array, max_period: int = 8, tolerance: float = 1e-6, floor: float = 1e-11
 ) -> Measurement:
-    """What ``simulation`` did, from the states x̄ = (x, x_o − T̂x) and the intervals at its events.
+    """Classify the motion of ``simulation`` from the states x̄ = (x, x_o − T̂x) and the intervals at its events.
 
-    A *cycle* is a return of x̄ and of the interval after p events, three times seen, within ``tolerance`` of where
-    it is heading: while the closure error still falls geometrically, what is left of it (r/(1 − ratio)) must be
-    below ``tolerance``; while it clearly grows the motion is leaving the cycle. The smallest p that closes is taken.
+    A *cycle* is a return of x̄ and of the interval after p events that is seen three times, within ``tolerance`` of its
+    limit: while the closure error decreases geometrically, its remainder (r/(1 − ratio)) must be below ``tolerance``;
+    if it clearly grows, the motion is leaving the cycle. The smallest p that closes is taken.
 
     Args:
-        simulation: linear or MuJoCo, event- or clock-driven.
+        simulation: a run on the linear plant or in MuJoCo, driven by events or a clock.
         T_hat: T̂, shape (n̂, n).
-        max_period: largest number of events per period that is looked for.
+        max_period: largest number of events per period that is tried.
         tolerance: relative closure error that counts as settled.
-        floor: closure error that is taken for round-off, so that its trend means nothing.
+        floor: closure error that is attributed to rounding, so that its trend is ignored.
     """
     K = len(simulation.events)
     events = simulation.events

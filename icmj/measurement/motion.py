@@ -47,7 +47,7 @@ class Measurement(Shown):
     output_units: tuple[str, ...] = ()
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         name: str = self.kind
         if self.p is not None:
             name = f"{'mirrored ' if self.mirrored else ''}period-{self.p} cycle"

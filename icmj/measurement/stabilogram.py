@@ -1,8 +1,8 @@
-"""Stabilogram diffusion: how far a sway gets from where it was, against the time between (Collins & De Luca 1993).
+"""Stabilogram diffusion: the mean square displacement of sway against the time between (Collins & De Luca 1993).
 
-On short times sway is persistent, as if driven away from where it is, on long times it comes back. Both show as
+Over short times sway is persistent and moves away from its position; over long times it returns. Both appear as
 straight lines in the mean square displacement against time on logarithmic axes, with slope 2H: H = 1/2 is a random
-walk, more is persistent, less is anti-persistent.
+walk, larger values are persistent, smaller ones anti-persistent.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ class Diffusion:
     """The stabilogram-diffusion plot of one coordinate, or of a point in a plane.
 
     Attributes:
-        lag: [s], rising from one step, shape (M,).
-        displacement: mean square displacement [unit²], of a point in a plane the sum over both coordinates, shape (M,).
-        short, long: the fitted stretches; ``None`` where the record is too short, or too coarse, for one.
+        lag: time differences [s], increasing from one step, shape (M,).
+        displacement: mean square displacement [unit²], for a point in a plane the sum over both coordinates, shape
+            (M,).
+        short, long: the fitted lines; ``None`` if the record is too short, or too coarse, for one.
     """
 
     lag: Array
@@ -54,7 +55,7 @@ class Diffusion:
 
     @property
     def critical(self) -> tuple[float, float] | None:
-        """Lag [s] and mean square displacement [unit²] where the straight lines on linear axes meet, or ``None``."""
+        """Lag [s] and mean square displacement [unit²] at which the straight lines on linear axes meet, or ``None``."""
         if self.short is None or self.long is None or not self.short.D > self.long.D:
             return None
         lag = (self.long.offset - self.short.offset) / (2 * (self.short.D - self.long.D))
@@ -70,8 +71,9 @@ def diffusion(
 ) -> Diffusion:
     """The stabilogram diffusion of an evenly sampled sway.
 
-    ⟨Δx²⟩ at a lag is the mean over all pairs of samples that far apart, for a plane ⟨Δr²⟩ = ⟨Δx²⟩ + ⟨Δy²⟩. The lines
-    are ⟨Δx²⟩ = 2 D Δt + c, and log ⟨Δx²⟩ = 2 H log Δt + c, fitted by least squares to all lags within each window.
+    ⟨Δx²⟩ at a lag is the mean over all pairs of samples with this time difference; for a plane ⟨Δr²⟩ = ⟨Δx²⟩ + ⟨Δy²⟩.
+    The lines are ⟨Δx²⟩ = 2 D Δt + c, and log ⟨Δx²⟩ = 2 H log Δt + c, fitted by least squares to all lags within each
+    window.
 
     Args:
         values: shape (N,), or (N, 2) for a plane.

@@ -1,4 +1,4 @@
-"""What a run under noise did: no cycle closes, so it is told by distributions instead of by a period."""
+"""Statistics of a run under noise, which has no exact period and is described by distributions."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ _SAME = 1e-9  # relative: an interval this close to the least one is it
 class Statistics:
     """Distributions over a run without its first tenth, each number with its 95 % confidence from block averages.
 
-    The confidence holds for runs much longer than the motion's memory; blocks are a tenth of what is left of the run.
+    The confidence is valid for runs much longer than the correlation time of the motion; a block is a tenth of the
+    remaining run.
 
     Attributes:
-        start, end: the part of the run that counts [s].
-        events: events in it.
+        start, end: the part of the run that is evaluated [s].
+        events: number of events in it.
         interval: mean open-loop interval [s]; ``None`` with fewer than two events.
         interval_deviation: its standard deviation [s]; ``None`` with fewer than two events.
-        least: the least interval [s], the larger of Δ_min (the refractory period) and the delay.
-        binding: share of the intervals at the least one: how often it is Δ_min that decides when to act.
-        edges, counts: histogram of the intervals, edges of its bins [s], shapes (B + 1,) and (B,); empty without any.
-        mean, rms: of every output, and the root of its mean square about that mean; length n_y.
-        spectrum: of every output.
+        least: the minimum interval [s], the larger of Δ_min (the refractory period) and the delay.
+        binding: share of the intervals at this minimum, for which Δ_min and not the threshold determined the event.
+        edges, counts: histogram of the intervals, edges of its bins [s], shapes (B + 1,) and (B,); empty without
+            intervals.
+        mean, rms: mean of every output, and root mean square about that mean; length n_y.
+        spectrum: spectrum of every output.
     """
 
     start: float
@@ -63,7 +65,7 @@ class Statistics:
 
 
 def statistics(simulation: Simulation) -> Statistics | None:
-    """The statistics of a run, linear or MuJoCo; ``None`` if it fell or diverged, or is too short to have any."""
+    """The statistics of a run on either plant; ``None`` if it fell or diverged, or is too short."""
     end = float(simulation.t[-1])
     start = TRANSIENT * end
     rows = simulation.t >= start

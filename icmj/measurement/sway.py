@@ -1,4 +1,4 @@
-"""Measures of sway, as posturography takes them of the centre of pressure (definitions, sources: docs/measures.md)."""
+"""Measures of sway, as used in posturography for the centre of pressure (definitions, sources: docs/measures.md)."""
 
 from __future__ import annotations
 
@@ -98,14 +98,14 @@ class Sway(Shown):
     """Measures of a swaying point, or of any signals.
 
     Attributes:
-        series: what was measured: even, filtered if asked for.
+        series: the evaluated series: evenly sampled, and filtered if requested.
         duration: N / rate [s].
         rate: samples per second [Hz].
-        band: in which frequencies are taken [Hz].
-        low_pass: corner of the filter before all measures [Hz], or ``None``.
-        coordinates: one for each signal.
-        plane: of two signals of the same unit together, else ``None``.
-        spectrum: of every signal.
+        band: band of the frequency measures [Hz].
+        low_pass: corner of the filter that is applied before all measures [Hz], or ``None``.
+        coordinates: the measures of each signal.
+        plane: the measures of two signals with the same unit together, otherwise ``None``.
+        spectrum: spectrum of every signal.
     """
 
     series: Series
@@ -118,7 +118,7 @@ class Sway(Shown):
     spectrum: Spectrum
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it: the best-known measures of each coordinate and of the plane."""
+        """Its representation at a prompt or in a notebook: the best-known measures."""
         rows: list[tuple[str, str]] = []
         for c in self.coordinates:
             speed = f"{c.unit}/s" if c.unit else ""
@@ -144,15 +144,15 @@ def measure_sway(
     low_pass: float | None = None,
     band: tuple[float, float] = (0.0, np.inf),
 ) -> Sway:
-    """Measure the sway in some signals; two of the same unit are taken as the coordinates of a point, too.
+    """Measure the sway of some signals; two signals with the same unit are also measured as a point in a plane.
 
     Args:
-        series: such as :func:`icmj.read_series` or ``Result.to_series`` give.
-        columns: which of its signals; all by default.
-        rate: at which to sample it [Hz], by a cubic spline; as it is sampled by default.
-        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forth and back without phase, from one period
-            in the record to half the rate; none by default.
-        band: in which mean, median and edge frequency are taken [Hz]; Prieto et al. took 0.15 to 5 Hz.
+        series: for example from :func:`icmj.read_series` or ``Result.to_series``.
+        columns: names of the signals to measure; by default all.
+        rate: rate at which it is resampled by a cubic spline [Hz]; by default its own rate.
+        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forward and backward without phase shift, from
+            one period in the record to half the rate; by default no filter.
+        band: band for mean, median and edge frequency [Hz]; Prieto et al. used 0.15 to 5 Hz.
 
     Raises:
         DataError: if there is no such signal, values are missing, there are gaps or too few rows, or corner or band do

@@ -1,6 +1,6 @@
-"""One change of one property of a plant, by name: what is wrong with the controller's model.
+"""One change of one property of a plant, by name: an error of the controller's model.
 
-A change is a factor, or a value in place of the model's, of one property of one named thing, or of all that have it:
+A change is a factor on one property, or a value that replaces it, of one named element or of all elements that have it:
 
 =================  ==========  ====================================================================================
 ``what``           ``of``      is changed
@@ -25,8 +25,8 @@ sensor_bias        sensor      β, in the sensor's unit
 gravity            –           by a factor, or three numbers [m/s²]
 =================  ==========  ====================================================================================
 
-ρ scales all of them, from no change at 0 to the whole at 1: a factor f becomes 1 + ρ (f − 1), a value is approached in
-a straight line (the paper's family A = Â − ρÃ₁, in the model's own parameters).
+ρ scales all changes, from none at 0 to the whole change at 1: a factor f becomes 1 + ρ (f − 1), a value is approached
+linearly (the paper's family A = Â − ρÃ₁, in the parameters of the model).
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ What = Literal[
 
 @dataclass(frozen=True)
 class Change:
-    """One property changed; see the module for what there is.
+    """A change of one property; the module lists the properties.
 
     Attributes:
         what: the property.
-        of: whose; all that have it if ``None``.
-        factor: on it, or
-        value: in its place.
+        of: name of the element; all elements that have the property if ``None``.
+        factor: factor on the property, or
+        value: value that replaces it.
 
     Raises:
-        ModelError: on construction, if ``what`` is not known, or there is not exactly one of factor and value.
+        ModelError: on construction, if ``what`` is not known, or not exactly one of factor and value is given.
     """
 
     what: What

@@ -29,16 +29,15 @@ class LinearPlant:
         B: input matrix, shape (n, n_u).
         C: output matrix, shape (n_y, n).
         states, inputs, outputs: names, lengths n, n_u and n_y.
-        state_units, input_units, output_units: their units, such as rad or N m; "" where it is not known.
-        B_d: effect of a push of size 1 along each input on the plant itself, shape (n, n_u), which no input gain
-            changes; B if it is empty.
+        state_units, input_units, output_units: their units, such as rad or N m; "" if unknown.
+        B_d: effect of a push of size 1 along each input on the plant itself, shape (n, n_u), independent of the input
+            gain; B if it is empty.
         pushes: effect of other pushes of size 1, shape (n,) each.
 
-    B may be given as a vector where there is a single input, and C where there is a single output.
+    B may be given as a vector if there is a single input, and C if there is a single output.
 
     Raises:
-        AnalysisError: on construction, if shapes disagree, an entry is complex or not finite, or a name stands there
-            twice.
+        AnalysisError: on construction, if shapes disagree, an entry is complex or not finite, or a name occurs twice.
     """
 
     A: Array
@@ -107,15 +106,15 @@ class LinearPlant:
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A [rad/s], by falling real part."""
+        """Eigenvalues of A [rad/s], by decreasing real part."""
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
         return eigenvalues[falling(eigenvalues.real, -eigenvalues.imag)]
 
     def effect(self, push: Push) -> Array:
-        """What a push of size 1 adds to ẋ, shape (n,).
+        """The contribution of a push of size 1 to ẋ, shape (n,).
 
         Raises:
-            SimulationError: if the plant has no such input, or does not know the body.
+            SimulationError: if the plant has no such input or body.
         """
         if push.input is not None:
             if push.input not in self.inputs:
@@ -129,7 +128,7 @@ class LinearPlant:
         return self.pushes[push]
 
     def scaled(self, gain: ArrayLike) -> LinearPlant:
-        """The same plant with its inputs multiplied by ``gain`` (scalar or one for each input), pushes as they are."""
+        """The same plant with its inputs multiplied by ``gain`` (scalar or one for each input) and unchanged pushes."""
         return replace(self, B=self.B * np.asarray(gain, float))
 
     def statespace(self) -> StateSpace:
@@ -167,20 +166,20 @@ class LinearPlant:
         u0: ArrayLike | None = None,
         params: Mapping[str, Any] | None = None,
     ) -> LinearPlant:
-        """From whatever describes a plant: a system of python-control, or matrices.
+        """From a system of python-control or scipy.signal, or from matrices.
 
         Args:
-            system: a linear plant, which is returned as it is; a ``StateSpace``; a ``TransferFunction`` (of several
-                inputs and outputs only where slycot is installed); a ``NonlinearIOSystem``, linearised by centred
-                differences; a system of scipy.signal in any of its forms; anything else with matrices A, B, C and D;
-                or a sequence of A, B, C and, if it is zero, D.
-            x0, u0: where a nonlinear system rests, shapes (n,) and (n_u,); zero if ``None``. The plant's states, inputs
-                and outputs are departures from there.
-            params: of a nonlinear system.
+            system: a linear plant, which is returned unchanged; a ``StateSpace``; a ``TransferFunction`` (with several
+                inputs and outputs only if slycot is installed); a ``NonlinearIOSystem``, linearised by centred
+                differences; a system of scipy.signal in any form; any other object with matrices A, B, C and D; or a
+                sequence of A, B, C and, if it is zero, D.
+            x0, u0: equilibrium of a nonlinear system, shapes (n,) and (n_u,); zero if ``None``. States, inputs and
+                outputs of the plant are departures from it.
+            params: parameters of a nonlinear system.
 
         Raises:
-            AnalysisError: if it is none of these, is discrete, complex or a descriptor system, has a direct
-                feed-through, or does not rest there.
+            AnalysisError: if the type is not supported, if the system is discrete, complex or a descriptor system, has
+                a direct feed-through, or is not at rest at this point.
         """
         import control
 

@@ -1,4 +1,4 @@
-"""What a user must be told once: its kind, how grave it is, and words that say what to do."""
+"""Notices to the user: kind, severity, and a text that says what to do."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ KINDS: tuple[str, ...] = get_args(Kind)
 
 @dataclass(frozen=True)
 class Notice:
-    """One thing to be told.
+    """One notice.
 
     Attributes:
-        kind: what a run file allows it by.
-        severity: ``error`` if it would make a prediction meaningless, else ``warning``.
-        words: one sentence: what is the matter, where, what to do.
+        kind: name by which a run file allows it.
+        severity: ``error`` if it would make a prediction meaningless, otherwise ``warning``.
+        words: one sentence: what is wrong, where, and what to do.
     """
 
     kind: Kind

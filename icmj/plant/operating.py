@@ -1,4 +1,4 @@
-"""How an operating point is found from the pose and the control that a keyframe gives."""
+"""The rule that gives an operating point from the pose and the control of a keyframe."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ OperatingKind = Literal["as given", "static control", "balance", "found"]
 
 @dataclass(frozen=True)
 class OperatingRule:
-    """What of a keyframe stands, and what follows from rest.
+    """How the operating point is completed: which values a keyframe gives, and which follow from the condition of rest.
 
     Attributes:
-        kind: ``as given``: pose, velocity, activation and control are the keyframe's. ``static control``: the pose is,
-            and controls and activations are those that hold it. ``balance``: the joints in ``free`` move, too.
-            ``found``: as given where that is at rest, else balance.
-        free: joints that may move, by name; all where there is none.
-        pose: positions of hinge and slide joints, instead of the keyframe's [rad, m].
+        kind: ``as given``: pose, velocity, activation and control are those of the keyframe. ``static control``: the
+            pose is that of the keyframe, and controls and activations are those that hold it. ``balance``: the joints
+            in ``free`` move, too. ``found``: as given if that is at rest, otherwise balance.
+        free: names of the joints that may move; all if empty.
+        pose: positions of hinge and slide joints, instead of those of the keyframe [rad, m].
 
-    Where there is a choice, what the actuators give departs least from what the keyframe's controls do; where it has
-    none, that is the least effort.
+    If the solution is not unique, the forces of the actuators depart as little as possible from those of the keyframe's
+    controls or, without such controls, from zero.
     """
 
     kind: OperatingKind = "as given"

@@ -3,8 +3,9 @@
 Segments are fractions of height and mass: masses, centres of mass and radii of gyration after Winter (2009,
 *Biomechanics and Motor Control of Human Movement*, table 4.1, from Dempster), lengths after Drillis and Contini (1966;
 Winter's figure 4.1). Both legs are one segment. With G_j = g · (moment of the mass above joint j), the toppling
-stiffness, passive stiffness and damping are shares of G_j. These shares are this project's calibration to the published
-critical intervals, for a person of 80 kg and 1.80 m; that they are the same for every person is an assumption.
+stiffness, passive stiffness and damping are fractions of G_j. These fractions were calibrated by this project to the
+published critical intervals, for a person of 80 kg and 1.80 m; it is an assumption that they are the same for every
+person.
 """
 
 from __future__ import annotations
@@ -63,14 +64,14 @@ class Person:
     """A standing person.
 
     Attributes:
-        height: [m].
-        mass: [kg].
-        stiffness: passive, of ankle, knee and hip, as shares of the toppling stiffness.
-        damping: passive, of every joint, in seconds times the toppling stiffness [s].
-        segments: instead of Winter's, by name (shank, thigh, trunk, foot).
+        height: body height [m].
+        mass: body mass [kg].
+        stiffness: passive stiffness of ankle, knee and hip, as fractions of the toppling stiffness.
+        damping: passive damping of every joint, divided by the toppling stiffness [s].
+        segments: replacements for Winter's segments, by name (shank, thigh, trunk, foot).
 
     Raises:
-        ModelError: on construction, if height or mass is not positive, a share is negative, or a segment not known.
+        ModelError: on construction, if height or mass is not positive, a fraction is negative, or a segment is unknown.
     """
 
     height: float = 1.80

@@ -1,4 +1,4 @@
-"""Where a force acts on the plant itself, past command, input gain and actuator: along an input, or on a body."""
+"""The place at which a force acts on the plant itself, not through the actuator: along an input, or on a body."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ class Push:
     """A generalised force of size 1.
 
     Attributes:
-        input: along what this input moves, where its length grows: 1 N m about a hinge, 1 N along a slide or a spatial
-            tendon, whatever the actuator's gear, gain and dynamics are. Or
-        body: on the body of this name:
-        force: [N], along the axes of the world.
-        torque: [N m], about the axes of the world.
-        point: where the force acts, fixed in the body's frame [m]; the body's centre of mass if ``None``.
+        input: the push acts on the joint or tendon that this input moves, in the direction in which its length
+            increases: 1 N m about a hinge, 1 N along a slide or a spatial tendon, whatever the actuator's gear, gain
+            and dynamics. Or
+        body: name of the body on which it acts, with
+        force: force [N], along the axes of the world,
+        torque: torque [N m], about the axes of the world,
+        point: point of action, fixed in the frame of the body [m]; its centre of mass if ``None``.
 
     Raises:
-        SimulationError: on construction, if there is not exactly one of input and body, a vector is not one of three
-            finite numbers, or a body is pushed by nothing.
+        SimulationError: on construction, if not exactly one of input and body is given, a vector does not have three
+            finite numbers, or neither force nor torque is given for a body.
     """
 
     input: str | None = None
@@ -62,12 +63,12 @@ class Push:
 
     @property
     def magnitude(self) -> float:
-        """Of the force [N], or of the torque [N m] where there is no force; 1 where there are both, or an input."""
+        """Magnitude of the force [N], or of the torque [N m] without a force; 1 if there are both, or an input."""
         sizes = [float(np.linalg.norm(vector)) for vector in (self.force, self.torque) if any(vector)]
         return sizes[0] if len(sizes) == 1 else 1.0
 
     def unit(self, input_unit: str = "") -> str:
-        """Of a size times the magnitude, where it is known; ``input_unit`` is that of the input's command."""
+        """Unit of a size times the magnitude, if known; ``input_unit`` is that of the input's command."""
         if self.body is not None:
             return "" if any(self.force) and any(self.torque) else "N" if any(self.force) else "N m"
         return next((unit for unit in ("N m", "N") if f" {input_unit}".endswith(f" {unit}")), "")

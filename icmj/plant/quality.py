@@ -1,8 +1,8 @@
-"""How good an operating point and its linearisation are: numbers, and what of them a user must be told.
+"""The quality of an operating point and its linearisation: numbers, and notices for the user.
 
-A prediction is about small departures from rest of a smooth plant. Whatever breaks that is found here before anything
-is predicted: a plant that moves by itself, an input that can only push one way, dry friction, an output that jumps with
-the input, a mode that nothing moves or nothing shows.
+A prediction applies to small departures of a smooth plant from rest. Violations of these conditions are found here
+before the prediction: a plant that is not at rest, an input that can only push one way, dry friction, an output that
+depends directly on the input, an uncontrollable or unobservable mode.
 """
 
 from __future__ import annotations
@@ -68,19 +68,19 @@ class Margin:
 
 @dataclass(frozen=True)
 class Quality:
-    """What is known of an operating point.
+    """The quality of an operating point.
 
     Attributes:
-        residual: what is left of acceleration.
-        moving: states with a velocity there.
-        errors: of A, B and C by halving the step, relative to the largest entry of each.
-        kinks: where the plant is not smooth.
+        residual: remaining accelerations.
+        moving: states with a velocity at this point.
+        errors: errors of A, B and C, from halving the step, relative to the largest entry of each.
+        kinks: states and inputs in which the plant is not smooth.
         friction: joints with dry friction, which has no linear model at rest.
-        margins: of the inputs that saturate.
-        room: of the states that are joints with a range.
-        feedthrough: outputs that jump with the inputs (D ≠ 0).
-        neutral, uncontrollable, unobservable: modes by their states.
-        idle: states that move nothing.
+        margins: distances of the inputs to their limits.
+        room: distances of joints to the ends of their ranges.
+        feedthrough: outputs that depend directly on the inputs (D ≠ 0).
+        neutral, uncontrollable, unobservable: modes, by the names of their states.
+        idle: states on which nothing depends.
     """
 
     residual: Residual
@@ -103,7 +103,7 @@ class Quality:
 
     @property
     def merits(self) -> tuple[bool, ...]:
-        """What makes it one that a prediction can be about, the gravest first.
+        """The conditions for a prediction, the most important first.
 
         That it rests; is smooth, there and about; that inputs reach what does not come to rest by itself; that joints
         have room.

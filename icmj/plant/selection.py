@@ -1,4 +1,4 @@
-"""Which inputs, outputs and states of a model make the plant."""
+"""The selection of inputs, outputs and states of a model for the plant."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Selection:
-    """Which inputs, outputs and states a plant has, by name; ``None`` means all that the model has.
+    """The inputs, outputs and states of a plant, by name; ``None`` selects all of the model.
 
     Attributes:
-        inputs: actuators, in this order; the others hold their control of the operating point.
-        outputs: sensors, or single entries ``sensor.0`` of one, in this order; joints stand for their positions and
-            ``<joint>_rate`` for their velocities; ``"joints"`` for the positions of all joints.
-        states: those kept; in the model's order.
-        drop: those left out, where ``states`` is ``None``.
-        spare: outputs that show a state left out are left out with it; so it is with ``"joints"``.
+        inputs: actuators, in this order; the others keep the control of the operating point.
+        outputs: sensors, or single entries ``sensor.0`` of one, in this order; the name of a joint selects its position
+            and ``<joint>_rate`` its velocity; ``"joints"`` selects the positions of all joints.
+        states: states that are kept, in the order of the model.
+        drop: states that are left out, if ``states`` is ``None``.
+        spare: whether outputs that show a dropped state are left out, too, as with ``"joints"``.
     """
 
     inputs: tuple[str, ...] | None = None

@@ -61,7 +61,7 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
 
 
 def draw_intervals(axes: Axes, branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> None:
-    """Open-loop intervals against the parameter, each interval of a period a line of its own.
+    """Open-loop intervals against the parameter, with one line for each interval of a period.
 
     Raises:
         ReportError: if there is no branch, or they are of different parameters.

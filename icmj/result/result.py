@@ -1,4 +1,4 @@
-"""Everything one log holds: the case, its prediction, the simulated run, and what came of it."""
+"""The contents of one log: the case, its prediction, the simulated run, and the results."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class AmplitudeLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Shown):
-    """One simulated case, complete: what a log is written from and read into.
+    """One simulated case with all results; a log stores it completely.
 
     Attributes:
         run: the run file, with its text.
@@ -65,15 +65,15 @@ class Result(Shown):
         prediction: the linear theory.
         simulation: the intermittently controlled run.
         continuous: the continuous controller on the same plant from the same start.
-        measurement: what the run did.
+        measurement: the motion of the run, measured.
         growth: clock-driven growth, or ``None`` if not run.
         law: amplitude law, or ``None`` if not run.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
         attractors: motions found from random starts of the linear plant; empty if not searched.
-        notices: what to tell of plants and run, each once.
+        notices: notices about plants and run, each once.
         statistics: distributions of the run under noise; ``None`` without noise, or where it has none.
-        measures: numbers by name that measures of one's own gave.
+        measures: results of the user's own measures, by name.
     """
 
     run: RunFile
@@ -94,7 +94,7 @@ class Result(Shown):
     measures: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         run, prediction, motion = self.simulation.card(), self.prediction.card(), self.measurement.card()
         case = self.run.case
         rows = (("case", f"{case.name}: {case.title}"), *prediction.rows[:4], *run.rows, *motion.rows[:2])

@@ -30,8 +30,8 @@ class Tried(Shown):
         simulation: its run; the events are its switches.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
-        notices: what to tell of plants and run, each once.
-        measures: numbers by name that measures of one's own gave.
+        notices: notices about plants and run, each once.
+        measures: results of the user's own measures, by name.
     """
 
     run: RunFile
@@ -52,7 +52,7 @@ class Tried(Shown):
         return f"Under {self.law.kind} control the run {self.simulation.outcome.message}{switched}."
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         case, run = self.run.case, self.simulation.card()
         return Card(f"{case.name}, {run.line}", (("case", f"{case.name}: {case.title}"), *run.rows), self.words)
 

@@ -1,4 +1,4 @@
-"""A run file from what was put together in code: a linear plant, a controller of one's own, the settings of its run."""
+"""A run file composed in Python: from a linear plant, a controller and the settings of its run."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ FIRST = "# written from a plant and a controller that were put together in code\
 def compose_run(
     actual: LinearPlant, controller: Controller, settings: Settings | None = None, *, name: str, title: str = ""
 ) -> RunFile:
-    """The run file of a linear plant under a controller, both by their matrices: what a log and a report begin with.
+    """The run file of a linear plant under a controller, both given by their matrices.
 
-    Plants, gains k and L, the hold's matrix, rule and delay are written out, so that the run file says all of what
-    runs; :func:`icmj.prepare` makes the same case of it, and :func:`icmj.run_case` a result to log.
+    Plants, gains k and L, the matrix of the hold, rule and delay are written out, so that the run file is complete:
+    :func:`icmj.prepare` makes the same case from it, and :func:`icmj.run_case` a result that can be logged.
 
     Args:
-        actual: the plant that is there; the assumed one is that of the controller's design.
-        controller: its trigger must be an event rule that a run file knows.
-        settings: of its runs; the defaults if ``None``.
-        name: of the case, and of its log.
-        title: for people; the name if there is none.
+        actual: the actual plant; the assumed one is that of the controller's design.
+        controller: the controller; its trigger must be an event rule that run files support.
+        settings: settings of its runs; the defaults if ``None``.
+        name: name of the case and of its log.
+        title: title for figures and tables; by default the name.
 
     Raises:
-        RunFileError: if something of it has no place in a run file.
+        RunFileError: if a run file cannot represent a part of it.
     """
     design, delay = controller.design, controller.delay
     rule = dict(controller.trigger.facts())

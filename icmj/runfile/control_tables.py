@@ -62,7 +62,7 @@ class Control(TomlTable):
     """
 
     kind: Literal["intermittent"] = "intermittent"
-    """Which controller: this one, ``"switching"``, or the ``module:name`` of one of one's own."""
+    """Which controller: this one, ``"switching"``, or the ``module:name`` of your own."""
     hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
     """What drives the plant between events: the assumed closed loop (system-matched), the last control (zero-order), or
     A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the design."""
@@ -86,11 +86,11 @@ class Control(TomlTable):
     """Least interval between two events [s]: the refractory period."""
 
     def trigger(self, design: Design, code: Code) -> EventRule:
-        """The event rule for a controller of this design; a rule of one's own is made by ``code``.
+        """The event rule for a controller of this design; ``code`` creates a user-defined rule.
 
         Raises:
-            AnalysisError: if it does not fit the design, or what is made of a rule of one's own is none.
-            RunFileError: if a rule of one's own may not be made, or cannot be.
+            AnalysisError: if it does not fit the design, or user code does not return a rule. RunFileError: if user
+                code may not be executed, or fails.
         """
         if self.rule not in _RULES:
             given = accepted(code.named(self.rule), {"delta_min": self.delta_min})
@@ -104,11 +104,11 @@ class Control(TomlTable):
         return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
 
     def made_hold(self, design: Design, code: Code) -> Hold:
-        """The hold for a controller of this design; a hold of one's own is made by ``code``.
+        """The hold for a controller of this design; ``code`` creates a user-defined hold.
 
         Raises:
             AnalysisError: if it does not fit the design.
-            RunFileError: if a hold of one's own may not be made, or cannot be.
+            RunFileError: if user code may not be executed, or fails.
         """
         if ":" in self.hold:
             made = code.made(self.hold, design, **self.hold_parameters)

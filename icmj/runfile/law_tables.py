@@ -51,7 +51,7 @@ class Switching(TomlTable):
 
 
 class OwnController(TomlTable):
-    """A controller of one's own: the ``module:name`` of a class that is an ``icmj.Law``."""
+    """Your own controller: the ``module:name`` of a class that inherits from ``icmj.Law``."""
 
     tag: ClassVar[str] = "own"
 

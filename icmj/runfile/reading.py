@@ -1,4 +1,4 @@
-"""Reading run files: TOML text in, a validated run file out, or one line that says what is wrong."""
+"""Reading run files: from TOML text to a validated run file, or to one line that says what is wrong."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def load_run(path: Path | str, *, allow_code: bool = False) -> RunFile:
     """Read and validate a run file; the bare name of a shipped case, such as three-link-0.9, stands for its run file.
 
     Args:
-        path: the file, or the name.
-        allow_code: whether Python code that it names (``module:name``) may be run once the case is prepared.
+        path: the file, or the name of a shipped case.
+        allow_code: whether Python code that it names (``module:name``) may be executed when the case is prepared.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.

@@ -1,4 +1,4 @@
-"""The run file as a whole: its tables, its text, and what may be changed in it."""
+"""The run file as a whole: its tables, its text, and changes to it."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class RunFile(TomlTable):
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
-        """A run file of plain data, its models beside ``path``.
+        """A run file from plain data, with models relative to ``path``.
 
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
@@ -110,8 +110,8 @@ class RunFile(TomlTable):
     def with_(self, **changes: Any) -> RunFile:
         """The same run file with some values changed, by dotted keys: ``run.with_(**{"actual.gain": 0.85})``.
 
-        An entry of a list is named by its number: ``simulation.disturbance[0].size``. ``None`` takes a key out, so that
-        its default holds.
+        An entry of a list is named by its number: ``simulation.disturbance[0].size``. ``None`` removes a key, so that
+        its default applies.
 
         Raises:
             RunFileError: if a key is unknown or a value not allowed.
@@ -148,7 +148,7 @@ class RunFile(TomlTable):
     def fingerprint(self) -> str:
         """Twelve hexadecimal digits that change with the plants, the design, the hold and the weight of the rule.
 
-        Folders of model files, thresholds and everything about the run do not count.
+        Folders of model files, thresholds and the settings of the run do not affect it.
         """
         data = {name: self._data().get(name, {}) for name in ("assumed", "actual", "design")}
         for table in (data["assumed"], data["actual"]):
@@ -163,7 +163,7 @@ class RunFile(TomlTable):
 
     @property
     def disowned(self) -> bool:
-        """Whether it had a paper's block that speaks of another case."""
+        """Whether it has a ``[case.paper]`` block that belongs to another case."""
         return self._disowned
 
     @model_validator(mode="after")
@@ -210,7 +210,7 @@ class RunFile(TomlTable):
 
     @property
     def tries(self) -> bool:
-        """Whether its controller is not intermittent, so that it is tried and nothing is predicted."""
+        """Whether its controller is not intermittent, so that it is simulated without a prediction."""
         return not isinstance(self.controller, Control)
 
     @property
@@ -226,12 +226,12 @@ class RunFile(TomlTable):
 
     @property
     def code(self) -> Code:
-        """Where code that it names is looked for, and whether it may be run."""
+        """The folder of code that it names, and whether this code may be executed."""
         return Code(self._path.parent, self._allows_code)
 
     @property
     def text(self) -> str:
-        """The TOML text as read; where the values have been changed since, text that says what they are."""
+        """The TOML text as read or, if values have been changed since, the text of the changed run file."""
         if self._text:
             said = type(self).model_validate(tomllib.loads(self._text))
             if said.model_dump() == self.model_dump():
@@ -245,22 +245,22 @@ class RunFile(TomlTable):
 
     @property
     def actual_measures(self) -> Person | None:
-        """Whose measures the actual plant gets: by default, of the same model, those of the assumed one."""
+        """The person of the actual plant: by default, for the same model, the person of the assumed plant."""
         own = self.actual.measures
         return own if own or self.actual.model else self.assumed.measures
 
     @property
     def on_engine(self) -> bool:
-        """Whether MuJoCo can simulate the actual plant: it is a model, and not given by matrices."""
+        """Whether MuJoCo can simulate the actual plant, because it is a model and not given by matrices."""
         return not self.actual.given and (self.actual.model or self.assumed.model) is not None
 
     @property
     def assumed_path(self) -> Path:
-        """The assumed plant's MJCF file, or that of its matrices; this run file where it holds them."""
+        """The MJCF file of the assumed plant, or the file of its matrices, which may be this run file."""
         return self._path.parent / (self.assumed.model or self.assumed.matrices or self._path.name)
 
     @property
     def actual_path(self) -> Path:
-        """The actual plant's, in the same way; the assumed plant's if none is named."""
+        """The same for the actual plant; by default that of the assumed plant."""
         own = self._path.name if self.actual.A else self.actual.model or self.actual.matrices
         return self._path.parent / own if own else self.assumed_path

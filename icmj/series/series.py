@@ -24,14 +24,14 @@ class Series(Shown):
     """Some signals over time.
 
     Attributes:
-        t: times [s], strictly rising, shape (N,).
-        values: shape (N, w); NaN where a value is missing.
-        names: of the signals, each once, length w.
-        units: of the signals, such as rad or N m; "" where it is not known; length w.
-        facts: what else there is to say of them, as plain words by topic.
+        t: times [s], strictly increasing, shape (N,).
+        values: values of the signals, shape (N, w); NaN if a value is missing.
+        names: unique names of the signals, length w.
+        units: units of the signals, such as rad or N m; "" if unknown; length w.
+        facts: further information about them, as text by topic.
 
     Raises:
-        DataError: on construction, if shapes and names do not fit, or times do not rise.
+        DataError: on construction, if shapes and names do not fit, or times do not increase.
     """
 
     t: Array
@@ -57,7 +57,7 @@ class Series(Shown):
             object.__setattr__(self, name, value)
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it: each signal with its least and largest value."""
+        """Its representation at a prompt or in a notebook: each signal with its least and largest value."""
         span = f"{len(self)} rows" + (f" from {self.t[0]:g} to {self.t[-1]:.6g} s" if len(self) else "")
         known = [column[np.isfinite(column)] for column in self.values.T]
         rows = tuple(
@@ -99,7 +99,7 @@ class Series(Shown):
         )
 
     def since(self, t: float) -> Series:
-        """The rows from ``t`` [s] on, so that a start can be left out."""
+        """The rows from ``t`` [s] on, to leave out the beginning."""
         late = self.t >= t
         return replace(self, t=self.t[late], values=self.values[late])
 

@@ -1,4 +1,4 @@
-"""Writing time series for other tools: CSV, Parquet, npz; whole or not at all."""
+"""Writing time series for other tools: CSV, Parquet, npz; a file is either complete or absent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def write_series(series: Series, path: Path | str) -> None:
     ============  ===================================================================================================
 
     Raises:
-        DataError: if the suffix is none of these, or the file cannot be written.
+        DataError: if the suffix is not one of these, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in FORMATS:

@@ -1,7 +1,7 @@
 """One open-loop interval as a function: from the state at an event to the state at the next, without a recording.
 
-Both simulators offer it, so growth, amplitude law, attractors, accuracy, and whatever iterates or differentiates the
-return map, stand on the same few lines.
+Both simulators provide it. Growth, amplitude law, attractors and accuracy use it, as does code that iterates or
+differentiates the return map.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from icmj.simulation.ending import Outcome
 
 @dataclass(frozen=True, eq=False)
 class OpenLoopInterval:
-    """What happened from an event on.
+    """The result of a flight from one event to the next.
 
     Attributes:
-        length: Δ_ol [s]; how long the flight was if it did not end in an event.
+        length: Δ_ol [s], or the duration of the flight if it did not end in an event.
         x, x_o, x_h: plant, observer and hold state at its end, before a reset; shapes (n,), (n̂,), (n̂,).
-        y: outputs there, shape (n_y,).
+        y: outputs at its end, shape (n_y,).
         y_max, y_min: extremes of the outputs over it, shape (n_y,); NaN if it did not end in an event.
-        outcome: ``None`` if it ended in an event, else how it ended.
+        outcome: ``None`` if it ended in an event, otherwise how it ended.
     """
 
     length: float
@@ -56,7 +56,7 @@ def one_in_flight(controller: Controller) -> None:
 
 
 class OpenLoop(Protocol):
-    """A closed loop, ready to fly from event to event."""
+    """A closed loop, prepared for flights from event to event."""
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """Fly from an event at time ``t``.

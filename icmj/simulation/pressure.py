@@ -1,4 +1,4 @@
-"""The ground's reaction on a body that stands on a floor: centre of pressure and load of each contact, over time."""
+"""The ground reaction on a body that stands on a floor: centre of pressure and load of each contact, over time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _MOVES = 1e-9  # m: an axis along which the centre moves less is not shown
 
 @dataclass(frozen=True, eq=False)
 class Pressure:
-    """The ground's reaction over time.
+    """The ground reaction over time.
 
     Attributes:
         t: times of the rows [s], shape (N,).
         centre: centre of pressure (x, y) in the world [m], shape (N, 2); NaN in flight.
         at_rest: the same at the operating point, shape (2,).
-        geoms: what stands on the ground.
+        geoms: names of the geoms in contact with the ground.
         load: normal force on each of them [N], shape (N, G).
         load_at_rest: the same at the operating point, shape (G,).
-        t_after: times of the events [s], shape (K,); empty where it is not known what follows them, as with a delay.
-        centre_after, load_after: right after each event, where torque has jumped; shapes (K, 2), (K, G).
+        t_after: times of the events [s], shape (K,); empty if the state after them is not known, as with a delay.
+        centre_after, load_after: the same right after each event, when the torque has jumped; shapes (K, 2), (K, G).
     """
 
     t: Array
@@ -38,7 +38,7 @@ class Pressure:
     load_after: Array
 
     def since(self, t: float) -> Pressure:
-        """The rows and events from ``t`` on, so that a start can be left out."""
+        """The rows and events from ``t`` on, to leave out the beginning."""
         late, after = self.t >= t, self.t_after >= t
         return replace(
             self,
@@ -48,12 +48,12 @@ class Pressure:
 
     @property
     def lifted(self) -> bool:
-        """Whether something that bears load at rest bears none at some time."""
+        """Whether a geom that bears load at rest bears none at some time."""
         return bool((self._borne <= 0).any())
 
     @property
     def unloading(self) -> float:
-        """How far anything is unloaded: 0 at rest, 1 where it lifts off. At small sway it grows with the threshold."""
+        """The largest relative unloading: 0 at rest, 1 at lift-off; at small sway proportional to the threshold."""
         share = self._borne / self.load_at_rest[self.load_at_rest > 0]
         return float((1 - share[np.isfinite(share)]).max(initial=0.0))
 
@@ -66,7 +66,7 @@ class Pressure:
 
     @property
     def facts(self) -> Mapping[str, float]:
-        """Numbers that tell of it: the centre at rest, its ends along each axis that it moves on [m], unloading."""
+        """Its main numbers: the centre at rest, its extremes along each axis of its motion [m], and the unloading."""
         found = {"unloading": self.unloading}
         whole = np.concatenate([self.centre, self.centre_after])
         for name in self.axes:
@@ -78,7 +78,7 @@ class Pressure:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The same for people: where the centre went, and what was unloaded."""
+        """The same in words: the range of the centre, and the unloading."""
         facts, said = self.facts, []
         for axis in self.axes:
             least, most, rest = (1e3 * facts[f"{axis}_{which}"] for which in ("least", "most", "at_rest"))

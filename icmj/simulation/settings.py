@@ -1,4 +1,4 @@
-"""The settings of a run: how long, from where, how finely, and what disturbs it."""
+"""The settings of a run: duration, initial state, step or tolerance, and disturbances."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Placed:
 class Impulse(Placed):
     """An impulse: ``size`` [N m s, or the input's unit times s] spread evenly over ``duration`` [s] from ``start`` [s].
 
-    It acts on the body along an ``input``, beside its command, or on a ``body``; see ``Placed``.
+    It acts on the body along an ``input``, is added to the command, or acts on a ``body``; see ``Placed``.
     """
 
     input: str | None = None
@@ -81,7 +81,7 @@ class Impulse(Placed):
 
 @dataclass(frozen=True)
 class Step(Placed):
-    """A step: ``size`` [N m, or the input's unit] from ``start`` [s] on, where an impulse may act."""
+    """A step: ``size`` [N m, or the unit of the input] from ``start`` [s] on, acting where an impulse may act."""
 
     input: str | None = None
     size: float = 1.0
@@ -97,20 +97,21 @@ class Step(Placed):
 class Noise(Placed):
     """Coloured noise on one input (process noise), or on one output as the observer reads it (sensor noise).
 
-    On an input it acts beside the command, as a muscle's does, unless ``on`` says that it is of the body; on a ``body``
-    it is one signal times its force and torque.
+    On an input it is added to the command, like the noise of a muscle, unless ``on`` places it on the body; on a
+    ``body`` it is one signal that multiplies its force and torque.
 
-    Its spectrum is flat up to ``bandwidth``, or a first-order low-pass with its ``corner``, one of the two. Two noises
-    of one seed and one spectrum are the same signal, but for their size.
+    Its spectrum is either flat up to ``bandwidth`` or a first-order low-pass with its ``corner``. Two noises with the
+    same seed and spectrum are the same signal, apart from their size.
 
     Attributes:
-        input, output: what it acts on, one of the two, or of a ``body``.
+        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
         size: standard deviation [unit of the input or output, or of force and torque].
-        bandwidth: where a flat spectrum ends [Hz].
-        corner: where a low-pass spectrum has fallen to half [Hz]; it ends at twenty times that.
-        seed: of frequencies and phases.
-        start: from when on [s].
-        terms: number of sinusoids that it is made of: the more, the finer its lines.
+        bandwidth: upper end of a flat spectrum [Hz].
+        corner: frequency at which a low-pass spectrum has decreased to half [Hz]; the spectrum ends at twenty times
+            that.
+        seed: seed of frequencies and phases.
+        start: time at which it begins [s].
+        terms: number of sinusoids; with more of them the spectral lines are finer.
     """
 
     input: str | None = None
@@ -169,7 +170,7 @@ class Sinusoids(Placed):
 
 @dataclass(frozen=True)
 class Bias:
-    """A constant error of one output as the observer reads it: ``size`` [unit of the output] from ``start`` [s] on."""
+    """A constant error of the observer's reading of an output: ``size`` [unit of the output] from ``start`` [s] on."""
 
     output: str
     size: float
@@ -182,18 +183,18 @@ class Bias:
 
 @dataclass(frozen=True, kw_only=True)
 class Gaussian(Placed):
-    """Gaussian noise on a grid of its own, where :class:`Noise` may act: for fits, and runs of any length.
+    """Gaussian noise on a regular time grid, in the same places as :class:`Noise`, for fits and for runs of any length.
 
-    At the points of the grid it is exact in law, between them it goes straight from one to the next.
+    At the points of the grid its distribution is exact; between them it is linear.
 
     Attributes:
-        input, output: what it acts on, one of the two, or of a ``body``.
+        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
         size: standard deviation at the points of the grid [unit of the input or output, or of force and torque].
-        corner: where a first-order low-pass spectrum has fallen to half [Hz]; white noise, whose values are
-            independent, if ``None``: of density 2 size² interval [unit²/Hz] far below 1 / interval.
-        interval: between the points of the grid [s].
-        seed: of the values.
-        start: from when on [s].
+        corner: frequency at which a first-order low-pass spectrum has decreased to half [Hz]; if ``None``, white noise,
+            whose values are independent, with the density 2 size² interval [unit²/Hz] far below 1 / interval.
+        interval: distance between the points of the grid [s].
+        seed: seed of the values.
+        start: time at which it begins [s].
     """
 
     input: str | None = None
@@ -226,22 +227,23 @@ class Settings:
     """How a run is simulated, on either plant.
 
     Attributes:
-        duration: [s].
-        initial: plant states by name and their departure from the operating point; the others start at it.
-        observer: observer states by name; the others start at zero: the controller has seen nothing yet.
-        timestep: of the engine [s]. The linear plant needs none.
-        integrator: of the engine; the model's own if ``None``.
-        tolerance: relative error of an open-loop interval that the engine's steps are adapted to, instead of a timestep
-            and an integrator. With none of the three, 1e-8 where nothing can touch, rub or reach a limit; else the
-            model's own timestep.
-        record_interval: between two recorded rows [s]; events are always recorded.
-        limit: the run has *fallen* when any position of the plant departs further than this: one number for all
-            [rad or m], or by name [the position's own unit]; 1 rad or 1 m if ``None``. See
+        duration: duration of the run [s].
+        initial: initial departures of plant states from the operating point, by name; the others start at it.
+        observer: initial observer states by name; the others start at zero, because the controller has no information
+            yet.
+        timestep: timestep of the engine [s]. The linear plant needs none.
+        integrator: integrator of the engine; if ``None``, that of the model.
+        tolerance: relative error of an open-loop interval to which the engine's steps are adapted, instead of a
+            timestep and an integrator. If none of the three is given, 1e-8 for models in which no contact, friction or
+            limit can occur; otherwise the timestep of the model.
+        record_interval: interval between two recorded rows [s]; events are always recorded.
+        limit: the run has *fallen* when a position of the plant departs by more than this: one number for all [rad or
+            m], or by name [unit of the position]; 1 rad or 1 m if ``None``. See
             :func:`icmj.simulation.ending.limits_of` for other units.
-        disturbance: what acts on inputs or bodies beside the controller, or on outputs as the observer reads them.
+        disturbance: disturbances of inputs, of bodies, or of the observer's readings of outputs.
 
     Raises:
-        SimulationError: on construction, if a number is out of range, or there would be too many rows to keep.
+        SimulationError: on construction, if a number is out of range, or the run would have too many rows.
     """
 
     duration: float = 30.0
@@ -256,17 +258,17 @@ class Settings:
 
     @property
     def pushes(self) -> tuple[Push, ...]:
-        """Where the disturbances act on the plant itself, each once."""
+        """The places at which disturbances act on the plant itself, each once."""
         found = (source.push for source in self.disturbance if isinstance(source, Placed))
         return tuple(dict.fromkeys(push for push in found if push is not None))
 
     @property
     def noisy(self) -> bool:
-        """Whether any noise acts, so that a run is to be told by its statistics."""
+        """Whether noise acts, so that a run is described by its statistics."""
         return any(isinstance(source, Noise | Gaussian | Sinusoids) for source in self.disturbance)
 
     def expect_sinusoids(self, plant: str) -> None:
-        """See that no Gaussian noise acts, which ``plant``, a simulation in words, does not take.
+        """Check that no Gaussian noise acts, which ``plant``, a simulation in words, does not support.
 
         Raises:
             SimulationError: if any does.

@@ -1,6 +1,6 @@
-"""What a simulation yields, linear or MuJoCo: rows over time, events, and how it ended.
+"""The result of a simulation on either plant: rows over time, events, and how it ended.
 
-A *row* is an instant that is recorded; an *event* one at which the controller takes up new feedback.
+A *row* is a recorded instant; an *event* is an instant at which the controller takes new feedback.
 """
 
 from __future__ import annotations
@@ -65,28 +65,28 @@ class Simulation(Shown):
 
     Attributes:
         plant: ``linear`` or ``mujoco``.
-        control: ``event``, ``clock``, ``continuous`` or ``switching``, or what a controller of one's own says.
-        t: times of the rows [s], strictly increasing, shape (N,); the value at an event is the one before the reset.
+        control: ``event``, ``clock``, ``continuous`` or ``switching``, or the ``kind`` of your own controller.
+        t: times of the rows [s], strictly increasing, shape (N,); values at an event are those before the reset.
         x, y, u, x_o, x_h: plant state, outputs, inputs, observer and hold state; shapes (N, ...). Under
             continuous control x_h is x_o.
-        E: event function (eq. ED_e), shape (N,); NaN where there is no event rule.
+        E: event function (eq. ED_e), shape (N,); NaN without an event rule.
         events: the events.
         outcome: how it ended.
         precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
         delay: t_d from an event to its action [s].
-        least: the least open-loop interval, the larger of Δ_min and t_d [s].
-        noisy: whether noise acted, so that the motion is to be told by its statistics.
+        least: the minimum open-loop interval, the larger of Δ_min and t_d [s].
+        noisy: whether noise acted, so that the motion is described by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
-        applied: what acts of command and disturbance beside it within the limits of the actuators, in the units of u,
-            shape (N, n_u): u + d where nothing saturates; empty (0, 0) for the linear plant where there is no
-            disturbance, for it has no limits.
-        pushes: where something acts on the plant itself, K places.
-        pushed: how large it is there, shape (N, K); empty (0, 0) where nothing does.
-        pressure: the ground's reaction on a body that stands on a floor; ``None`` where nothing does.
-        setpoint: r(t) that the controller followed; ``None`` where it had none.
-        labels: names and units of states, inputs and outputs; empty where they are not known.
-        mode: of a controller that has several, the index of the one that is on, shape (N,); empty (0,) otherwise.
-        modes: their names.
+        applied: the input that acts, command plus disturbance within the limits of the actuators, in the units of u,
+            shape (N, n_u): u + d without saturation; empty (0, 0) for the linear plant without a disturbance, because
+            it has no limits.
+        pushes: the K places at which disturbances act on the plant itself.
+        pushed: their sizes, shape (N, K); empty (0, 0) if there are none.
+        pressure: the ground reaction on a body that stands on a floor; otherwise ``None``.
+        setpoint: r(t) that the controller followed; ``None`` if there was none.
+        labels: names and units of states, inputs and outputs; empty if unknown.
+        mode: index of the active mode of a controller with several modes, shape (N,); otherwise empty (0,).
+        modes: names of the modes.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -116,11 +116,11 @@ class Simulation(Shown):
 
     @property
     def r(self) -> Array:
-        """The set-point at the rows, shape (N, R); (N, 0) where there is none."""
+        """The set-point at the rows, shape (N, R); (N, 0) if there is none."""
         return self.setpoint(self.t) if self.setpoint else np.zeros((len(self.t), 0))
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         intervals, facts = self.events.interval, self.precision
         reach = np.abs(self.y).max(axis=0, initial=0.0)
         last = float(intervals[-1]) if len(intervals) else None
@@ -143,18 +143,18 @@ class Simulation(Shown):
     ) -> Series:
         """Every recorded signal under its name: ``x.ankle``, ``y.shank``, ``u.ankle_torque``, ``x_o.…``, ``x_h.…``.
 
-        ``interval`` counts the events so far: 0 until the first event, whose own row belongs to the interval it ends.
-        ``E`` is the event function, ``applied.…`` what acts of command and disturbance, ``push.…`` the forces on the
-        plant itself by what is pushed, ``cop.x`` and ``cop.y`` the
-        centre of pressure, ``load.…`` the normal force on each contact; each where there is one.
+        ``interval`` counts the previous events: it is 0 until the first event, whose row belongs to the interval that
+        it ends. ``E`` is the event function, ``applied.…`` the input that acts, ``push.…`` the forces on the plant
+        itself, named after what is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and ``load.…`` the normal
+        force on each contact; each is included if it exists.
 
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. Values
                 between rows are interpolated by a cubic spline within each open-loop interval, never across an event
                 (:mod:`icmj.series.pieces`).
-            controller: of the run; with it inputs and event function are known right after each event, too, instead
-                of being extended from the row behind it.
-            breaks: further times [s] across which nothing is interpolated, such as those of pushes.
+            controller: controller of the run; with it inputs and event function right after each event are computed
+                instead of extrapolated from the next row.
+            breaks: further times [s] across which values are not interpolated, such as those of pushes.
 
         Raises:
             DataError: if the rate is not usable.
@@ -207,7 +207,7 @@ class Simulation(Shown):
 
     @property
     def push_names(self) -> tuple[str, ...]:
-        """Of what is pushed; with a number where one body is pushed in several ways."""
+        """Names of what is pushed; with a number if one body is pushed in several ways."""
         names = [push.where for push in self.pushes]
         return tuple(
             name if names.count(name) == 1 else f"{name}.{names[:i].count(name)}" for i, name in enumerate(names)
@@ -215,13 +215,13 @@ class Simulation(Shown):
 
     @property
     def push_units(self) -> tuple[str, ...]:
-        """Of :attr:`push_values`."""
+        """Units of :attr:`push_values`."""
         units = dict(zip(self.labels.inputs, self.labels.input_units, strict=True))
         return tuple(push.unit(units.get(push.where, "")) for push in self.pushes)
 
     @property
     def push_values(self) -> Array:
-        """The force on each place [N], or the torque [N m]; of force and torque together the size; shape (N, K)."""
+        """The force at each place [N], or the torque [N m], or the size of force and torque together; shape (N, K)."""
         return self.pushed * [push.magnitude for push in self.pushes] if self.pushes else self.pushed
 
     def to_pandas(
@@ -235,7 +235,7 @@ class Simulation(Shown):
         return self.to_series(rate, controller, breaks).to_pandas()
 
     def to_timeresponse(self) -> TimeResponseData:
-        """The recorded rows as python-control's ``TimeResponseData``, whose ``plot()`` draws them.
+        """The recorded rows as ``TimeResponseData`` of python-control, whose ``plot()`` draws them.
 
         Inputs are the commands u, outputs y, states x. Rows are not evenly spaced where there are events.
         """
@@ -255,7 +255,7 @@ class Simulation(Shown):
         )
 
     def _blocks(self, controller: Controller | None) -> list[Block]:
-        """What is recorded, and what of it is known right after each event."""
+        """The recorded signals, and their values right after each event where they are known."""
         labels, events = self.labels, self.events
         at = np.searchsorted(self.t, events.t)
         command = None if controller is None else self.u_after(controller)

@@ -82,7 +82,7 @@ def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
 def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
     """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
 
-    A run that is interrupted keeps what was simulated until then, and leaves out what would take long.
+    If it is interrupted, the run up to this moment is kept, and time-consuming further results are left out.
 
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
@@ -259,10 +259,10 @@ def run_study(
 
     Args:
         runs: the cases.
-        out: folder of the outputs; made if it is not there.
-        jobs: processes; as many as cores if ``None``.
-        progress: called with a label and the fraction of the whole that is done.
-        longest: a case estimated to take longer on one plant is refused [s]; any is done if ``None``.
+        out: folder of the outputs; created if it does not exist.
+        jobs: number of processes; if ``None``, the number of cores.
+        progress: called with a label and the completed fraction of the whole.
+        longest: a case that is estimated to take longer on one plant is refused [s]; ``None`` for no limit.
 
     Raises:
         IcmjError: the first error of any case. All inputs are checked before the first log is written.

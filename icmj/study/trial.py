@@ -1,4 +1,4 @@
-"""One run under a controller that is not intermittent, complete; and measures of the user's own, of any run."""
+"""One complete run under a controller that is not intermittent; and the user's own measures, for any run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLENTY = 4000  # delays that a run on the linear plant may last before its work 
 
 
 def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Tried:
-    """One controller that is not intermittent on one plant: the run, and poses.
+    """Run one controller that is not intermittent on one plant, with poses.
 
     Raises:
         IcmjError: if the run file, its models or the controller fail.

@@ -61,7 +61,7 @@ class _Bench:
 
 
 def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Computed:
-    """The rows of some points, by one thread of linear algebra: the same bits whoever else is at work."""
+    """The rows of some points, computed with one thread of linear algebra, so that the load changes no bit."""
     bench, begin = _Bench(), time.process_time()
     rows = []
     with single_threaded():

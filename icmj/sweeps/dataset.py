@@ -1,11 +1,12 @@
-"""The folder of a sweep: one Parquet file a chunk, written whole; what it is of; a lock while somebody writes.
+"""The folder of a sweep: one complete Parquet file for each chunk, a description, and a lock during writing.
 
-    OUT/sweep.json          what it is of: texts, fingerprint, versions, provenance
-    OUT/points/*.parquet    the rows, a chunk a file; what stands there is done
-    OUT/timing.csv          how long each chunk took
+    OUT/sweep.json          the description: texts, fingerprint, versions, provenance
+    OUT/points/*.parquet    the rows, one file for each finished chunk
+    OUT/timing.csv          the time that each chunk took
 
-Rows and files hold no time and no place, so that they are the same bit for bit whoever computed them, and when. The
-folder may be somebody else's: what is read is looked at (:mod:`icmj.sweeps.validation`), no link is written through.
+Rows and files contain neither time nor place, so that they are the same bit for bit on every machine and at every time.
+The folder may come from somebody else: its contents are validated (:mod:`icmj.sweeps.validation`), and no link is
+followed for writing.
 """
 
 from __future__ import annotations
@@ -98,10 +99,10 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
 
 
 def read_sweep(folder: Path | str) -> Swept:
-    """A sweep as far as it is finished, with what its pictures need.
+    """Read the finished part of a sweep, with the data that its figures need.
 
     Raises:
-        SweepError: if the folder is not that of a sweep, or nothing is finished there, or a file is damaged.
+        SweepError: if the folder is not that of a sweep, no chunk is finished, or a file is damaged.
     """
     folder = Path(folder)
     facts = read_facts(folder / FACTS)

@@ -1,4 +1,4 @@
-"""The sweep: chunks that are not done yet, computed by whoever is there, and put in their place as they come."""
+"""The sweep: unfinished chunks are computed by the available processes and stored as they are finished."""
 
 from __future__ import annotations
 
@@ -59,17 +59,17 @@ def sweep(
     dask: str | None = None,
     progress: Told | None = None,
 ) -> pa.Table:
-    """Compute a sweep, or what is left of it, and return its table.
+    """Compute a sweep, or its unfinished part, and return its table.
 
     Args:
         file: the sweep file, or its path.
-        out: folder of the dataset; where one is that was begun, it goes on. A folder that is thrown away, if ``None``.
-        jobs: local processes; as many as there are cores by default.
-        dask: address of a Dask scheduler, whose workers compute instead.
+        out: folder of the dataset; a sweep that was begun there is resumed. If ``None``, a temporary folder is used.
+        jobs: number of local processes; by default the number of cores.
+        dask: address of a Dask scheduler, whose workers are used instead.
         progress: called after each chunk.
 
     Returns:
-        One row a point, in their order (docs/sweeps.md tells the columns).
+        One row for each point, in their order (docs/sweeps.md describes the columns).
 
     Raises:
         RunFileError: if sweep file or run file do not validate.

@@ -108,7 +108,7 @@ def search(
     Args:
         system, delta_max, delta_start, resolution, prepared: as there.
         reduced: the system without its neutral directions, if at hand.
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
     """
     check_range(system, delta_max, delta_start)
     if not resolution > 0:

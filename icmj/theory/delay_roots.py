@@ -1,14 +1,14 @@
-"""The characteristic roots of a loop with delayed feedback, and where it loses its stability.
+"""The characteristic roots of a loop with delayed feedback, and its limit of stability.
 
-A linear plant under a controller that reads outputs of a while ago, in one mode, is
+A linear plant under a controller that reads delayed outputs, in one mode, is
 
     ẇ(t) = F w(t) + Σ_j G_j w(t − τ_j),      w = (x, a)
 
-and e^{st} v solves it where Δ(s) v = 0 with Δ(s) = sI − F − Σ_j G_j e^{−sτ_j}. There are infinitely many such s, of
+and e^{st} v is a solution if Δ(s) v = 0 with Δ(s) = sI − F − Σ_j G_j e^{−sτ_j}. There are infinitely many such s, of
 which finitely many lie to the right of any vertical line. They are found as eigenvalues of the solution's generator, on
-Chebyshev points (Breda, Maset and Vermiglio 2005), and each is polished by Newton's method on Δ(s) v = 0. That none is
-missed to the right of a line is proved by the argument principle: how often det Δ(s) turns about zero around a region
-that holds all of them is how many there are.
+Chebyshev points (Breda, Maset and Vermiglio 2005), and each is refined by Newton's method on Δ(s) v = 0. The argument
+principle proves that none is missed to the right of a line: their number is the winding number of det Δ(s) along the
+boundary of a region that contains all of them.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class DelayLoop:
     """A linear system with discrete delays.
 
     Attributes:
-        F: what acts at once, shape (N, N).
-        G: what acts later, shape (T, N, N).
-        tau: how much later [s], positive, shape (T,).
+        F: matrix of the undelayed part, shape (N, N).
+        G: matrices of the delayed parts, shape (T, N, N).
+        tau: delays [s], positive, shape (T,).
     """
 
     F: Array
@@ -57,7 +57,7 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
     """The loop of ``plant`` under ``law`` that stays in one of its modes; inputs and outputs are matched by name.
 
     Raises:
-        AnalysisError: if the law reads outputs as they are, or has no such mode.
+        AnalysisError: if the law reads current outputs, or has no such mode.
     """
     real, plant = law.realisation, matched(plant, law.plant)
     if not real.tapped:
@@ -75,12 +75,12 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
 
 
 def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
-    """The ``count`` rightmost characteristic roots at least, a pair whole, by falling real part [rad/s].
+    """At least the ``count`` rightmost characteristic roots, with complete pairs, by decreasing real part [rad/s].
 
-    Each is right to rounding, and there is none between them and none to their right that is not among them.
+    Each is accurate to rounding, and no root between them or to their right is missing.
 
     Raises:
-        AnalysisError: if they cannot be found, for the loop is out of proportion to its delay.
+        AnalysisError: if they cannot be found, because the rates of the loop are too large for its delay.
     """
     points = _FEWEST
     while points <= _MOST:
@@ -105,17 +105,17 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
 
 
 def stability_limit(loop_of: Callable[[float], DelayLoop], stable: float, unstable: float) -> tuple[float, float]:
-    """Where a family of loops loses its stability, between a stable and an unstable member.
+    """The limit of stability of a family of loops, between a stable and an unstable member.
 
     Args:
         loop_of: the loop at a value of the parameter.
         stable, unstable: values at which the loop is, and is not, stable.
 
     Returns:
-        the value, and the frequency of the roots that cross there [rad/s]; 0 for a real one.
+        the value, and the frequency of the roots that cross at it [rad/s]; 0 for a real root.
 
     Raises:
-        AnalysisError: if the first is not stable, or the second is.
+        AnalysisError: if the first member is not stable, or the second one is.
     """
     from scipy.optimize import brentq
 

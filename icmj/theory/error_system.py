@@ -1,11 +1,11 @@
 """The error system of intermittent control with a wrong model (paper, section 3; general orders).
 
-With T̂ (n̂ × n), x̃_o = x_o − T̂x and x̃_h = x_h − T̂x, the closed loop between samples is X̄' = Ā_C X̄ with
-X̄ = (x, x̃_o, x̃_h); an event sets x̃_h := x̃_o (A_D), and from event to event x̄ = (x, x̃_o) goes by φ(Δ).
+With T̂ (n̂ × n), x̃_o = x_o − T̂x and x̃_h = x_h − T̂x, the closed loop between samples is X̄' = Ā_C X̄ with X̄ = (x,
+x̃_o, x̃_h); an event sets x̃_h := x̃_o (A_D), and φ(Δ) maps x̄ = (x, x̃_o) from event to event.
 
-With a delay t_d the event resets nothing yet, so that from event to event it is the whole of X̄ that goes by φ(Δ): it
-flows for t_d, then x̃_h is set to what the predictor foresaw, then it flows on. What differs between the two is in
-``lift``, ``entry`` and ``exit`` alone: the state right after an event, right after its action, and at the next event.
+With a delay t_d the event itself resets nothing, so that φ(Δ) maps the whole of X̄ from event to event: the state flows
+for t_d, then x̃_h is set to the prediction, then the state flows on. The two cases differ only in ``lift``, ``entry``
+and ``exit``: the state right after an event, right after its action, and at the next event.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class ErrorSystem:
         T_hat: T̂, shape (n̂, n).
         actual: the actual plant [A, B, C].
         design: gains and assumed plant [Â, B̂, Ĉ].
-        hold: of the controller; system-matched if ``None``.
-        delay: t_d and what the predictor takes it for.
+        hold: hold of the controller; system-matched if ``None``.
+        delay: t_d and the delay that the predictor assumes.
     """
 
     A_C: Array
@@ -101,7 +101,7 @@ class ErrorSystem:
 
     @cached_property
     def lift(self) -> Array:
-        """X̄ right after an event from the state there, w: 𝔗̄ without a delay, else the identity; shape (N, N_w)."""
+        """X̄ right after an event from the state w at it: 𝔗̄ without a delay, else the identity; shape (N, N_w)."""
         return np.eye(len(self.A_C)) if self.delay else self.T_bar
 
     @cached_property
@@ -160,14 +160,14 @@ def error_system(
     """Build the error system of ``actual`` under ``design``.
 
     Args:
-        actual: the plant [A, B, C] that is really there.
+        actual: the actual plant [A, B, C].
         design: gains k̂, L and the assumed plant [Â, B̂, Ĉ].
         hold: the system-matched hold if ``None``.
         T_hat: T̂, shape (n̂, n); states of the same name are matched if ``None``. The choice changes the
             coordinates, not the closed loop.
-        delay: between an event and its action; none by default.
-        match: how inputs and outputs of the two plants belong together; by name, those of plants without names by
-            position (:func:`icmj.plant.matching.matched`). The system's are in the order of the assumed plant.
+        delay: delay between an event and its action; by default none.
+        match: how inputs and outputs of the two plants correspond: by name, and by position for plants without names
+            (:func:`icmj.plant.matching.matched`). Those of the system are in the order of the assumed plant.
 
     Raises:
         AnalysisError: if inputs and outputs of the two plants differ in number or name, or hold or T̂ does not fit.

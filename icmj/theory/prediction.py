@@ -1,4 +1,4 @@
-"""The prediction: what the linear eigen-analysis says of the closed loop (paper, section 3; docs/theory.md)."""
+"""The prediction of the linear eigenvalue analysis for the closed loop (paper, section 3; docs/theory.md)."""
 
 from __future__ import annotations
 
@@ -35,40 +35,40 @@ Verdict = Literal["attracting", "repelling", "not admissible", "none"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Shown):
-    """Everything that the linear analysis says of one controller on one plant.
+    """The results of the linear analysis of one controller on one plant.
 
     Attributes:
-        delta_crit: Δ_crit [s], or ``None`` where undefined: the first rising crossing at ±1 with all other
-            eigenvalues inside the circle (a cycle is predicted); failing that the first at ±1 (none is);
-            else undefined.
+        delta_crit: Δ_crit [s], or ``None`` if undefined: the first rising crossing at ±1 with all other eigenvalues
+            inside the circle (a cycle is predicted); without one, the first crossing at ±1 (no cycle is predicted);
+            without any, undefined.
         eigenvalue: λ_crit, or ``None``.
         cycle: whether a limit cycle is predicted by the paper's argument.
         period: Δ_crit for λ = +1, 2Δ_crit for −1; ``None`` if no cycle is predicted.
-        gamma: γ, ``None`` where there is no orbit. A number of the coordinates x̄, unlike everything else here.
-        amplitude: peak of every output over the orbit, shape (n_y,), NaN for one that a neutral mode shows in;
-            ``None`` where there is no orbit, or a family of them with as many amplitudes.
-        crossings: all unit-circle crossings on the interval searched, by rising Δ.
+        gamma: γ, ``None`` without an orbit. Unlike all other results, it depends on the coordinates x̄.
+        amplitude: peak of every output over the orbit, shape (n_y,), NaN for an output that shows a neutral mode;
+            ``None`` without an orbit, and for a family of orbits, which has no single amplitude.
+        crossings: all crossings of the unit circle on the interval searched, by increasing Δ.
         delta_max: end of the interval searched [s].
-        orbit: the orbit at Δ_crit (also where no cycle is predicted, to show why), or ``None``; of a family one member.
-        multipliers: eigenvalues of the return map's Jacobian J under the event rule, or ``None``; without those of
+        orbit: the orbit at Δ_crit (also if no cycle is predicted, to show why), or ``None``; of a family, one member.
+        multipliers: eigenvalues of the Jacobian J of the return map under the event rule, or ``None``; without those of
             neutral modes and those along a family, which are ±1 by construction.
         verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``; modulo neutral modes and family.
         v_condition: condition number of the eigenvector matrix V of φ(Δ_crit); NaN if undefined.
-        V_inv: rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is the critical one. ``None`` where undefined.
-            (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of
-            the complementary invariant subspace's annihilator, from a Schur form.) The last rows are coordinates
-            along neutral modes. ``None`` for a family, in which no single mode is critical.
-        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant), modulo neutral
-            modes that the feedback does not see or cannot change.
-        observer_feedback_stable: whether plant + observer under continuous control is stable, modulo neutral modes;
-            false where a mode that nothing sees grows. With a delay, under a clock of a twentieth of it, which is
-            the continuous predictor controller nearly.
-        neutral: the modes that were taken out before all this, because no event and no control changes them.
-        family: the orbits of a repeated critical eigenvalue, or ``None`` where there is one orbit.
-        beyond: where there is no crossing at ±1 up to ``delta_max``, the first that a quick look further shows (any
-            crossing, if there is none at all before), or ``None``.
+        V_inv: its rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is that of the critical mode. ``None`` if undefined.
+            (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of the
+            complementary invariant subspace's annihilator, from a Schur form.) The last rows are coordinates along
+            neutral modes. ``None`` for a family, in which no single mode is critical.
+        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant), modulo neutral modes
+            that are unobservable for the feedback or that it cannot change.
+        observer_feedback_stable: whether plant and observer under continuous control are stable, modulo neutral modes;
+            false if an unobservable mode grows. With a delay, it applies to a clock of a twentieth of the delay, which
+            approximates the continuous predictor controller.
+        neutral: the modes that were removed before the analysis, because neither events nor control change them.
+        family: the orbits of a repeated critical eigenvalue, or ``None`` if there is one orbit.
+        beyond: if there is no crossing at ±1 up to ``delta_max``, the first one that a coarse search further out finds
+            (any crossing, if there is none at all before), or ``None``.
         growing: whether the largest |λ| still grows at ``delta_max``.
-        outputs, output_units: names and units of the outputs; empty where they are not known.
+        outputs, output_units: names and units of the outputs; empty if unknown.
     """
 
     delta_crit: float | None
@@ -95,7 +95,7 @@ class Prediction(Shown):
 
     @property
     def missing(self) -> str:
-        """Why γ, or the peak of an output, is not a number; "" where all are."""
+        """The reason why γ, or the peak of an output, is not a number; "" if all are."""
         if self.orbit is None or np.isfinite([self.orbit.gamma, *self.orbit.y_peak]).all():
             return ""
         drifts = np.isfinite(self.orbit.gamma)
@@ -103,13 +103,13 @@ class Prediction(Shown):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What there is to say beside the numbers: of neutral modes, of a family, of numbers that there are not."""
+        """Remarks on the numbers: on neutral modes, on a family, and on missing numbers."""
         family = () if self.family is None else (self.family.words,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         return (*(mode.words for mode in self.neutral), *family, *missing)
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         searched = f"up to {self.delta_max:.4g} s"
         cycle = f"period {amount(self.period, 's')}" if self.cycle else "none predicted"
         largest = None if self.multipliers is None else float(np.abs(self.multipliers).max(initial=0.0))
@@ -142,17 +142,17 @@ def predict(
     delta_max: float = 3.0,
     progress: Callable[[float], None] | None = None,
 ) -> Prediction:
-    """The whole linear analysis of one controller on one plant.
+    """The complete linear analysis of one controller on one plant.
 
     Args:
         system: the error system of the actual plant.
         trigger: the event rule, with its Δ_min.
         delta_max: end of the interval of Δ searched [s].
-        progress: called now and then with the fraction done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        AnalysisError: if ``delta_max`` is not positive and finite, the rule does not fit, or the system is beyond what
-            can be analysed.
+        AnalysisError: if ``delta_max`` is not positive and finite, the rule does not fit, or the system cannot be
+            analysed within rounding.
     """
     report = progress or (lambda _: None)
     expect_rule(trigger)

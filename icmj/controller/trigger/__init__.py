@@ -1,6 +1,6 @@
-"""The home of the trigger: what decides when the controller takes up new feedback.
+"""Triggers, which determine when the controller takes new feedback.
 
-A rule of one's own is a module here: a frozen dataclass that is an :class:`EventRule` and says what its faces are.
+Each rule is a module here: a frozen dataclass that inherits from :class:`EventRule` and defines its faces.
 """
 
 from icmj.controller.trigger.box import BoxTrigger

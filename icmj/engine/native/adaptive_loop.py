@@ -66,7 +66,7 @@ def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type:
 
 @compiled
 def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore[no-untyped-def]
-    """A step of its own to the event, then Newton's steps until its time is right."""
+    """A separate step to the event, then Newton's iterations until its time has converged."""
     limit = _NUDGE / plan.rate
     stages(engine, stepper, t, s, 1, stepper.last)
     put(engine, stepper.end, t + s)

@@ -18,7 +18,7 @@ _HALF, _KEPT, _GROUP = signals.HALF, signals.KEPT, signals.GROUP
 
 @exact
 def _sum(b, signal, time):  # type: ignore[no-untyped-def]
-    """All terms of a signal, one by one: for whoever has no cells of his own."""
+    """All terms of a signal, one by one, for callers without cells."""
     value = 0.0
     for k in range(int(b[signal + 3]), int(b[signal + 4])):
         at = int(b[Slot.AT_TERMS]) + 6 * k

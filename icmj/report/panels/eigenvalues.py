@@ -131,7 +131,7 @@ def _shades() -> list[tuple[float, ...]]:
 
 
 def draw_scale(bar: Axes, case: CaseRuns) -> None:
-    """The colour scale of Δ_ol along the loci, in axes of its own."""
+    """The colour scale of Δ_ol along the loci, in separate axes."""
     from matplotlib.ticker import MaxNLocator
 
     end = _shown_end(case)

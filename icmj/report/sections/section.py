@@ -22,7 +22,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class DrawnPanel:
-    """A panel of one case as it stands in the page: letter, picture, and the caption that belongs to both."""
+    """A panel of one case on the page: letter, picture, and caption."""
 
     letter: str
     picture: Picture

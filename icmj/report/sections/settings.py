@@ -16,7 +16,7 @@ from icmj.report.sections.section import Section
 from icmj.report.style import NAME
 from icmj.result.result import Result
 
-MANY = 3  # runs of which a shared fact is said once
+MANY = 3  # number of runs from which shared facts are listed once
 
 
 def settings(cases: Sequence[CaseRuns]) -> Section:
@@ -71,7 +71,7 @@ def rule_fact(value: object, design: Design) -> str:
 
 
 def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
-    """A table for each plant: a row for each run, a column for each fact; what many runs share is said once above."""
+    """A table for each plant: a row for each run, a column for each fact; facts shared by many runs are above it."""
     tables = []
     for plant, name in NAME.items():
         runs = [(case, case.runs[plant].simulation) for case in cases if plant in case.runs]
