@@ -1,26 +1,29 @@
-"""Every figure of the report as a function that draws into axes of yours; public as ``icmj.plots``.
+"""Every figure of the report as a function that draws into your axes; public as ``icmj.plots``.
 
-Each takes the axes, then the results of one case: one run, or the linear plant's and MuJoCo's. It sets labels, scales
-and limits, adds a legend unless ``legend=False``, and leaves figure, fonts and title to you. Angles are in degrees,
-other outputs in their own unit. Typical use::
+The first argument is the axes, followed by the results of one case: one run, or one on each plant. A function sets
+labels, scales and limits, adds a legend above the axes unless ``legend=False``, and returns the axes; figure, fonts and
+title are yours. Angles are in degrees, other outputs in their own unit. Typical use::
 
-    figure, axes = matplotlib.pyplot.subplots()
-    icmj.plots.phase(axes, icmj.read_log("runs/out/three-link-0.9.mujoco.rrd"))
+    with icmj.plots.style():  # one column of a journal
+        figure, axes = matplotlib.pyplot.subplots()
+        icmj.plots.phase(axes, icmj.read_log("runs/out/three-link-0.9.mujoco.rrd"))
+        figure.savefig("phase.pdf")
 
-Those of a sweep take it, and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
-Those of sway take what :func:`icmj.measure_sway` returns.
+Functions for a sweep take the sweep and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
+Functions for sway take a result of :func:`icmj.measure_sway`.
 
-Raised by all of them: ReportError, if there is no result, if two are of different cases or of the same plant, or if a
-result does not hold what is asked for.
+All of them raise ReportError if there is no result, if two results belong to different cases or to the same plant, or
+if a result does not contain what is to be drawn.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from icmj.errors import ReportError
 from icmj.measurement.sway import Sway
 from icmj.report import law, noise
+from icmj.report.journal import Journal, journal
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.panels import eigenvalues, ground, modes, time
@@ -32,84 +35,128 @@ from icmj.view.quantity import threshold_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
-def modulus(axes: Axes, *results: Result, legend: bool = True) -> None:
+def style(
+    columns: float = 1,
+    *,
+    width: float | None = None,
+    height: float | None = None,
+    size: float = 8.0,
+    font: str = "STIXGeneral",
+) -> Journal:
+    """Settings for a figure in a journal, for a ``with`` block or ``matplotlib.rcParams.update``.
+
+    They give the size of new figures, the typeface and its sizes, thin axes, a layout that keeps legends inside the
+    figure, and embedded TrueType fonts (type 42) in PDF and PostScript. Save figures within the block, too: fonts are
+    embedded when a file is written.
+
+    Args:
+        columns: 1, 1.5 or 2 columns of a page: 85, 114 or 174 mm.
+        width: width instead of that [mm].
+        height: height [mm]; by default two thirds of the width, at most 75 mm.
+        size: size of labels [pt]; numbers at the ticks and legends are a little smaller.
+        font: family of an installed font; the default is shipped with matplotlib.
+
+    Raises:
+        ReportError: if there is no such number of columns, or a size is not positive.
+    """
+    return journal(columns, width, height, size, font)
+
+
+def panels(*results: Result, settings: Journal | None = None, letters: bool = True) -> Figure:
+    """The six panels (a) to (f) of a case in one new figure, which keeps its style when it is saved.
+
+    Args:
+        results: one run of a case, or one on each plant.
+        settings: from :func:`icmj.report.plots.style`; by default those of two columns. The width is theirs.
+        letters: whether each panel has its letter.
+
+    Returns:
+        A figure of matplotlib; panel (c) shows the first four outputs.
+    """
+    from icmj.report.sheet import draw_sheet
+
+    return draw_sheet(_case(results), style(2) if settings is None else settings, letters)
+
+
+def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(a) Largest |λ| of φ(Δ_ol) with the true and with an exact model; points: growth measured under the clock."""
     eigenvalues.draw_modulus(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> None:
+def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
     """(b) Eigenvalues of φ about the unit circle as Δ_ol grows; ``scale`` adds the colour scale right of the axes."""
     case = _case(results)
     eigenvalues.draw_locus(axes, case)
     if scale:
         eigenvalues.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> None:
+def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """(c) One output, by number or name, under intermittent and continuous control against time; dotted: events."""
     case = _case(results)
     time.draw_output(axes, case, _output(case, output))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def phase(axes: Axes, *results: Result, legend: bool = True) -> None:
+def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(d) Velocity against position of every output, latter part, over the predicted orbit; circles: at events."""
     draw_phase(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def intervals(axes: Axes, *results: Result, legend: bool = True) -> None:
+def intervals(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(e) Open-loop interval that ends at each event against time; dotted: Δ_crit."""
     time.draw_intervals(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> None:
+def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), upper part: the critical mode χ_k1 over the last intervals; dotted: events and ±γ."""
     modes.draw_critical(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def other_modes(axes: Axes, *results: Result, legend: bool = True) -> None:
+def other_modes(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), lower part: the norm of the other modes over the last intervals, which vanishes at events of a cycle."""
     modes.draw_others(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def state_norm(axes: Axes, *results: Result, legend: bool = True) -> None:
+def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """The norm of x̄ on a logarithmic scale; what (f) shows where there is no Δ_crit, hence no χ."""
     modes.draw_norm(axes, _case(results))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> None:
+def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the least interval."""
     noise.draw_histogram(axes, _under_noise(_case(results)))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> None:
+def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
     case = _under_noise(_case(results))
     noise.draw_spectrum(axes, case, _output(case, output))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> None:
+def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Departures from the linear prediction against the threshold, with the fitted slopes."""
     case = _case(results)
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
         raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
     law.draw_law(axes, found.law, threshold_unit(found))
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> None:
+def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> Axes:
     """(g) The command and what acts on an input where they differ, by number or name; the first such by default."""
     case = _case(results)
     there, names = ground.acting_inputs(case), case.first.actual.inputs
@@ -119,10 +166,10 @@ def acting(axes: Axes, *results: Result, input: int | str | None = None, legend:
     if wanted not in there:
         raise ReportError(f"case {case.name!r}: nothing but the command acts on {names[wanted]!r}")
     ground.draw_acting(axes, case, wanted)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> None:
+def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> Axes:
     """(h) The centre of pressure along ``x`` or ``y`` against time, of a body that stands on a floor."""
     case = _case(results)
     there = ground.pressed_axes(case)
@@ -130,45 +177,47 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
         why = f"no axis {axis!r}; expected x or y" if there else "nothing stands on a floor"
         raise ReportError(f"case {case.name!r}: {why}")
     ground.draw_pressure(axes, case, axis or there[0])
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> None:
+def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> Axes:
     """Of a sweep over ``x`` and ``y``: relative error of the theory's interval, contours at 0.1, 1 and 10 %."""
     draw_validity(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()
+    return axes
 
 
-def critical_interval(axes: Axes, swept: Swept, x: str, *, legend: bool = True) -> None:
+def critical_interval(axes: Axes, swept: Swept, x: str, *, legend: bool = True) -> Axes:
     """Of a sweep over ``x``: Δ_crit, and the intervals of the cycles that were measured."""
     draw_curve(axes, swept, x)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> None:
+def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> Axes:
     """Of a sweep over two initial states: the motion that each start leads to."""
     draw_basins(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()
+    return axes
 
 
-def sway_path(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+def sway_path(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """The path of a swaying point with its 95 % prediction ellipse."""
     draw_path(axes, sway)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """Stabilogram diffusion: mean square displacement against time, with the slopes on short and long times."""
     draw_diffusion(axes, sway)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
-def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> None:
+def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """Power spectra of measured sway; dotted: median frequencies."""
     draw_spectra(axes, sway)
-    _legend(axes, legend)
+    return _legend(axes, legend)
 
 
 def _case(results: tuple[Result, ...]) -> CaseRuns:
@@ -197,6 +246,12 @@ def _named(what: str, names: tuple[str, ...], wanted: int | str, case: CaseRuns)
     raise ReportError(f"case {case.name!r}: no {what} {wanted!r}; expected one of {', '.join(names)}, or its number")
 
 
-def _legend(axes: Axes, wanted: bool) -> None:
-    if wanted and axes.get_legend_handles_labels()[0]:
-        axes.legend()
+def _legend(axes: Axes, wanted: bool) -> Axes:
+    """Above the axes, where it hides no data, in as many columns as there is room for."""
+    entries = len(axes.get_legend_handles_labels()[0])
+    for columns in range(min(4, entries), 0, -1) if wanted else ():
+        look: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "frameon": False, "borderaxespad": 0.2}
+        legend = axes.legend(ncols=columns, **look)
+        if legend.get_window_extent().width <= axes.bbox.width:
+            break
+    return axes
