@@ -22,7 +22,8 @@ class Journal(dict[str, Any]):
     def __enter__(self) -> Journal:
         import matplotlib
 
-        context: AbstractContextManager[None] = matplotlib.rc_context(dict(self))
+        settings: Any = dict(self)
+        context: AbstractContextManager[None] = matplotlib.rc_context(settings)
         context.__enter__()
         self._open.append(context)
         return self

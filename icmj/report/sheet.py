@@ -51,8 +51,8 @@ def draw_sheet(case: CaseRuns, settings: Journal, letters: bool) -> Sheet:
     width, height = settings["figure.figsize"][0], style.HEIGHT * style.MM * sum(rows)
     figure = Sheet(figsize=(width, height), layout="constrained", settings=settings)
     with settings:
-        places = figure.subfigures(3, 2, height_ratios=rows, hspace=0.03, wspace=0.02).ravel()
-        for letter, place, draw in zip("abcdef", places, drawn, strict=True):
+        places: Any = figure.subfigures(3, 2, height_ratios=rows, hspace=0.03, wspace=0.02)
+        for letter, place, draw in zip("abcdef", places.ravel(), drawn, strict=True):
             first, *_ = draw(place)
             _head(place, first, f"({letter})" if letters else "")
     return figure
