@@ -35,7 +35,8 @@ class Measure(Shared):
     """Measure sway: RMS, speed, range, prediction ellipse, frequencies, stabilogram diffusion.
 
     From a log, the centre of pressure is measured if the body stands on a floor, else the outputs; from a file (CSV,
-    Parquet, npz), all columns. Two columns with the same unit are also measured as a point in a plane.
+    Parquet, npz, OpenSim's mot and sto), all columns; from C3D, the centre of pressure of its force plates, else its
+    points. Two columns with the same unit are also measured as a point in a plane.
 
     Example: icmj measure sway.csv --columns ap ml --rate 100
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown
@@ -19,6 +20,9 @@ from icmj.simulation.disturbance import acting_on
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
 from icmj.theory.prediction import Prediction
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +116,14 @@ class Result(Shown):
         settings = self.run.simulation.settings()
         series = self.simulation.to_series(rate, self.controller, acting_on(self.actual, settings).edges)
         return replace(series, facts=self._facts | series.facts)
+
+    def to_xarray(self, rate: float | None = None) -> Dataset:
+        """:meth:`to_series` as an ``xarray.Dataset``; see :meth:`icmj.Series.to_xarray`.
+
+        Raises:
+            DataError: if xarray is not installed, or the rate is not usable.
+        """
+        return self.to_series(rate).to_xarray()
 
     def events_to_series(self) -> Series:
         """One row for each event; see :meth:`icmj.Simulation.events_to_series`."""

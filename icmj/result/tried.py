@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from icmj.series.series import Series
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.scene import Scene
 from icmj.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,6 +69,14 @@ class Tried(Shown):
         # what jumps is read again, and answered with a kink, as long after as a tap says
         breaks = np.unique(np.concatenate([edges, *(edges + tap for tap in self.law.realisation.taps)]))
         return self.simulation.to_series(rate, breaks=breaks)
+
+    def to_xarray(self, rate: float | None = None) -> Dataset:
+        """:meth:`to_series` as an ``xarray.Dataset``; see :meth:`icmj.Series.to_xarray`.
+
+        Raises:
+            DataError: if xarray is not installed, or the rate is not usable.
+        """
+        return self.to_series(rate).to_xarray()
 
 
 def to_record(tried: Tried) -> dict[str, Any]:

@@ -1,10 +1,10 @@
-"""Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz."""
+"""Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
@@ -15,8 +15,10 @@ from icmj.base.array import Array
 from icmj.base.npz import each_npz, npz_headers, read_npz
 from icmj.base.text import one_line
 from icmj.errors import DataError
+from icmj.series.c3d import group_for, groups_of
 from icmj.series.csv_shape import HEAD, LONGEST, CsvShape, csv_shape
 from icmj.series.even import step_of
+from icmj.series.opensim import LINES, header_of
 from icmj.series.series import Series, place, see_names_differ
 
 MOST_BYTES = 500_000_000
@@ -34,22 +36,25 @@ _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
 def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | None = None) -> Series:
-    """The time series in a file, as :func:`icmj.write_series` writes it, or as others do.
+    """The time series in a file that :func:`icmj.write_series` or another program has written.
 
     A CSV file may be separated by commas, semicolons, tabs or blanks, the last three also with decimal commas, and may
-    begin with lines that are no table; names come from the line above the first numbers, as ``ankle [rad]`` or
-    ``ankle (rad)``. Columns of text are left out.
+    begin with lines that are not part of the table; names come from the line above the first numbers, as
+    ``ankle [rad]`` or ``ankle (rad)``. Columns of text are left out. Files of OpenSim (``.mot``, ``.sto``) get units
+    from their header and the conventional names of their columns. A C3D file has signals of four kinds: centres of
+    pressure (``plate1.cop.x``) and forces (``plate1.force.z``) of force plates, points (``C7.x``), and analog channels
+    by their labels; by default the first kind that it has is read. Signals that are read together have one rate.
 
-    Only what is asked for is read; how much that is shows before, in headers or the number of lines.
+    Only the requested columns are read; their size is known before, from headers or the number of lines.
 
     Args:
-        path: ``.parquet``, ``.npz``, anything else is taken for CSV.
-        columns: signals to take, in this order; all by default.
+        path: ``.parquet``, ``.npz``, ``.mot``, ``.sto``, ``.c3d``; any other file is read as CSV.
+        columns: names of the signals, in this order; by default all.
         rate: rows per second [Hz], for a file without times.
 
     Raises:
-        DataError: if the file cannot be read, is too large, holds no numbers or no such columns, or its times are
-            missing or do not rise.
+        DataError: if the file cannot be read, is too large, contains no numbers or no such columns, or its times are
+            missing or do not increase; for C3D, if ezc3d is not installed.
     """
     path = Path(path)
     try:
@@ -58,8 +63,7 @@ def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | 
             raise DataError("not a file")
         if size > MOST_BYTES:
             raise DataError(f"{size / 1e6:.0f} MB; expected at most {MOST_BYTES / 1e6:.0f} MB, cut it into parts")
-        reader = {".parquet": _read_parquet, ".npz": _read_npz}.get(path.suffix.lower(), _read_csv)
-        return reader(path, columns, rate)
+        return READERS.get(path.suffix.lower(), _read_csv)(path, columns, rate)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     except (OSError, ValueError) as error:
@@ -136,6 +140,24 @@ class _Choice:
         if self.second is None:
             return Series(np.arange(len(data), dtype=float) * self.step, data, self.names, self.units)
         return Series(data[:, 0] * self.second, data[:, 1:], self.names, self.units)
+
+
+def _read_opensim(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+    with path.open("rb") as file:
+        header = header_of(islice(iter(lambda: file.readline(LONGEST + 1), b""), LINES + 1))
+    series = _read_csv(path, columns, rate)
+    if header.rows is not None and header.rows != len(series):
+        raise DataError(f"{len(series)} rows where its header says {header.rows}; was it cut short?")
+    return replace(series, units=tuple(map(header.unit_of, series.names)))
+
+
+def _read_c3d(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+    group = group_for(groups_of(path), columns)
+    see_names_differ(group.names)
+    if group.values.size > MOST_NUMBERS:
+        raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
+    t = group.start + np.arange(len(group.values)) / group.rate
+    return Series(t, group.values, group.names, group.units)
 
 
 def _read_csv(path: Path, columns: Sequence[str], rate: float | None) -> Series:
@@ -249,3 +271,12 @@ def _read_npz(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     except ValueError as error:
         raise DataError(str(error)) from error
     return choice.series(data)
+
+
+READERS: dict[str, Callable[[Path, Sequence[str], float | None], Series]] = {
+    ".parquet": _read_parquet,
+    ".npz": _read_npz,
+    ".mot": _read_opensim,
+    ".sto": _read_opensim,
+    ".c3d": _read_c3d,
+}

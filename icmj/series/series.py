@@ -15,6 +15,7 @@ from icmj.errors import DataError
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+    from xarray import Dataset
 
 MOST_SHOWN = 40  # signals in a notebook
 
@@ -116,6 +117,24 @@ class Series(Shown):
         frame = pandas.DataFrame(self.values, index=pandas.Index(self.t, name="t"), columns=list(self.names))
         frame.attrs = {"units": dict(zip(("t", *self.names), ("s", *self.units), strict=True)), **self.facts}
         return frame
+
+    def to_xarray(self, along: str = "t") -> Dataset:
+        """As an ``xarray.Dataset`` with the coordinate ``t`` [s] and units.
+
+        Signals of a run become one variable for each kind: ``x`` with the dimensions (t, state), ``y`` (t, output),
+        ``u`` and ``applied`` (t, input), ``x_o`` and ``x_h`` (t, assumed_state); the names are coordinates, and so are
+        the units of each, as ``x_units``. A variable of one unit has it in its attribute ``units``, too. Other signals
+        are variables along t.
+
+        Args:
+            along: name of the dimension of the rows.
+
+        Raises:
+            DataError: if xarray is not installed.
+        """
+        from icmj.series.dataset import dataset
+
+        return dataset(self.t, self.values, self.names, self.units, self.facts, along)
 
     @property
     def headers(self) -> tuple[str, ...]:

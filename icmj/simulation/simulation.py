@@ -28,6 +28,7 @@ from icmj.simulation.pressure import Pressure
 if TYPE_CHECKING:
     from control import TimeResponseData
     from pandas import DataFrame
+    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +234,16 @@ class Simulation(Shown):
             DataError: if pandas is not installed, or the rate is not usable.
         """
         return self.to_series(rate, controller, breaks).to_pandas()
+
+    def to_xarray(
+        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
+    ) -> Dataset:
+        """:meth:`to_series` as an ``xarray.Dataset``; see :meth:`icmj.Series.to_xarray`.
+
+        Raises:
+            DataError: if xarray is not installed, or the rate is not usable.
+        """
+        return self.to_series(rate, controller, breaks).to_xarray()
 
     def to_timeresponse(self) -> TimeResponseData:
         """The recorded rows as ``TimeResponseData`` of python-control, whose ``plot()`` draws them.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import sys
 
 import numpy as np
 import pytest
@@ -110,3 +111,29 @@ def test_without_pandas_one_line_says_so(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", no_pandas)
     with pytest.raises(DataError, match="pandas is not installed; `pip install pandas`"):
         waves().to_pandas()
+
+
+def test_xarray_gets_signals_by_kind_with_names_and_units_as_coordinates():
+    xarray = pytest.importorskip("xarray")
+    values = np.column_stack([np.sin(T), np.cos(T), T, 2 * T, 3 * T])
+    names = ("x.ankle", "x.ankle_rate", "u.ankle", "E", "C7.x")
+    series = Series(T, values, names, ("rad", "rad/s", "N m", "", "mm"), {"case": "mine"})
+    found = series.to_xarray()
+    assert isinstance(found, xarray.Dataset)
+    assert found["x"].dims == ("t", "state")
+    np.testing.assert_array_equal(found["x"].sel(state="ankle_rate"), np.cos(T))
+    assert found["x_units"].sel(state="ankle_rate").item() == "rad/s"
+    assert found["u"].attrs["units"] == "N m"
+    assert "units" not in found["x"].attrs
+    assert found["t"].attrs["units"] == "s"
+    assert found["E"].dims == found["C7.x"].dims == ("t",)
+    assert found["C7.x"].attrs["units"] == "mm"
+    assert found.attrs == {"case": "mine"}
+    assert set(Series(T, values[:, :2], ("t", "state")).to_xarray().data_vars) == {"t_signal", "state_signal"}
+    assert float(found["E"].interp(t=0.5 * (T[0] + T[1]))) == pytest.approx(T[0] + T[1])
+
+
+def test_without_xarray_one_line_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(DataError, match="xarray is not installed; `pip install xarray`"):
+        waves().to_xarray()

@@ -166,3 +166,19 @@ def test_pandas_gets_the_rows_of_a_run():
     frame = result("b0.8").simulation.to_pandas()
     assert frame.loc[0.0, "x.hinge"] == 0.02
     assert frame.attrs["units"]["u.torque"] == ""
+
+
+def test_xarray_gets_the_rows_of_a_run_and_its_events(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    found = result("three-link")
+    rows, events = found.to_xarray(), found.events_to_series().to_xarray(along="event")
+    assert dict(rows.sizes) == {"t": len(found.simulation.t), "state": 6, "output": 3, "input": 3, "assumed_state": 6}
+    np.testing.assert_array_equal(rows["x_o"], found.simulation.x_o)
+    np.testing.assert_array_equal(rows["y"].sel(output="trunk"), found.simulation.y[:, 2])
+    assert rows.attrs["case"] == found.run.case.name
+    assert events["y_max"].dims == ("event", "output")
+    np.testing.assert_array_equal(events["interval"], found.simulation.events.interval)
+    np.testing.assert_array_equal(found.simulation.to_xarray()["u"], found.simulation.u)
+    rows.to_netcdf(tmp_path / "run.nc", engine="scipy")
+    with xarray.open_dataset(tmp_path / "run.nc", engine="scipy") as again:
+        xarray.testing.assert_identical(again.load().sortby("t"), rows)

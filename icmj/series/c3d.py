@@ -1,0 +1,109 @@
+"""C3D files of motion capture and force plates, read by ezc3d in a process of its own.
+
+ezc3d is the maintained reader of this format, with a peer-reviewed description and with the centre of pressure of all
+types of force plates. A damaged file can end the process that reads it, so that this is another one, with limits on
+time and memory; it hands the signals back as arrays.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.text import one_line
+from icmj.errors import DataError
+from icmj.series.series import place
+
+LONGEST = 60.0  # s
+GROUPS = ("centres of pressure", "forces", "points", "analog channels")
+_READER = Path(__file__).parent / "c3d_reader.py"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Signals of one kind, which share a rate.
+
+    Attributes:
+        kind: one of :data:`GROUPS`.
+        names, units: of the signals.
+        rate: rows per second [Hz].
+        start: of the first row [s].
+        values: shape (N, w).
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rate: float
+    start: float
+    values: Array
+
+
+def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
+    """The groups of a C3D file that have signals: centres of pressure and forces of plates, points, analog channels.
+
+    Raises:
+        DataError: if ezc3d is not installed, or the file cannot be read.
+    """
+    if importlib.util.find_spec("ezc3d") is None:
+        raise DataError("ezc3d, which reads C3D, is not installed; `pip install ezc3d`")
+    with tempfile.TemporaryDirectory(prefix="icmj-c3d-") as folder:
+        found = Path(folder, "found.npz")
+        try:
+            done = subprocess.run(
+                [sys.executable, "-I", str(_READER), str(path.absolute()), str(found)],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=longest,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise DataError(f"not a C3D file that can be read (it takes more than {longest:g} s)") from error
+        if done.returncode or not found.exists():
+            said = done.stderr.decode(errors="replace").strip().splitlines()
+            why = one_line(said[-1], 120) if said and done.returncode == 3 else "reading it ended the reader"
+            raise DataError(f"not a C3D file that can be read ({why})")
+        with np.load(found, allow_pickle=False) as data:
+            return tuple(
+                Group(
+                    kind,
+                    tuple(data[f"{i} names"].tolist()),
+                    tuple(data[f"{i} units"].tolist()),
+                    float(data[f"{i} rate"]),
+                    float(data[f"{i} start"]),
+                    data[f"{i} values"],
+                )
+                for i, kind in enumerate(GROUPS)
+                if f"{i} values" in data.files
+            )
+
+
+def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
+    """The signals called so, of which several groups may have some; without names the first group.
+
+    Raises:
+        DataError: if there is no signal or none of a name, or the rows of two are not at the same times.
+    """
+    if not groups:
+        raise DataError("no signals in it")
+    if not columns:
+        return groups[0]
+    known = [name for group in groups for name in group.names]
+    owner = [group for group in groups for _ in group.names]
+    at = [place(known, name) for name in columns]
+    times = {(owner[i].rate, owner[i].start, len(owner[i].values)) for i in at}
+    if len(times) > 1:
+        rates = " and ".join(f"{rate:g}" for rate in sorted({rate for rate, _, _ in times}))
+        raise DataError(f"columns at {rates} Hz, which have no rows in common; ask for those of one rate")
+    values = [owner[i].values[:, owner[i].names.index(known[i])] for i in at]
+    units = tuple(owner[i].units[owner[i].names.index(known[i])] for i in at)
+    first = owner[at[0]]
+    return Group(first.kind, tuple(known[i] for i in at), units, first.rate, first.start, np.column_stack(values))

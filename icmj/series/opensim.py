@@ -1,0 +1,78 @@
+"""The header of OpenSim's .mot and .sto files, and the units that its columns have by OpenSim's conventions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from icmj.base.text import one_line
+from icmj.errors import DataError
+
+LINES = 190  # in which the header must end, so that numbers begin where they are looked for
+# by the end of a column's name: of ground reactions, translations, inverse dynamics, muscles
+_UNITS = (
+    (r"_v[xyz]", "N"),
+    (r"_p[xyz]", "m"),
+    (r"(torque_|_m)[xyz]", "N m"),
+    (r"_t[xyz]", "m"),
+    (r"_moment", "N m"),
+    (r"_force", "N"),
+    (r"/fiber_length", "m"),
+    (r"/activation", ""),
+)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a file says before its table.
+
+    Attributes:
+        coordinates: whether its columns are coordinates of a model.
+        angle: the unit of angles.
+        rows: how many rows it promises; ``None`` where it does not.
+    """
+
+    coordinates: bool
+    angle: str
+    rows: int | None
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a column by its name; "" where no convention gives one."""
+        value = re.sub(r"/value$", "", name)
+        speed = name.endswith("/speed")
+        value = re.sub(r"/speed$", "", value)
+        known = next((unit for end, unit in _UNITS if re.search(f"{end}$", value)), None)
+        if known is None:
+            known = self.angle if self.coordinates or value != name else ""
+        return f"{known}/s" if speed and known else known
+
+
+def header_of(lines: Iterable[bytes]) -> Header:
+    """Read the header, up to the line ``endheader``.
+
+    Raises:
+        DataError: if it does not end, or the table is not one of numbers.
+    """
+    told: dict[str, str] = {}
+    title = ""
+    for number, line in enumerate(lines):
+        words = line.decode(errors="replace").strip()
+        title = title or words.lower()
+        if words.lower().startswith("endheader"):
+            break
+        if number >= LINES:
+            raise DataError("no line 'endheader' where a header of OpenSim would end; expected a .mot or .sto file")
+        key, _, value = words.replace(" ", "=", 1).partition("=") if "=" not in words else words.partition("=")
+        told[key.strip().lower()] = value.strip()
+    else:
+        raise DataError("no line 'endheader'; expected a .mot or .sto file of OpenSim")
+    kind = told.get("datatype", "double").lower()
+    if kind != "double":
+        raise DataError(f"a table of {one_line(kind, 40)}; convert it to numbers, as TimeSeriesTable.flatten does")
+    rows = told.get("nrows", told.get("datarows", ""))
+    return Header(
+        coordinates="coordinates" in title or "kinematics" in title,
+        angle="deg" if told.get("indegrees", "no").lower() == "yes" else "rad",
+        rows=int(rows) if re.fullmatch(r"\d{1,9}", rows) else None,
+    )

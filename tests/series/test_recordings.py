@@ -1,0 +1,163 @@
+"""Recordings of a movement laboratory: OpenSim's tables and C3D, written here by hand and by ezc3d's own writer."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from icmj.errors import DataError
+from icmj.series import c3d
+from icmj.series.reading import read_series
+
+T = np.arange(0, 4, 0.01)
+
+
+def table(title: str, columns: dict[str, np.ndarray], degrees: str = "yes", rows: int | None = None) -> str:
+    """A file as OpenSim writes it."""
+    count = len(T) if rows is None else rows
+    header = f"{title}\nversion=1\nnRows={count}\nnColumns={1 + len(columns)}\ninDegrees={degrees}\n\nendheader\n"
+    lines = ["\t".join(("time", *columns))]
+    lines += ["\t".join(f"{value:16.8f}" for value in row) for row in zip(T, *columns.values(), strict=True)]
+    return header + "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(("degrees", "angle"), [("yes", "deg"), ("no", "rad")])
+def test_coordinates_of_opensim_have_their_units(tmp_path, degrees, angle):
+    columns = {"pelvis_tx": np.sin(T), "ankle_angle_r": np.cos(T), "/jointset/hip/hip_flexion_r/speed": T}
+    (tmp_path / "ik.mot").write_text(table("Coordinates", columns, degrees))
+    series = read_series(tmp_path / "ik.mot")
+    assert series.names == tuple(columns)
+    assert series.units == ("m", angle, f"{angle}/s")
+    np.testing.assert_allclose(series.t, T, atol=1e-8)
+    np.testing.assert_allclose(series["ankle_angle_r"], np.cos(T), atol=1e-8)
+    assert read_series(tmp_path / "ik.mot", columns=["ankle_angle_r"]).units == (angle,)
+
+
+def test_ground_reactions_and_moments_of_opensim_have_their_units(tmp_path):
+    names = [
+        "ground_force_vx",
+        "1_ground_force_px",
+        "ground_torque_y",
+        "hip_r_moment",
+        "pelvis_tx_force",
+        "soleus",
+    ]
+    (tmp_path / "forces.sto").write_text(table("forces", dict.fromkeys(names, np.ones(len(T)))))
+    assert read_series(tmp_path / "forces.sto").units == ("N", "m", "N m", "N m", "N", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (table("Coordinates", {"a": T}, rows=500), "400 rows where its header says 500; was it cut short"),
+        ("time\ta\n" + "0\t1\n1\t2\n", "no line 'endheader'"),
+        ("x\n" * 500, "no line 'endheader'"),
+        ("Marker\nDataType=Vec3\nendheader\ntime\tC7\n0\t1,2,3\n1\t1,2,3\n", "a table of vec3"),
+        ("\nendheader\n", "no rows of numbers"),
+        ("", "no line 'endheader'"),
+    ],
+)
+def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, text, words):
+    (tmp_path / "wrong.sto").write_text(text)
+    with pytest.raises(DataError, match=words) as told:
+        read_series(tmp_path / "wrong.sto")
+    assert "\n" not in str(told.value)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Two points at 100 Hz, and one force plate at 1000 Hz whose x is the laboratory's and whose z points down."""
+    ezc3d = pytest.importorskip("ezc3d")
+    file, rng, N = ezc3d.c3d(), np.random.default_rng(0), 400
+    points = np.ones((4, 2, N))
+    points[:3] = rng.normal(size=(3, 2, N))
+    parameters = file["parameters"]
+    parameters["POINT"]["RATE"]["value"] = [100]
+    parameters["POINT"]["LABELS"]["value"] = ("C7", "LASI")
+    parameters["POINT"]["UNITS"]["value"] = ["mm"]
+    parameters["ANALOG"]["RATE"]["value"] = [1000]
+    parameters["ANALOG"]["LABELS"]["value"] = ("Fx1", "Fy1", "Fz1", "Mx1", "My1", "Mz1")
+    parameters["ANALOG"]["UNITS"]["value"] = ("N", "N", "N", "Nmm", "Nmm", "Nmm")
+    centre = rng.normal(size=(2, 10 * N)) * [[5.0], [3.0]]  # mm, in the plate
+    weight = 700 + rng.normal(size=10 * N)
+    none = np.zeros(10 * N)
+    forces = np.array([none, none, weight, centre[1] * weight, -centre[0] * weight, none])
+    file.add_parameter("FORCE_PLATFORM", "USED", 1)
+    for name, numbers, shape in (("TYPE", [2], [1]), ("ZERO", [1, 0], [2]), ("CHANNEL", range(1, 7), [6, 1])):
+        whole = ezc3d.ezc3d.Parameter(name, "")  # add_parameter makes lists of floats
+        whole.set(ezc3d.ezc3d.VecInt(numbers), shape)
+        file["parameters"].add_parameter("FORCE_PLATFORM", whole)
+    corners = np.array([[300, -200, 0], [-300, -200, 0], [-300, 200, 0], [300, 200, 0]], float)
+    file.add_parameter("FORCE_PLATFORM", "CORNERS", corners.T[:, :, None])
+    file.add_parameter("FORCE_PLATFORM", "ORIGIN", np.zeros((3, 1)))
+    file["data"]["points"], file["data"]["analogs"] = points, forces[None]
+    path = tmp_path_factory.mktemp("c3d") / "standing.c3d"
+    file.write(str(path))
+    return path, points, forces, centre
+
+
+def test_points_and_analog_channels_of_c3d_are_read_with_rates_and_units(recording):
+    path, points, forces, _ = recording
+    series = read_series(path, columns=["C7.x", "LASI.z"])
+    assert series.units == ("mm", "mm")
+    np.testing.assert_allclose(series.values, points[[0, 2], [0, 1]].T, rtol=1e-6)
+    assert np.diff(series.t) == pytest.approx(0.01)
+    series = read_series(path, columns=["Mx1", "Fz1"])
+    assert series.units == ("Nmm", "N")
+    np.testing.assert_allclose(series.values, forces[[3, 2]].T, rtol=1e-6)
+    assert np.diff(series.t) == pytest.approx(0.001)
+    with pytest.raises(DataError, match="columns at 100 and 1000 Hz, which have no rows in common"):
+        read_series(path, columns=["C7.x", "Fz1"])
+    with pytest.raises(DataError, match=r"no column 'C8.x'; expected one of plate1.cop.x"):
+        read_series(path, columns=["C8.x"])
+
+
+def test_the_centre_of_pressure_of_c3d_is_that_of_the_moments(recording, capsys):
+    from icmj.cli.main import main
+
+    path, _, _, centre = recording
+    series = read_series(path)
+    assert series.names == ("plate1.cop.x", "plate1.cop.y")
+    assert series.units == ("mm", "mm")
+    # the plate's y is opposite to the laboratory's
+    np.testing.assert_allclose(series.values, (centre * [[1], [-1]]).T, atol=1e-3)
+    assert main(["measure", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["coordinates"][0]["rms"] == pytest.approx(centre[0].std(), rel=1e-4)
+    assert told["plane"] is not None
+    mixed = read_series(path, columns=["cop.x", "force.z", "Fz1"])
+    assert mixed.names == ("plate1.cop.x", "plate1.force.z", "Fz1")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_damaged_c3d_is_read_or_refused_in_one_line(recording, tmp_path, seed):
+    raw, rng = bytearray(recording[0].read_bytes()), np.random.default_rng(seed)
+    for at in rng.integers(0, 2500, 20):
+        raw[at] = rng.integers(256)
+    (tmp_path / "damaged.c3d").write_bytes(raw[: rng.integers(len(raw))])
+    told = ""
+    try:
+        read_series(tmp_path / "damaged.c3d")
+    except DataError as error:
+        told = str(error)
+    assert "\n" not in told
+
+
+def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monkeypatch):
+    program = tmp_path / "reader.py"
+    monkeypatch.setattr(c3d, "_READER", program)
+    program.write_text("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    with pytest.raises(DataError, match="reading it ended the reader"):
+        read_series(recording[0])
+    program.write_text("import time; time.sleep(30)")
+    with pytest.raises(DataError, match=r"takes more than 0.2 s"):
+        c3d.groups_of(recording[0], longest=0.2)
+
+
+def test_without_ezc3d_one_line_says_so(tmp_path, monkeypatch):
+    (tmp_path / "a.c3d").write_bytes(b"\0")
+    monkeypatch.setattr(c3d.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(DataError, match="ezc3d, which reads C3D, is not installed; `pip install ezc3d`"):
+        read_series(tmp_path / "a.c3d")
