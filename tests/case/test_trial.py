@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from terminal_cases import told
 
 from icmj.case.case import prepare
 from icmj.case.trial import prepare_trial, simulate_trial
@@ -147,7 +148,7 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize("command", ["analyse", "cycle"])
 def test_what_makes_no_sense_is_one_line(run_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, str(run_path)]) == 2
-    said = capsys.readouterr().err.strip().splitlines()
+    said = told(capsys.readouterr().err)
     assert len(said) == 1
     assert "the controller is of kind 'switching', which has no event rule and no critical interval" in said[0]
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from report_cases import result
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.log import write_log
@@ -133,6 +134,6 @@ def test_bad_input_is_one_line_status_2_and_no_file(log, arguments, words, tmp_p
     before = sorted(tmp_path.iterdir())
     assert main([str(log) if word == "LOG" else word for word in arguments]) == 2
     _, err = capfd.readouterr()
-    assert len(err.strip().splitlines()) == 1, err
+    assert len(told(err)) == 1, err
     assert words in err
     assert sorted(tmp_path.iterdir()) == before

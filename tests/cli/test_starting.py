@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.runfile.reading import load_run
@@ -94,7 +95,7 @@ def test_what_is_not_there_is_one_line_and_no_file(words, said, capsys, elsewher
     assert main(["new", *words]) == 2
     err = capsys.readouterr().err
     assert said in err
-    assert len(err.strip().splitlines()) == 1
+    assert len(told(err)) == 1
     assert [path.name for path in elsewhere.iterdir()] == ["bad.xml"]
 
 

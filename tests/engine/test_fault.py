@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from engine_cases import MODELS, controller, plant
 from model_cases import CROWDED
+from terminal_cases import told
 
 from icmj.controller.trigger import Continuous
 from icmj.engine.fault import EngineFault, guarded
@@ -156,7 +157,7 @@ def test_a_model_that_attaches_itself_ends_no_more_than_its_rehearsal(
         [sys.executable, "-m", "icmj.cli", *words], capture_output=True, text=True, cwd=tmp_path, check=False
     )
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
+    (line,) = told(done.stderr)
     assert f"{way}.xml: MuJoCo's compiler breaks down on this model" in line
     assert "neither attaches nor includes itself" in line
     assert {path.name for path in tmp_path.iterdir()} == {

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import GONE_WITHIN, check_folder, short_run, start
+from terminal_cases import told
 
 from icmj.cli.main import main
 
@@ -37,7 +38,7 @@ def refused(*arguments: str | Path) -> str:
 
 
 def the_line(err: str) -> str:
-    (line,) = [line for line in err.splitlines() if " after " not in line]
+    (line,) = told(err)
     assert line.startswith("icmj: ")
     return line
 

@@ -14,6 +14,7 @@ import psutil
 import pytest
 from fault_cases import short_run
 from sweep_cases import GRID, sweep_file
+from terminal_cases import told
 
 from icmj.cli.main import main
 
@@ -84,5 +85,5 @@ def test_little_room_is_used_or_told(room: float, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t,a\n" + "".join(f"{i},{i % 7}\n" for i in range(40)))
     for command in (["run", "simple-0.8", "--out", tmp_path / "out"], ["measure", tmp_path / "a.csv"]):
         done = limited(int(room * 2**30), *command)
-        lines = [line for line in done.stderr.splitlines() if " after " not in line]
+        lines = told(done.stderr)
         assert (done.returncode, len(lines)) in ((0, 0), (2, 1)), done.stderr

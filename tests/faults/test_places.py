@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import short_run
+from terminal_cases import told
 
 from icmj.cli.main import main
 
@@ -103,7 +104,7 @@ def test_nothing_but_a_file_is_replaced(
         before = {path.relative_to(here): path.lstat().st_ino for path in here.rglob("*")}
         assert main([word.format(run=run, log=log) for word in words]) == 2
         said = capfd.readouterr()
-        (line,) = [line for line in said.err.splitlines() if " after " not in line]
+        (line,) = told(said.err)
         assert said.out == ""
         assert target.name in line
         assert f"a {kind.split()[-1]} is there" in line or "exists already" in line

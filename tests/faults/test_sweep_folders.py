@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from sweep_cases import GRID, sweep_file
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
@@ -242,7 +243,7 @@ def test_the_commands_say_it_in_one_line(
     cut(one(folder), 0.5)
     for command in (["sweep", sweep, "--out", folder, "--jobs", "1"], ["report", folder, "--out", tmp_path / "a.html"]):
         assert main([str(word) for word in command]) == 2
-        err = [line for line in capfd.readouterr().err.splitlines() if " after " not in line]
+        err = told(capfd.readouterr().err)
         assert "00000001.parquet: not a chunk of this sweep" in err[-1]
         assert err[-1].endswith("remove it, and it is computed again")
     one(folder).unlink()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from terminal_cases import told
 
 import icmj
 from icmj.cli.main import main
@@ -139,4 +140,4 @@ def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path: Path, capsys
     assert main(["identify", str(times)]) == 2
     assert "--run must say" in capsys.readouterr().err
     assert main(["identify", str(tmp_path / "none.csv"), *known]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    assert len(told(capsys.readouterr().err)) == 1

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.errors import ModelError, RunFileError
@@ -86,4 +87,4 @@ def test_commands_take_names_of_models(capsys):
     assert main(["linearise", "pendulum", "--keyframe", "upright", "--json"]) == 0
     assert '"hinge_rate"' in capsys.readouterr().out
     assert main(["linearise", "pendulm"]) == 2
-    assert capsys.readouterr().err.strip() == "icmj: pendulm: no such model file; did you mean pendulum?"
+    assert told(capsys.readouterr().err) == ["icmj: pendulm: no such model file; did you mean pendulum?"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from sweep_cases import GRID, PENDULUM, sweep_file
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.errors import IcmjError
@@ -52,7 +53,7 @@ def test_on_the_command_line_it_is_one_line_and_nothing_is_written(
 ) -> None:
     file = sweep_file(tmp_path, GRID.format(count=1))
     assert main(["sweep", str(file), "--out", str(tmp_path / "out")]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+    assert len(told(capsys.readouterr().err)) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["sweep.toml"]
     good = sweep_file(tmp_path, GRID.format(count=3))
     assert main(["sweep", str(good), "--jobs", "0"]) == 2

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fault_cases import SHORT
+from terminal_cases import told
 
 from icmj.case.case import Case, prepare, simulate
 from icmj.cli.main import main
@@ -126,7 +127,7 @@ def test_the_command_line_asks_for_yes(
     (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))
     for command in ("run", "study"):
         assert main([command, "slow.toml", "--out", "out"]) == 2
-        (line,) = [line for line in capsys.readouterr().err.splitlines() if " after " not in line]
+        (line,) = told(capsys.readouterr().err)
         assert "slow (mujoco) would take about" in line
         assert "(4e+10 steps of 1e-09 s)" in line
         assert "--yes" in line

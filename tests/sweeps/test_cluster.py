@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from fault_cases import start
 from sweep_cases import GRID, contents, sweep_file
+from terminal_cases import told
 
 from icmj.errors import SweepError
 from icmj.sweeps.chunk import compute
@@ -89,7 +90,7 @@ def test_a_scheduler_killed_midway_is_one_line(
         time.sleep(0.05)
     scheduler.kill()
     _, err = process.communicate(timeout=90)
-    lines = [line for line in err.splitlines() if " after " not in line]
+    lines = told(err)
     assert process.returncode == 2
     assert lines[-1] == "icmj: the scheduler of the cluster is gone; what is finished is kept"
     assert len(lines) == 2

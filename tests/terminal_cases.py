@@ -1,0 +1,12 @@
+"""What commands say, as tests read it."""
+
+from __future__ import annotations
+
+import re
+
+_SIGN = re.compile(r"^icmj: ([^;]* after \d+ s|about .* of work)$")
+
+
+def told(err: str) -> list[str]:
+    """The lines of an error stream, without signs of life, of which a busy machine has some and an idle one none."""
+    return [line for line in err.splitlines() if not _SIGN.search(line)]
