@@ -62,7 +62,8 @@ class Batch(Shown):
     def case(self, index: int) -> Case:
         """The case of one of these runs, which can be simulated again with its complete record."""
         varied = {key: values[index].item() for key, values in self.varied.items()}
-        return _reseeded(prepare(self.file.with_(**varied) if varied else self.file), int(self.seeds[index]))
+        case = prepare(self.file.with_(**varied) if varied else self.file)
+        return replace(case, settings=reseeded(case.settings, int(self.seeds[index])))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -171,7 +172,8 @@ def _some(
     """Some of the runs, one after the other."""
     told, base = _Told([], {}), like or _PREPARED.get(run)
     for index, seed in enumerate(seeds):
-        case = _reseeded(_varied(base, {key: values[index].item() for key, values in varied.items()}), int(seed))
+        case = _varied(base, {key: values[index].item() for key, values in varied.items()})
+        case = replace(case, settings=reseeded(case.settings, int(seed)))
         if callable(keep) or plant != "linear":
             found = simulate(case, plant)
         else:  # without the centre of pressure, which nobody asks for
@@ -213,16 +215,15 @@ def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
     return prepare(run, like=case)
 
 
-def _reseeded(case: Case, seed: int) -> Case:
-    """The case under noise of another seed: each noise's own, and this one, make it together."""
-    settings = case.settings
+def reseeded(settings: Settings, seed: int) -> Settings:
+    """The same under noise of another seed: each noise's own, and this one, make it together."""
     sources = tuple(
         replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
         if isinstance(of, Noise | Gaussian)
         else of
         for of in settings.disturbance
     )
-    return replace(case, settings=replace(settings, disturbance=sources))
+    return replace(settings, disturbance=sources)
 
 
 def _grid(settings: Settings) -> Array:

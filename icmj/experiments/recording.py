@@ -1,0 +1,60 @@
+"""What an experiment analyses, simulated or of people, and what every analysis tells of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import DataError
+from icmj.series.series import Series
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One trial.
+
+    Attributes:
+        series: its signals, evenly sampled.
+        events: times of the events of its controller [s], shape (K,); empty where it has none, or of people.
+        outcome: how a simulated run ended, ``completed`` or otherwise; "" of people.
+    """
+
+    series: Series
+    events: Array = field(default_factory=lambda: np.zeros(0))
+    outcome: str = ""
+
+
+class Finding(Protocol):
+    """What an analysis found.
+
+    Attributes:
+        numbers: by name, with the unit in brackets; NaN where there is none.
+        curves: columns of one length by name, likewise.
+        words: one sentence.
+    """
+
+    @property
+    def numbers(self) -> Mapping[str, float]: ...
+
+    @property
+    def curves(self) -> Mapping[str, Array]: ...
+
+    @property
+    def words(self) -> str: ...
+
+
+def completed(recordings: Sequence[Recording]) -> list[Recording]:
+    """Those that did not end before their time.
+
+    Raises:
+        DataError: if there are none.
+    """
+    kept = [one for one in recordings if one.outcome in ("", "completed")]
+    if not kept:
+        ends = ", ".join(sorted({one.outcome for one in recordings}))
+        raise DataError(f"no trial to analyse: all {len(recordings)} {ends or 'are missing'}")
+    return kept
