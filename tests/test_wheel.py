@@ -70,8 +70,10 @@ def test_nothing_is_missing_and_nothing_too_much(built):
     tracked = {name for name in listed.stdout.splitlines() if not name.startswith((".ci/", ".git"))}
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps")} <= held
-    data = {f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/", "sweeps/"))}
+    assert tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps", "experiments")} <= held
+    data = {
+        f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/", "sweeps/", "experiments/"))
+    }
     assert data <= held
     wheel = {name for name in zipfile.ZipFile(built[1]).namelist() if ".dist-info/" not in name}
     assert wheel == {name for name in held if name.startswith("icmj/") and (ROOT / name).is_file()}

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from icmj.cli.experiment_arguments import Experiment
 from icmj.cli.overrides import Overrides, Shared
 from icmj.cli.series_arguments import Export, Measure
 from icmj.cli.starting_arguments import Linearise, New, Person, Schema
@@ -157,6 +158,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Study, tyro.conf.subcommand("study")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Export, tyro.conf.subcommand("export")]
@@ -167,7 +169,7 @@ Command = (
 GROUPS = {
     "Begin": ("new", "person", "linearise", "schema"),
     "Predict": ("analyse", "cycle", "continue"),
-    "Simulate": ("run", "study", "sweep"),
+    "Simulate": ("run", "study", "sweep", "experiment"),
     "Use the logs": ("report", "replay", "export", "measure", "identify"),
 }
 

@@ -12,7 +12,7 @@ from icmj.base.files import replaceable, write_text
 from icmj.base.imports import meanwhile
 from icmj.base.plain import plain
 from icmj.base.signals import heard_once
-from icmj.cli import arguments, series_commands, starting, starting_arguments
+from icmj.cli import arguments, experimenting, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
 from icmj.cli.records import plain_runs
 from icmj.cli.tables import Column, show_table
@@ -47,6 +47,7 @@ execute.register(starting.new)
 execute.register(starting.schema)
 execute.register(series_commands.export)
 execute.register(series_commands.measure)
+execute.register(experimenting.experiment)
 
 
 @execute.register

@@ -107,8 +107,6 @@ def render(
     tried: Sequence[Tried] = (),
 ) -> str:
     """The page's HTML; the figures of the cases are in ``folder``, those of sweeps and branches are drawn into it."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     panels, laws, noisy = _pictures(cases, folder)
     motions, of_case, of_trial = _motions(cases, tried)
     before = len(cases) + len(noisy) + len(laws)
@@ -130,6 +128,21 @@ def render(
             sections.designs(cases),
             sections.settings(cases),
         ]
+    alone = bool(tried) and not (cases or sweeps or branches)
+    return filled(
+        [part for part in parts if part is not None],
+        title=TRIED if alone else TITLE,
+        subtitle=MOVED if alone else SUBTITLE,
+        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
+        first=_first(cases, tried, folder, of_case | of_trial, motions) if cases or tried else None,
+        motions=script(motions) if motions else "",
+    )
+
+
+def filled(parts: Sequence[Section], **said: Any) -> str:
+    """The page's HTML from its sections, and what is said above them: ``title``, ``subtitle``, ``abstract`` …"""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader("icmj.report", "templates"),
         autoescape=True,
@@ -141,15 +154,8 @@ def render(
     environment.filters["notation"] = notation
     environment.globals["symbols"] = SYMBOLS
     environment.globals["next_table"] = count(1).__next__
-    alone = bool(tried) and not (cases or sweeps or branches)
     return environment.get_template("page.html.j2").render(
-        title=TRIED if alone else TITLE,
-        subtitle=MOVED if alone else SUBTITLE,
-        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
-        sections=[part for part in parts if part is not None],
-        first=_first(cases, tried, folder, of_case | of_trial, motions) if cases or tried else None,
-        motions=script(motions) if motions else "",
-        version=VERSION,
+        sections=parts, version=VERSION, **{"kicker": "Comparison report", "first": None, "motions": "", **said}
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel
 
 from icmj.base.version import VERSION
+from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 
@@ -18,10 +19,11 @@ SCHEMA_VERSION = 1
 KINDS: dict[str, tuple[type[BaseModel], str]] = {
     "run": (RunFile, "icmj run file"),
     "sweep": (SweepFile, "icmj sweep file"),
+    "experiment": (ExperimentFile, "icmj experiment file"),
 }
 
 
-def json_schema(kind: Literal["run", "sweep"]) -> dict[str, Any]:
+def json_schema(kind: Literal["run", "sweep", "experiment"]) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a kind of file: every table and key with its meaning, bounds and default.
 
     What only the whole file shows, such as whether a joint has that name, is checked when the file is read.

@@ -57,7 +57,8 @@ class Shelf:
         return f"; shipped {kind}: {', '.join(self.files)}" if len(path.parts) == 1 and not path.suffix else ""
 
 
-RUNS, MODELS, SWEEPS = Shelf("runs", ".toml"), Shelf("models", ".xml"), Shelf("sweeps", ".toml")
+RUNS, MODELS = Shelf("runs", ".toml"), Shelf("models", ".xml")
+SWEEPS, EXPERIMENTS = Shelf("sweeps", ".toml"), Shelf("experiments", ".toml")
 
 
 def model_file(path: Path) -> Path:

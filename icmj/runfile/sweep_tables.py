@@ -161,7 +161,7 @@ class SweepFile(TomlTable):
             beside = path.parent / made.sweep.run
             base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)))
         try:
-            made._base = base.with_(**dict(_leaves(made.set))) if made.set else base
+            made._base = base.with_(**dict(leaves(made.set))) if made.set else base
         except RunFileError as error:
             raise RunFileError(f"{path}: set: {error}") from error
         return made
@@ -202,11 +202,11 @@ class SweepFile(TomlTable):
         return self._base
 
 
-def _leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and values of a table of tables."""
     for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _leaves(value, f"{at}{key}.")
+            yield from leaves(value, f"{at}{key}.")
         else:
             yield f"{at}{key}", value
 

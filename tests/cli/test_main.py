@@ -17,7 +17,7 @@ from icmj.simulation.disturbance import disturbance_of
 
 COMMANDS = (
     "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
-    "continue", "new", "identify",
+    "continue", "new", "identify", "experiment",
 )  # fmt: skip
 
 

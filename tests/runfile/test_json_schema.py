@@ -67,4 +67,4 @@ def test_the_command_prints_and_writes_it_with_its_version(tmp_path, capsys):
     assert main(["schema", "sweep", "--out", str(file)]) == 0
     assert json.loads(file.read_text(encoding="utf-8"))["title"] == "icmj sweep file"
     assert main(["schema", "swep"]) == 2
-    assert "expected run or sweep, got 'swep'" in capsys.readouterr().err
+    assert "expected experiment or run or sweep, got 'swep'" in capsys.readouterr().err

@@ -1,0 +1,159 @@
+"""The experiment file: cases, a stimulus, repetitions, and an analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from icmj.base.text import one_line
+from icmj.errors import RunFileError
+from icmj.runfile.messages import in_words
+from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.schema import RunFile
+from icmj.runfile.shipped import EXPERIMENTS, RUNS
+from icmj.runfile.stimulus_tables import IntersectionPointTable
+from icmj.runfile.sweep_tables import leaves
+from icmj.runfile.table import Interval, Line, TomlTable
+
+MOST_TRIALS = 100_000
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+
+
+class ExperimentTable(TomlTable):
+    """Name of the experiment, plants and repetitions."""
+
+    name: _Name
+    """Name of the experiment and of its folder."""
+    title: Line = ""
+    """Title in tables and figures (default: the name)."""
+    plants: Annotated[list[Literal["linear", "mujoco"]], Field(min_length=1, max_length=2)] = ["linear", "mujoco"]
+    """Plants on which each case is simulated. Those given by matrices have the linear one only."""
+    repetitions: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 1
+    """Number of trials of each case on each plant."""
+    seed: Annotated[int, Field(ge=0, le=2**62)] = 0
+    """Seed of the first trial; the next ones have the following numbers. It changes the seeds of noise and stimulus."""
+
+
+class CaseTable(TomlTable):
+    """One case: a run file, with values replaced, and what decides when its controller takes up feedback."""
+
+    run: str
+    """Run file, relative to the experiment file, or the name of a shipped case."""
+    name: _Name | None = None
+    """Name of the case in results (default: that of the run file)."""
+    title: Line = ""
+    """Title in tables and figures (default: the name, or the title of the run file)."""
+    control: Literal["own", "continuous", "clock"] = "own"
+    """Which controller: the run file's own, the continuous one of the same design (with a delay a clock of a twentieth
+    of it), or a clock instead of the event rule."""
+    interval: Interval | None = None
+    """Interval of the clock [s]."""
+    set: dict[str, Any] = {}
+    """Values of the run file that are replaced, such as ``set.controller.q_t = 0.01``."""
+
+    @model_validator(mode="after")
+    def _a_clock_has_an_interval(self) -> CaseTable:
+        if (self.control == "clock") != (self.interval is not None):
+            raise ValueError('interval is that of control = "clock", which needs it')
+        return self
+
+
+class ExperimentFile(TomlTable):
+    """A validated experiment file. One of the tables of a kind says what is done, and how it is analysed."""
+
+    experiment: ExperimentTable
+    """Name, plants and repetitions."""
+    case: Annotated[list[CaseTable], Field(min_length=1, max_length=50)]
+    """Cases that are compared."""
+    intersection_point: IntersectionPointTable | None = None
+    """Intersection point of ground reaction forces."""
+
+    _text: str = PrivateAttr(default="")
+    _path: Path = PrivateAttr(default=Path("experiment.toml"))
+    _runs: tuple[RunFile, ...] = PrivateAttr(default=())
+
+    @classmethod
+    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "") -> ExperimentFile:
+        """An experiment file of plain data; run files lie beside ``path``, or are shipped ones.
+
+        Raises:
+            RunFileError: one line that names the file, the key, and what was expected.
+        """
+        try:
+            made = cls.model_validate(data)
+        except ValidationError as error:
+            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
+        made._path, made._text = path, text
+        made._runs = tuple(_run_of(case, i, path) for i, case in enumerate(made.case))
+        twice = sorted({name for name in made.names if made.names.count(name) > 1})
+        if twice:
+            raise RunFileError(f"{path}: two cases are called {twice[0]!r}; give one a name")
+        return made
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> ExperimentFile:
+        given = [name for name in KINDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            said = " and ".join(f"[{name}]" for name in given) or "none"
+            raise ValueError(f"expected one table of {', '.join(f'[{name}]' for name in KINDS)}, got {said}")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which experiment it is: the name of its table."""
+        return next(name for name in KINDS if getattr(self, name) is not None)
+
+    @property
+    def settings(self) -> Any:
+        """The table of its kind."""
+        return getattr(self, self.kind)
+
+    @property
+    def runs(self) -> tuple[RunFile, ...]:
+        """The run file of each case, with what it replaces."""
+        return self._runs
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the cases."""
+        return tuple(case.name or run.case.name for case, run in zip(self.case, self._runs, strict=True))
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Of the cases."""
+        return tuple(case.title or case.name or run.case.title for case, run in zip(self.case, self._runs, strict=True))
+
+    @property
+    def text(self) -> str:
+        """The TOML text as read."""
+        return self._text
+
+    @property
+    def path(self) -> Path:
+        """Where it was read from."""
+        return self._path
+
+
+KINDS = tuple(name for name in ExperimentFile.model_fields if name not in ("experiment", "case"))
+
+
+def load_experiment(path: Path | str) -> ExperimentFile:
+    """Read and validate an experiment file and the run files that it names; the name of a shipped one stands for it.
+
+    Raises:
+        RunFileError: one line that names the file, the line or key, and what was expected.
+    """
+    path, text = read_text(Path(path), EXPERIMENTS)
+    return ExperimentFile.validated(parse_toml(text, path), path, text)
+
+
+def _run_of(case: CaseTable, place: int, path: Path) -> RunFile:
+    beside = path.parent / case.run
+    run = load_run(beside if beside.is_file() else RUNS.meant(Path(case.run)))
+    try:
+        return run.with_(**dict(leaves(case.set))) if case.set else run
+    except RunFileError as error:
+        raise RunFileError(f"{path}: case[{place}].set: {error}") from error

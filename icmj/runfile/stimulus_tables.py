@@ -1,0 +1,106 @@
+"""The tables of each kind of experiment: its stimulus, and the settings of its analysis."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from icmj.runfile.table import MOST, Line, NonNegative, Positive, Positives, TomlTable
+
+_Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]
+_Text = Annotated[Line, Field(min_length=1)]
+
+
+class IntersectionPointTable(TomlTable):
+    """Intersection point of ground reaction forces: windows, and what is told.
+
+    The noise of the run file is what moves the body.
+    """
+
+    duration: Positive = 60.0
+    """Of the part of a trial that is analysed [s]."""
+    settle: NonNegative = 10.0
+    """What is left out before it [s]."""
+    rate: _Rate = 100.0
+    """Of the samples [Hz]."""
+    window: Positive = 5.12
+    """Length of a window [s]; windows overlap by half."""
+    low: Positive = 0.4
+    """Lowest frequency [Hz]."""
+    high: Positive = 8.0
+    """Highest frequency [Hz]."""
+    axis: Literal["x", "y"] = "x"
+    """Direction in the world: forwards or sideways."""
+    height: Positive | None = None
+    """Height of the centre of mass above the ground [m] (default: that of the model; needed for ratios of a recording).
+    """
+    angle: _Text = "force_angle"
+    """Of a recording: column of the angle −F_x / F_z [rad, deg]; where there is none it is made of"""
+    force: tuple[_Text, _Text] = ("force.x", "force.z")
+    """the columns of horizontal and vertical force."""
+    cop: _Text = "cop.x"
+    """Of a recording: column of the centre of pressure [m, cm, mm]."""
+
+
+class QuietStandingTable(TomlTable):
+    """Quiet standing: how long, and what is measured."""
+
+    duration: Positive = 60.0
+    """Of the part of a trial that is analysed [s]."""
+    settle: NonNegative = 10.0
+    """What is left out before it [s]."""
+    rate: _Rate = 100.0
+    """Of the samples [Hz]."""
+    low_pass: Positive | None = 10.0
+    """Corner of the filter before all measures [Hz]."""
+    columns: Annotated[list[_Text], Field(max_length=2)] = []
+    """Signals that are measured (default: the centre of pressure, forwards; without a model, the outputs)."""
+
+
+class MultisineTable(TomlTable):
+    """A sum of sinusoids of chosen lines, with phases from the seed, as disturbance or as set-point.
+
+    Lines are whole multiples of 1 / period, so that the record is periodic.
+    """
+
+    input: _Text | None = None
+    """Input that is disturbed, beside its command; or"""
+    setpoint: _Text | None = None
+    """output, or state, of the assumed plant whose set-point moves."""
+    amplitude: Positive
+    """Of each line [unit of the input or output]."""
+    period: Positive = 10.0
+    """Of the stimulus [s]."""
+    lines: Annotated[Positives, Field(max_length=MOST)]
+    """Frequencies [Hz], each a whole multiple of 1 / period."""
+    periods: Annotated[int, Field(ge=2, le=10_000)] = 10
+    """Number of periods that are analysed."""
+    settle: Annotated[int, Field(ge=0, le=10_000)] = 2
+    """Number of periods before them, in which transients die out."""
+    rate: _Rate = 100.0
+    """Of the samples [Hz]; a period has a whole number of them."""
+    response: _Text | None = None
+    """Signal whose response is told, such as u.ankle_torque (default: the first command)."""
+    stimulus: _Text = "stimulus"
+    """Of a recording: column of the stimulus."""
+
+    @model_validator(mode="after")
+    def _is_periodic(self) -> MultisineTable:
+        if (self.input is None) == (self.setpoint is None):
+            raise ValueError("give one of input and setpoint")
+        cycles = [line * self.period for line in self.lines]
+        wrong = [line for line, turns in zip(self.lines, cycles, strict=True) if abs(turns - round(turns)) > 1e-6]
+        wrong += [line for line, turns in zip(self.lines, cycles, strict=True) if round(turns) < 1]
+        if wrong:
+            raise ValueError(
+                f"lines: {wrong[0]:g} Hz is no whole multiple of 1 / period, {1 / self.period:g} Hz; the record would "
+                "not be periodic"
+            )
+        if len({round(turns) for turns in cycles}) < len(cycles):
+            raise ValueError("lines: one stands there twice")
+        if abs(self.rate * self.period - round(self.rate * self.period)) > 1e-6:
+            raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
+        if max(self.lines) >= self.rate / 2:
+            raise ValueError(f"lines: {max(self.lines):g} Hz is not below half the rate, {self.rate / 2:g} Hz")
+        return self

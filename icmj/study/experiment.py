@@ -1,0 +1,249 @@
+"""The experiment: trials of each case on each plant, side by side in several processes, kept, analysed and drawn.
+
+    OUT/experiment.json   what it is of: texts, fingerprint, versions, provenance
+    OUT/trials/           the signals of each trial, and its events, as Parquet: what stands there is done
+    OUT/results.parquet   the curves that were found, by case and plant
+    OUT/summary.json      the numbers
+    OUT/figure.png, .svg, report.html
+
+What an experiment is, its kind says (:mod:`icmj.study.kind`). The trials of a folder are recordings like anybody's:
+``icmj experiment FILE --recording OUT/trials/…`` analyses them again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from icmj.base.environment import single_threaded
+from icmj.case.case import Case, PlantKind, check_names, prepare, simulate
+from icmj.case.trial import Trial, prepare_trial, simulate_trial
+from icmj.controller.controller import continuous_limit
+from icmj.controller.trigger import ClockTrigger, Trigger
+from icmj.errors import DataError, IcmjError, RunFileError
+from icmj.experiments.many import reseeded
+from icmj.experiments.recording import Recording
+from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
+from icmj.runfile.schema import RunFile
+from icmj.series.reading import read_series
+from icmj.study.experiment_page import write_results
+from icmj.study.kind import Experiment, Kind, Told
+from icmj.study.kinds import kind_of
+from icmj.study.trials import Folder, no_folder, opened
+from icmj.work.workers import Task, Workers
+
+Tell = Callable[[str, float], None]
+
+
+def run_experiment(
+    file: ExperimentFile | Path | str,
+    out: Path | str | None = None,
+    *,
+    jobs: int | None = None,
+    progress: Tell | None = None,
+) -> Experiment:
+    """Carry out an experiment, or what is left of it, and analyse it.
+
+    Args:
+        file: the experiment file, its path, or the name of a shipped one.
+        out: folder that trials, results and figure are written to; where one is that was begun, it goes on. Nothing is
+            kept if ``None``.
+        jobs: processes; as many as there are cores by default.
+        progress: called now and then with what is under way and the fraction done, 0–1.
+
+    Raises:
+        RunFileError: if experiment file or a run file do not validate.
+        StudyError: if the folder holds another experiment, or a process died.
+        IcmjError: what the plants, designs, runs or the analysis refuse.
+    """
+    made = file if isinstance(file, ExperimentFile) else load_experiment(file)
+    kind, conditions = kind_of(made), list(conditions_of(made))
+    cases = {one.case: _prepared(kind, one, made.experiment.seed) for one in conditions}
+    with no_folder() if out is None else opened(Path(out), made) as folder:
+        trials = _trials(made, kind, conditions, folder, jobs, progress)
+        if progress is not None:
+            progress("analysing", 0.97)
+        told = tuple(_told(kind, one, cases[one.case], trials[one]) for one in conditions)
+        experiment = Experiment(made, told)
+        if out is not None:
+            write_results(experiment, kind, folder)
+    return experiment
+
+
+def analyse_recordings(
+    file: ExperimentFile | Path | str,
+    recordings: Sequence[Path | str],
+    out: Path | str | None = None,
+    *,
+    rate: float | None = None,
+) -> Experiment:
+    """Analyse recordings of people, or any, as an experiment file says; nothing is simulated.
+
+    Args:
+        file: the experiment file, its path, or the name of a shipped one; its cases do not matter.
+        recordings: files as :func:`icmj.read_series` takes them; the trials of one person and condition.
+        out: folder that results and figure are written to.
+        rate: of files without times [Hz].
+
+    Raises:
+        RunFileError: if the experiment file does not validate.
+        DataError: if a recording cannot be read, a column or its unit is missing, or the analysis cannot tell.
+    """
+    made = file if isinstance(file, ExperimentFile) else load_experiment(file)
+    kind, trials = kind_of(made), []
+    for path in map(Path, recordings):
+        try:
+            trials.append(Recording(kind.read(read_series(path, rate=rate))))
+        except DataError as error:
+            raise DataError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
+    if not trials:
+        raise DataError("no recording; give one file at least")
+    finding = kind.analysed(trials)
+    name = Path(recordings[0]).stem
+    told = Told(name, name, "recording", finding, len(trials), finding.words)
+    experiment = Experiment(made, (told,))
+    if out is not None:
+        with opened(Path(out), made) as folder:
+            write_results(experiment, kind, folder)
+    return experiment
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One case on one plant.
+
+    Attributes:
+        case, title: its name, and what stands in tables.
+        plant: ``linear`` or ``mujoco``.
+        table: of the experiment file.
+        run: its run file.
+    """
+
+    case: str
+    title: str
+    plant: PlantKind
+    table: CaseTable
+    run: RunFile
+
+    def __hash__(self) -> int:
+        return hash((self.case, self.plant))
+
+    def trigger(self, case: Case) -> Trigger | None:
+        """Instead of the case's own."""
+        if self.table.control == "continuous":
+            return continuous_limit(case.controller)
+        return None if self.table.interval is None else ClockTrigger(self.table.interval)
+
+
+def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
+    """Every case on every plant that it has.
+
+    Raises:
+        RunFileError: if a case has no plant, or another controller where it has no such thing.
+    """
+    for name, title, table, run in zip(file.names, file.titles, file.case, file.runs, strict=True):
+        if run.tries and table.control != "own":
+            raise RunFileError(f"{file.path}: case {name!r}: a controller of kind {run.rival.kind!r} has no events")
+        plants = [plant for plant in file.experiment.plants if plant == "linear" or run.on_engine]
+        if not plants:
+            raise RunFileError(f"{file.path}: case {name!r}: its plant is given by matrices; add the linear plant")
+        for plant in plants:
+            yield Condition(name, title, plant, table, run)
+
+
+def _prepared(kind: Kind, one: Condition, seed: int) -> Case | Trial:
+    """The case of its first trial; errors come before anything is simulated."""
+    run = kind.stimulated(one.run, seed)
+    return prepare_trial(run) if run.tries else prepare(run)
+
+
+def _trials(
+    file: ExperimentFile,
+    kind: Kind,
+    conditions: Sequence[Condition],
+    folder: Folder,
+    jobs: int | None,
+    progress: Tell | None,
+) -> dict[Condition, list[Recording]]:
+    """The trials of every condition, in order: read where they are done, else simulated."""
+    count, first = file.experiment.repetitions, file.experiment.seed
+    every = [(one, i) for one in conditions for i in range(count)]
+    known = {(one, i): found for one, i in every if (found := folder.read(f"{one.case}.{one.plant}", i)) is not None}
+    left = [each for each in every if each not in known]
+    jobs = min(jobs or os.cpu_count() or 1, max(len(left), 1))
+
+    def keep(place: int, found: Recording) -> None:
+        one, i = left[place]
+        known[one, i] = found
+        folder.write(f"{one.case}.{one.plant}", i, found)
+
+    def tell(done: float) -> None:
+        if progress is not None:
+            whole = (len(every) - len(left) + done) / len(every)
+            progress(f"{file.experiment.name}, {len(known)} of {len(every)} trials", 0.95 * whole)
+
+    work = [(kind, one, first + i) for one, i in left]
+    if jobs == 1:
+        for place, arguments in enumerate(work):
+            keep(place, trial(*arguments))
+            tell(place + 1)
+    else:
+        done = np.zeros(len(work))
+        with Workers(jobs) as workers:
+            for news in workers.run(
+                Task(f"{one.case}, trial {seed}", trial, (kind, one, seed)) for kind, one, seed in work
+            ):
+                done[news.index] = news.done
+                if news.value is not None:
+                    keep(news.index, news.value)
+                tell(float(done.sum()))
+    return {one: [known[one, i] for i in range(count)] for one in conditions}
+
+
+@single_threaded()
+def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
+    """One trial of a case on a plant."""
+    run = kind.stimulated(one.run, seed)
+    base = _KEPT.get(run)
+    check_names(run, base.assumed.linearisation.plant, base.actual)
+    case = replace(base, run=run, settings=reseeded(run.simulation.settings(), seed))
+    if isinstance(case, Trial):
+        found = simulate_trial(case, one.plant, progress=progress)
+    else:
+        found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
+    whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
+    return Recording(kind.recorded(case, found), found.events.t.copy(), "completed" if whole else found.outcome.kind)
+
+
+class _Kept:
+    """The case that this process prepared last: the next trial mostly is of the same."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._case: Case | Trial | None = None
+
+    def get(self, run: RunFile) -> Case | Trial:
+        """The case of a run file but for its simulation and set-point."""
+        key = (run.path, run.assumed, run.actual, run.design, run.controller, run.analysis)
+        if self._case is None or self._key != key:
+            self._case = prepare_trial(run) if run.tries else prepare(run)
+            self._key = key
+        return self._case
+
+
+_KEPT = _Kept()
+
+
+def _told(kind: Kind, one: Condition, case: Case | Trial, trials: Sequence[Recording]) -> Told:
+    """What the analysis finds; where it cannot tell, why."""
+    try:
+        if isinstance(case, Case) and (trigger := one.trigger(case)) is not None:
+            case = replace(case, controller=case.controller.triggered_by(trigger))
+        finding = kind.analysed(trials, case, one.plant)
+        return Told(one.case, one.title, one.plant, finding, len(trials), finding.words)
+    except IcmjError as error:
+        return Told(one.case, one.title, one.plant, None, len(trials), f"cannot be told: {error}")

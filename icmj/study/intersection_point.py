@@ -1,0 +1,196 @@
+"""The experiment on the intersection point of ground reaction forces: noise moves the body, forces are read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.case.case import Case, PlantKind
+from icmj.case.trial import Trial
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.reaction import ground_force, reaction
+from icmj.errors import AnalysisError, DataError
+from icmj.experiments.frequency_response import frequency_response
+from icmj.experiments.intersection_point import (
+    IntersectionPoint,
+    averaged,
+    force_angle,
+    intersection_curve,
+    intersection_point,
+)
+from icmj.experiments.recording import Recording, completed
+from icmj.runfile.schema import RunFile
+from icmj.runfile.stimulus_tables import IntersectionPointTable
+from icmj.series.even import even_series
+from icmj.series.series import Series
+from icmj.simulation.settings import Gaussian, Noise, Source
+from icmj.simulation.simulation import Simulation
+from icmj.study.kind import Kind, Told
+from icmj.study.timing import sampled, timed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TOLD = (0.5, 1.0, 2.0, 4.0, 7.0)  # Hz
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPoint:
+    """Mean over trials, its deviation, and theory where the loop is linear; a :class:`Finding`.
+
+    Attributes:
+        point: the mean.
+        deviation: of z over trials [m], shape (F,).
+        theory: of the same loop at the same frequencies, or ``None``.
+    """
+
+    point: IntersectionPoint
+    deviation: Array
+    theory: IntersectionPoint | None
+
+    @property
+    def unit(self) -> tuple[float, str]:
+        """What z is divided by, and what comes of it."""
+        return (1.0, "m") if self.point.height is None else (self.point.height, "z/h")
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        f, (by, unit) = self.point.frequency, self.unit
+        found = {
+            f"z at {at:g} Hz ({unit})": float(np.interp(at, f, self.point.z / by)) for at in TOLD if f[0] <= at <= f[-1]
+        }
+        if self.point.height is not None:
+            found["crosses the centre of mass at (Hz)"] = self.point.crossing()
+        found["share of variance"] = float(self.point.share.mean())
+        return found
+
+    @property
+    def curves(self) -> Mapping[str, Array]:
+        by, _ = self.unit
+        theory = np.full(len(self.point.z), np.nan) if self.theory is None else self.theory.z
+        return {
+            "frequency (Hz)": self.point.frequency,
+            "z (m)": self.point.z,
+            "deviation (m)": self.deviation,
+            "z/h": self.point.z / by if self.point.height else np.full(len(theory), np.nan),
+            "share": self.point.share,
+            "theory (m)": theory,
+        }
+
+    @property
+    def words(self) -> str:
+        point, (by, unit) = self.point, self.unit
+        low, high = point.z[0] / by, point.z[-1] / by
+        said = f"The intersection point falls from {low:.3g} {unit} at {point.frequency[0]:.2g} Hz to {high:.3g} at "
+        said += f"{point.frequency[-1]:.2g} Hz"
+        crossing = point.crossing() if point.height else np.nan
+        where = f", through the centre of mass at {crossing:.2g} Hz" if np.isfinite(crossing) else ""
+        return f"{said}{where}; the line tells {100 * point.share.min():.0f} % of the variance or more."
+
+
+class IntersectionPointKind(Kind):
+    """See the module."""
+
+    settings: IntersectionPointTable
+
+    def stimulated(self, run: RunFile, seed: int) -> RunFile:
+        return timed(run, self.settings.settle + self.settings.duration, self.settings.rate)
+
+    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+        axis = self.settings.axis
+        names = (f"force.{axis}", "force.z", f"cop.{axis}")
+        force = ground_force(_model(case), simulation).chosen(names)
+        return force_angle(sampled(force, simulation, self.settings.rate, self.settings.settle), *names[:2])
+
+    def read(self, series: Series) -> Series:
+        if self.settings.angle not in series.names:
+            known = set(series.names)
+            if not known.issuperset(self.settings.force):
+                raise DataError(
+                    f"no column {self.settings.angle!r}, nor {' and '.join(self.settings.force)}; it has "
+                    f"{', '.join(series.names[:20])}"
+                )
+            series = force_angle(series, *self.settings.force)
+            pair = series.chosen(["force_angle", self.settings.cop])
+        else:
+            pair = series.chosen([self.settings.angle, self.settings.cop])
+        return even_series(replace(pair, names=("force_angle", f"cop.{self.settings.axis}")))
+
+    def analysed(
+        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+    ) -> FoundPoint:
+        height = self.settings.height
+        if height is None and case is not None:
+            height = reaction(_model(case), self.settings.axis).height
+        points = [
+            intersection_point(
+                one.series,
+                "force_angle",
+                f"cop.{self.settings.axis}",
+                height=height,
+                window=self.settings.window,
+                band=(self.settings.low, self.settings.high),
+            )
+            for one in completed(recordings)
+        ]
+        if len({len(point.z) for point in points}) > 1:
+            raise DataError("trials of several rates; analyse those of one rate together")
+        mean, deviation = averaged(points)
+        return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean))
+
+    def drawn(self, found: Sequence[Told]) -> Figure:
+        from icmj.report.intersection_point import intersection_figure
+
+        return intersection_figure(found)
+
+    def _theory(self, case: Case | Trial, like: IntersectionPoint) -> IntersectionPoint | None:
+        """Of the continuous loop under the same noise; ``None`` where control is intermittent, or has no such curve."""
+        law = case.law if isinstance(case, Trial) else case.controller
+        if isinstance(case, Case) and case.controller.trigger.kind == "event":
+            return None
+        plant = case.actual.linearisation.plant
+        try:
+            response = frequency_response(plant, law, like.frequency, match="position")
+            H = []
+            ground = reaction(_model(case), self.settings.axis)
+            for source in case.settings.disturbance:
+                if (column := _signal(source, response.signals)) is None:
+                    return None
+                effect = response.x[:, :, column] @ ground.C.T + response.applied[:, :, column] @ ground.D.T
+                H.append(effect * _density(source, like.frequency)[:, None])
+        except AnalysisError:
+            return None
+        return intersection_curve(like.frequency, np.stack(H, axis=2), np.ones(len(H)), like.height) if H else None
+
+
+def _model(case: Case | Trial) -> MujocoPlant:
+    if isinstance(case.actual, MujocoPlant):
+        return case.actual
+    raise AnalysisError(f"{case.run.path}: a plant given by matrices has no weight; the ground's force needs a model")
+
+
+def _signal(source: Source, signals: Sequence[str]) -> int | None:
+    """Which signal of the loop a noise is; ``None`` where it is none of them."""
+    if not isinstance(source, Noise | Gaussian) or source.push is not None:
+        return None
+    name = f"d.{source.input}" if source.input is not None else f"n.{source.output}"
+    return signals.index(name) if name in signals else None
+
+
+def _density(source: Source, frequency: Array) -> Array:
+    """Root of the density of its spectrum, but for a factor that is the same for all noises."""
+    assert isinstance(source, Noise | Gaussian)
+    if source.corner is not None:
+        return np.asarray(
+            source.size / np.sqrt(source.corner * (1 + (frequency / source.corner) ** 2)) * np.sqrt(2 / np.pi)
+        )
+    if isinstance(source, Noise):
+        assert source.bandwidth is not None
+        return np.asarray(source.size / np.sqrt(source.bandwidth) * (frequency <= source.bandwidth))
+    return (
+        np.full(len(frequency), source.size * np.sqrt(2 * source.interval)) * np.sinc(frequency * source.interval) ** 2
+    )

@@ -1,0 +1,108 @@
+"""A kind of experiment: what it does to a run file, what it takes from a run, how that is analysed and drawn.
+
+The frame (:mod:`icmj.study.experiment`) does the rest. A new kind is four things:
+
+1. its table, a field of :class:`icmj.runfile.experiment_tables.ExperimentFile` whose name is that of the kind;
+2. an analysis of :class:`icmj.experiments.recording.Recording` in ``icmj/experiments/``, which returns a
+   :class:`icmj.experiments.recording.Finding`;
+3. a figure in ``icmj/report/``;
+4. a subclass of :class:`Kind` in ``icmj/study/``, listed in ``KIND_OF`` of :mod:`icmj.study.kinds`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from icmj.case.case import Case, PlantKind
+from icmj.case.trial import Trial
+from icmj.errors import DataError
+from icmj.experiments.recording import Finding, Recording
+from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.runfile.schema import RunFile
+from icmj.series.series import Series
+from icmj.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What was found of one case on one plant.
+
+    Attributes:
+        case: its name.
+        title: for people.
+        plant: ``linear``, ``mujoco``, or ``recording``.
+        finding: what the analysis found; ``None`` where it could not tell, and ``words`` say why.
+        trials: how many.
+        words: one sentence.
+    """
+
+    case: str
+    title: str
+    plant: str
+    finding: Finding | None
+    trials: int
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What came of an experiment.
+
+    Attributes:
+        file: the experiment file.
+        found: of each case on each plant, in the order of the file; or of recordings.
+    """
+
+    file: ExperimentFile
+    found: tuple[Told, ...]
+
+    def __getitem__(self, name: str) -> Told:
+        """What was found of a case, or of ``case.plant``."""
+        for told in self.found:
+            if name in (told.case, f"{told.case}.{told.plant}"):
+                return told
+        known = ", ".join(f"{told.case}.{told.plant}" for told in self.found)
+        raise DataError(f"no case {name!r} in the experiment; expected one of {known}")
+
+
+class Kind(ABC):
+    """See the module; made of the table of an experiment file."""
+
+    def __init__(self, settings: Any) -> None:
+        self.settings = settings
+
+    @abstractmethod
+    def stimulated(self, run: RunFile, seed: int) -> RunFile:
+        """The run file of one trial: with the stimulus and the duration of this experiment.
+
+        Only ``simulation`` and ``setpoint`` may depend on the seed. Seeds of noise need no care: the frame changes
+        them from trial to trial.
+        """
+
+    @abstractmethod
+    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+        """What the analysis needs of a run, evenly sampled; a recording of people holds the same."""
+
+    @abstractmethod
+    def read(self, series: Series) -> Series:
+        """The same from a file of somebody's; DataError where a column is missing."""
+
+    @abstractmethod
+    def analysed(
+        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+    ) -> Finding:
+        """What is found in the trials of one case on one plant; without these in recordings.
+
+        Raises:
+            DataError: if it cannot be told, such as of too few trials.
+        """
+
+    @abstractmethod
+    def drawn(self, found: Sequence[Told]) -> Figure:
+        """The figure of all that was found."""

@@ -1,0 +1,16 @@
+"""Which kinds of experiment there are, by the name of their table in an experiment file."""
+
+from __future__ import annotations
+
+from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.study.intersection_point import IntersectionPointKind
+from icmj.study.kind import Kind
+
+KIND_OF: dict[str, type[Kind]] = {
+    "intersection_point": IntersectionPointKind,
+}
+
+
+def kind_of(file: ExperimentFile) -> Kind:
+    """The kind of an experiment file, with its settings."""
+    return KIND_OF[file.kind](file.settings)

@@ -1,0 +1,139 @@
+"""The folder of an experiment: trials that are done, each whole or not there."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from icmj.base.files import write_text
+from icmj.errors import DataError, StudyError
+from icmj.experiments.recording import Recording
+from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.series.reading import read_series
+from icmj.series.series import Series
+from icmj.series.writing import write_series
+from icmj.work.provenance import PACKAGES, provenance
+
+FACTS, TRIALS = "experiment.json", "trials"
+
+
+class Folder:
+    """Where trials are kept; without a path nowhere."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        assert self._path is not None
+        return self._path
+
+    def write(self, name: str, index: int, trial: Recording) -> None:
+        """Keep a trial: its events first, so that signals that are there are the sign of a whole one.
+
+        Raises:
+            StudyError: if it cannot be written.
+        """
+        if self._path is None:
+            return
+        signals, events = self._files(name, index)
+        try:
+            times = np.diff(trial.events, prepend=0.0)[:, None]
+            write_series(Series(trial.events, times, ("interval",), ("s",), {"outcome": trial.outcome}), events)
+            write_series(trial.series, signals)
+        except DataError as error:
+            raise StudyError(str(error)) from error
+
+    def read(self, name: str, index: int) -> Recording | None:
+        """A trial that was kept; ``None`` where there is none that can be read."""
+        if self._path is None:
+            return None
+        signals, events = self._files(name, index)
+        if not (signals.exists() and events.exists()):
+            return None
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        with suppress(DataError, OSError, pa.ArrowException, KeyError):
+            table = pq.read_table(events)
+            outcome = (table.schema.metadata or {})[b"icmj.outcome"].decode()
+            return Recording(read_series(signals), table["t"].to_numpy(), outcome)
+        return None
+
+    def _files(self, name: str, index: int) -> tuple[Path, Path]:
+        stem = self.path / TRIALS / f"{name}.{index:04d}"
+        return stem.with_name(f"{stem.name}.parquet"), stem.with_name(f"{stem.name}.events.parquet")
+
+
+@contextmanager
+def no_folder() -> Iterator[Folder]:
+    """Nothing is kept."""
+    yield Folder(None)
+
+
+@contextmanager
+def opened(path: Path, file: ExperimentFile) -> Iterator[Folder]:
+    """The folder of an experiment, begun or taken up again.
+
+    Raises:
+        StudyError: if it holds another experiment, or one of other versions, or cannot be written to.
+    """
+    try:
+        (path / TRIALS).mkdir(parents=True, exist_ok=True)
+        facts = path / FACTS
+        mark = fingerprint(file)
+        if facts.exists():
+            known = _known(facts)
+            if known.get("fingerprint") != mark:
+                raise StudyError(
+                    f"{path}: holds another experiment, or one of another file, model or version; choose another --out"
+                )
+        else:
+            record = {
+                "fingerprint": mark,
+                "name": file.experiment.name,
+                "kind": file.kind,
+                "provenance": provenance(file.path.parent),
+                "experiment": file.text,
+                "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
+            }
+            write_text(facts, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+        yield Folder(path)
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be written to: {error.strerror}; choose another --out") from error
+
+
+def fingerprint(file: ExperimentFile) -> str:
+    """Sixteen hexadecimal digits of all that makes the trials: files, models, versions."""
+    now = provenance(file.path.parent)
+    models = {
+        str(path): hashlib.sha256(path.read_bytes()).hexdigest()
+        for run in file.runs
+        for path in (run.assumed_path, run.actual_path)
+        if path.is_file()
+    }
+    identity: dict[str, Any] = {
+        "file": file.model_dump(exclude={"experiment": {"title", "repetitions"}}),
+        "runs": [run.model_dump() for run in file.runs],
+        "models": sorted(models.values()),
+        "versions": {name: now.get(name) for name in ("icmj", *PACKAGES)},
+    }
+    return hashlib.sha256(json.dumps(identity, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def _known(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            found = json.loads(file.read(1_000_000))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise StudyError(f"{path}: is not what an experiment wrote; choose another --out")
+    return found
