@@ -66,6 +66,8 @@ from .experiments.intersection_point import intersection_curve as intersection_c
 from .experiments.intersection_point import intersection_point as intersection_point
 from .experiments.many import Batch as Batch
 from .experiments.many import simulate_many as simulate_many
+from .experiments.multisine import Multisine as Multisine
+from .experiments.multisine import multisine as multisine
 from .experiments.recording import Recording as Recording
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify

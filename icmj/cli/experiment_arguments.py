@@ -32,5 +32,7 @@ class Experiment(Shared):
     """
     rate: float | None = None
     """Rate of a recording without times [Hz]."""
+    allow_code: bool = False
+    """Run Python code that the run files name as module:name. Read the code first."""
     json: bool = False
     """Print JSON instead of a table."""

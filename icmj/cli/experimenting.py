@@ -25,7 +25,7 @@ def experiment(command: Experiment) -> None:
 
     if command.jobs is not None and command.jobs < 1:
         raise StudyError(f"--jobs {command.jobs}: expected at least 1")
-    file = load_experiment(command.experiment)
+    file = load_experiment(command.experiment, allow_code=command.allow_code)
     name = file.experiment.name
     folder = command.out or Path("runs/out") / (f"{name}-recording" if command.recording else name)
     with Working(name, ERR) as working:

@@ -14,7 +14,7 @@ from icmj.runfile.messages import in_words
 from icmj.runfile.reading import load_run, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import EXPERIMENTS, RUNS
-from icmj.runfile.stimulus_tables import IntersectionPointTable
+from icmj.runfile.stimulus_tables import IntersectionPointTable, MultisineTable
 from icmj.runfile.sweep_tables import leaves
 from icmj.runfile.table import Interval, Line, TomlTable
 
@@ -70,13 +70,15 @@ class ExperimentFile(TomlTable):
     """Cases that are compared."""
     intersection_point: IntersectionPointTable | None = None
     """Intersection point of ground reaction forces."""
+    multisine: MultisineTable | None = None
+    """Multi-sine: frequency response and remnant."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("experiment.toml"))
     _runs: tuple[RunFile, ...] = PrivateAttr(default=())
 
     @classmethod
-    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "") -> ExperimentFile:
+    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "", allow_code: bool = False) -> ExperimentFile:
         """An experiment file of plain data; run files lie beside ``path``, or are shipped ones.
 
         Raises:
@@ -87,7 +89,7 @@ class ExperimentFile(TomlTable):
         except ValidationError as error:
             raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
         made._path, made._text = path, text
-        made._runs = tuple(_run_of(case, i, path) for i, case in enumerate(made.case))
+        made._runs = tuple(_run_of(case, i, path, allow_code) for i, case in enumerate(made.case))
         twice = sorted({name for name in made.names if made.names.count(name) > 1})
         if twice:
             raise RunFileError(f"{path}: two cases are called {twice[0]!r}; give one a name")
@@ -140,19 +142,23 @@ class ExperimentFile(TomlTable):
 KINDS = tuple(name for name in ExperimentFile.model_fields if name not in ("experiment", "case"))
 
 
-def load_experiment(path: Path | str) -> ExperimentFile:
+def load_experiment(path: Path | str, *, allow_code: bool = False) -> ExperimentFile:
     """Read and validate an experiment file and the run files that it names; the name of a shipped one stands for it.
+
+    Args:
+        path: the file, or the name.
+        allow_code: whether Python code that a run file names (``module:name``) may be run once the case is prepared.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
     path, text = read_text(Path(path), EXPERIMENTS)
-    return ExperimentFile.validated(parse_toml(text, path), path, text)
+    return ExperimentFile.validated(parse_toml(text, path), path, text, allow_code)
 
 
-def _run_of(case: CaseTable, place: int, path: Path) -> RunFile:
+def _run_of(case: CaseTable, place: int, path: Path, allow_code: bool) -> RunFile:
     beside = path.parent / case.run
-    run = load_run(beside if beside.is_file() else RUNS.meant(Path(case.run)))
+    run = load_run(beside if beside.is_file() else RUNS.meant(Path(case.run)), allow_code=allow_code)
     try:
         return run.with_(**dict(leaves(case.set))) if case.set else run
     except RunFileError as error:

@@ -207,7 +207,7 @@ def _trials(
 @single_threaded()
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
-    run = kind.stimulated(one.run, seed)
+    run = kind.stimulated(one.run, seed).drawn()
     base = _KEPT.get(run)
     check_names(run, base.assumed.linearisation.plant, base.actual)
     case = replace(base, run=run, settings=reseeded(run.simulation.settings(), seed))

@@ -5,9 +5,11 @@ from __future__ import annotations
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Kind
+from icmj.study.multisine import MultisineKind
 
 KIND_OF: dict[str, type[Kind]] = {
     "intersection_point": IntersectionPointKind,
+    "multisine": MultisineKind,
 }
 
 

@@ -73,13 +73,21 @@ def test_it_goes_on_where_it_ended_with_the_same_numbers(done, tmp_path):
     for path in (folder / "experiment.json", *(folder / "trials").glob("*.0000*.parquet")):
         (again / path.relative_to(folder)).write_bytes(path.read_bytes())
     marks = {path: path.stat().st_mtime_ns for path in (again / "trials").iterdir()}
-    resumed = icmj.run_experiment(file_of(TEXT, folder), again, jobs=2)
+    resumed = icmj.run_experiment(file_of(TEXT, folder), again, jobs=1)
     assert {path: path.stat().st_mtime_ns for path in marks} == marks
     for told, before in zip(resumed.found, experiment.found, strict=True):
         for name, curve in before.finding.curves.items():
             np.testing.assert_array_equal(told.finding.curves[name], curve)
     with pytest.raises(StudyError, match="holds another experiment"):
         icmj.run_experiment(file_of(TEXT.replace("0.004", "0.005"), folder), again, jobs=1)
+
+
+@pytest.mark.slow
+def test_two_processes_find_the_same(done):
+    folder, experiment = done
+    other = icmj.run_experiment(file_of(TEXT, folder), jobs=2)
+    for told, before in zip(other.found, experiment.found, strict=True):
+        np.testing.assert_array_equal(told.finding.curves["z (m)"], before.finding.curves["z (m)"])
 
 
 def test_a_trial_is_a_recording_like_anybody_s(done):
