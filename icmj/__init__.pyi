@@ -84,6 +84,7 @@ from .measurement.statistics import Statistics as Statistics
 from .measurement.statistics import statistics as statistics
 from .measurement.sway import Sway as Sway
 from .measurement.sway import measure_sway as measure_sway
+from .plant.activation import Activation as Activation
 from .plant.change import Change as Change
 from .plant.linear_plant import LinearPlant as LinearPlant
 from .plant.notice import Notice as Notice

@@ -29,6 +29,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
+from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.simulation import Simulation
@@ -77,6 +78,14 @@ def leaning(
     x0 = np.zeros(body.linearisation.plant.n)
     x0[0] = 0.02
     return recorded(simulate(body, control, settings, x0=x0, error_estimate=False))
+
+
+def lagging(settings: Settings) -> Recorded:
+    """A shipped body whose muscles the controller does not know, two of the three."""
+    muscles = Activation(1, {"ankle_torque": 0.03, "hip_torque": 0.02})
+    body = load_plant(MODELS / "three_link.xml", Deviation(gain=0.9), "upright", activation=muscles)
+    x0 = np.r_[0.02, np.zeros(7)]
+    return recorded(simulate(body, controller("three_link", 0.01), settings, x0=x0, error_estimate=False))
 
 
 def by_steps(integrator: str = "RK4", **more: object) -> Settings:
@@ -242,6 +251,7 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     "box": partial(leaning, *THREE, by_steps(), BOX),
     "box on states": partial(leaning, *THREE, by_steps(), BoxTrigger(np.linspace(1, 3, 6) * 1e-2, "state")),
     "rich": partial(rich, by_steps(duration=0.3, timestep=2e-3, limit=100.0), EventTrigger(np.eye(3), 0.02)),
+    "muscles": partial(lagging, by_steps()),
     "servo": partial(driven, pendulum(SERVO), by_steps(duration=1.0)),
     "muscle": partial(driven, pendulum(MUSCLE), by_steps(duration=1.0)),
     "pushed body": partial(leaning, *THREE, by_steps(disturbance=PUSHED)),
@@ -260,6 +270,7 @@ FIXED: dict[str, Callable[[], Recorded]] = {
 ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted set-point": partial(following, adapted(1e-9)),
     "adapted set-point with a delay": partial(following, adapted(1e-9), None, TICK),
+    "adapted, muscles": partial(lagging, adapted(1e-8)),
     "RK23": partial(leaning, *THREE, adapted(1e-4)),
     "RK34": partial(leaning, *THREE, adapted(1e-5)),
     "RK45": partial(leaning, *THREE, adapted(1e-7)),

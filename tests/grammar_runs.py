@@ -128,9 +128,26 @@ def _order(rng: random.Random, names: Sequence[str]) -> list[str]:
     return rng.sample(list(names), rng.choice((len(names), len(names), rng.randint(1, len(names)))))
 
 
+def _activation(rng: random.Random, names: Names) -> dict[str, Any]:
+    """Mostly a lag, sometimes keys that contradict each other."""
+    each: Callable[..., Any] = lambda *usual: (  # noqa: E731
+        positive(rng, *usual) if rng.random() < 0.7 else {rng.choice(names.inputs): positive(rng, *usual)}
+    )
+    order = rng.choice((1, 1, 2, 2, 0))
+    found: dict[str, Any] = {"order": order}
+    if order == 2 and rng.random() < 0.5:
+        found["frequency"] = each(16.8, 10.0)
+    elif order or rng.random() < 0.1:
+        found["time_constant"] = each(0.05, 0.17)
+    if rng.random() < (0.5 if order == 2 else 0.05):
+        found["damping_ratio"] = each(0.99, 0.5)
+    return found
+
+
 def _plant(rng: random.Random, names: Names) -> dict[str, Any]:
+    muscles = _some(rng, 0.12, {"activation": lambda: _activation(rng, names)})
     if "A" in names.source:
-        return _some(rng, 0.2, {"delay": lambda: positive(rng, 0.1, 0.01, low=0.0)})
+        return muscles | _some(rng, 0.2, {"delay": lambda: positive(rng, 0.1, 0.01, low=0.0)})
     keyframes = {"keyframe": rng.choice(names.keyframes)} if names.keyframes and rng.random() < 0.8 else {}
     few: dict[str, Callable[[], Any]] = {
         "operating_point": lambda: rng.choice(("as given", "static control", "balance")),
@@ -141,7 +158,7 @@ def _plant(rng: random.Random, names: Names) -> dict[str, Any]:
         "delay": lambda: positive(rng, 0.1, 0.05, 0.2, low=0.0),
         "person": lambda: {"height": positive(rng, 1.8), "mass": positive(rng, 80.0)},
     }
-    found = keyframes | _some(rng, 0.08, few)
+    found = keyframes | muscles | _some(rng, 0.08, few)
     if found.get("operating_point") == "balance" and rng.random() < 0.5:
         found["free"] = _order(rng, names.joints)
     return found
@@ -154,6 +171,7 @@ def _actual(rng: random.Random, names: Names) -> dict[str, Any]:
     found |= _some(
         rng, 0.1, {"rho": lambda: number(rng, 1.0, 0.5, 0.0), "delay": lambda: positive(rng, 0.1, 0.02, low=0.0)}
     )
+    found |= _some(rng, 0.12, {"activation": lambda: _activation(rng, names)})
     if "A" in names.source:
         if rng.random() < 0.2:
             found |= {letter: names.source[letter] for letter in "ABC"}

@@ -13,7 +13,8 @@ import numpy as np
 from icmj.base.array import real
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line
-from icmj.errors import AnalysisError, RunFileError
+from icmj.errors import AnalysisError, IcmjError, RunFileError
+from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant, refuse_unusual
 from icmj.plant.matching import deviated, matched
 from icmj.plant.matrix_plant import MatrixPlant
@@ -33,13 +34,18 @@ def assumed_matrices(run: RunFile) -> MatrixPlant:
     Raises:
         RunFileError: if they, or their names, do not make a plant.
     """
-    return MatrixPlant.of(_plant(run, run.assumed, "assumed", None))
+    plant = _plant(run, run.assumed, "assumed", None)
+    try:
+        return MatrixPlant.of(_behind(run.assumed_activation, plant))
+    except IcmjError as error:
+        raise RunFileError(f"{run.path}: assumed: {error}") from error
 
 
 def actual_matrices(run: RunFile, assumed: LinearPlant) -> MatrixPlant:
     """The actual plant of a run file that gives it by matrices: its own, or the assumed plant's, and its input gain.
 
-    ρ takes it from the assumed plant to what the run file says (the paper's family A = Â − ρÃ₁).
+    ``assumed`` is the assumed plant without activation dynamics. ρ takes it from there to what the run file says (the
+    paper's family A = Â − ρÃ₁).
 
     Raises:
         RunFileError: if they do not make a plant, or none that fits the assumed one.
@@ -53,8 +59,8 @@ def actual_matrices(run: RunFile, assumed: LinearPlant) -> MatrixPlant:
         gain = np.asarray(table.gain, dtype=float)
         if gain.ndim and gain.size != plant.n_u:
             raise AnalysisError(f"gain has {gain.size} entries for {plant.n_u} inputs")
-        return MatrixPlant.of(plant.scaled(1 + table.rho * (gain - 1)))
-    except AnalysisError as error:
+        return MatrixPlant.of(_behind(run.actual_activation, plant).scaled(1 + table.rho * (gain - 1)))
+    except IcmjError as error:
         raise RunFileError(f"{run.path}: actual: {error}") from error
 
 
@@ -113,6 +119,11 @@ def _aligned(plant: LinearPlant, assumed: LinearPlant) -> LinearPlant:
                 f"{kind} {', '.join(here)}; expected those of the assumed plant, {', '.join(there)}, in any order"
             )
     return matched(plant, assumed)
+
+
+def _behind(activation: Activation | None, plant: LinearPlant) -> LinearPlant:
+    """The plant behind the lags of its muscles."""
+    return plant if activation is None else activation.before(plant)
 
 
 def _matrix(rows: object, letter: str) -> np.ndarray:

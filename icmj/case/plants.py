@@ -38,6 +38,7 @@ def assumed_plant(run: RunFile) -> AnyPlant:
         selection=table.selection,
         operating=table.operating,
         person=run.assumed.measures,
+        activation=run.assumed_activation,
     )
 
 
@@ -56,7 +57,9 @@ def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
     """
     table = run.actual
     if not run.on_engine:
-        given = actual_matrices(run, assumed.linearisation.plant)
+        # what the lags of either plant stand before: matrices are compared, named and mixed without them
+        bare = assumed_plant(run.with_(**{"assumed.activation": None})) if run.assumed.activation else assumed
+        given = actual_matrices(run, bare.linearisation.plant)
         _check_ports(run, assumed.linearisation.plant, given.linearisation.plant)
         return given
     deviation = deviation_of(run)
@@ -70,13 +73,14 @@ def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
         operating = replace(run.assumed.operating, pose={**run.assumed.pose, **table.pose})
     start = None
     if isinstance(assumed, MujocoPlant) and table.model is None and table.keyframe is None:
-        start, operating = assumed.linearisation.point, replace(operating, pose=table.pose)
+        start, operating = assumed.rest, replace(operating, pose=table.pose)
 
     def load(selection: Selection) -> MujocoPlant:
-        path, person = run.actual_path, run.actual_measures
+        path, person, activation = run.actual_path, run.actual_measures, run.actual_activation
         return load_plant(
-            path, deviation, keyframe, selection=selection, operating=operating, start=start, person=person
-        )
+            path, deviation, keyframe, selection=selection, operating=operating, start=start, person=person,
+            activation=activation,
+        )  # fmt: skip
 
     actual = load(selection)
     _check_ports(run, assumed.linearisation.plant, actual.linearisation.plant)

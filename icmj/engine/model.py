@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +11,10 @@ import mujoco
 
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation
+from icmj.engine.muscle import activate, muscles_of
 from icmj.engine.person import shape
 from icmj.errors import ModelError
+from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 
 
@@ -31,27 +33,41 @@ class OperatingPoint:
     mquat: Array
 
 
-def load_spec(path: Path, deviation: Deviation | None = None, person: Person | None = None) -> mujoco.MjSpec:
+def load_spec(
+    path: Path,
+    deviation: Deviation | None = None,
+    person: Person | None = None,
+    activation: Activation | None = None,
+    inputs: Sequence[str] | None = None,
+) -> mujoco.MjSpec:
     """The model of an MJCF file with the measures of ``person`` and then what ``deviation`` changes in it.
 
-    The file itself is not touched.
+    Between the two its ``inputs``, all actuators by default, get the lags of ``activation``. The file itself is not
+    touched.
 
     Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
 
     Raises:
-        ModelError: if the file is missing, is not MJCF, does not compile, or person or deviation do not fit it.
+        ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not
+            fit it.
     """
     path = Path(path)
     if not path.is_file():
         raise ModelError(f"{path}: no such model file")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        spec.compile()
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path}: not a usable MJCF model: {reason}") from error
     if person is not None:
         shape(spec, person, path.name)
+    if activation is not None:
+        names = input_names(model)
+        try:
+            activate(spec, model, names, muscles_of(names, activation, inputs))
+        except ModelError as error:
+            raise ModelError(f"{path.name}: {error}") from error
     if deviation is not None:
         deviation.apply(spec, path.name)
     return spec

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -17,7 +17,16 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibria
 from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
-from icmj.engine.model import OperatingPoint, compiled, forget, load_spec, operating_point, state_names
+from icmj.engine.model import (
+    OperatingPoint,
+    compiled,
+    forget,
+    input_names,
+    load_spec,
+    operating_point,
+    state_names,
+)
+from icmj.engine.muscle import muscles_of, point_with_muscles, point_without_muscles
 from icmj.engine.ports import ports_of
 from icmj.engine.pushing import effects, places
 from icmj.engine.sensing import sensed
@@ -25,6 +34,7 @@ from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.engine.stance import moved
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
+from icmj.plant.activation import Activation, Lag
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, picked, ports
 from icmj.plant.modes import adrift
@@ -46,12 +56,14 @@ class MujocoPlant:
         spec: its model with the deviation applied; copy before editing (``spec.copy()``).
         linearisation: linearisation at the operating point, with the point itself and the ports.
         told: notices of default choices.
+        muscles: the lag of each actuator that an :class:`icmj.Activation` gave one, by the number of the actuator.
     """
 
     path: Path
     spec: mujoco.MjSpec
     linearisation: Linearisation
     told: tuple[Notice, ...] = ()
+    muscles: Mapping[int, Lag] = field(default_factory=dict)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -64,6 +76,11 @@ class MujocoPlant:
         """The quality of its operating point."""
         with hushed():
             return assess(self.model, self.linearisation)
+
+    @property
+    def rest(self) -> OperatingPoint:
+        """The operating point without the activations of the muscles."""
+        return point_without_muscles(self.model, self.muscles, self.linearisation.point)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -127,6 +144,7 @@ def load_plant(
     operating: OperatingRule | None = None,
     start: OperatingPoint | None = None,
     person: Person | None = None,
+    activation: Activation | None = None,
 ) -> MujocoPlant:
     """Load, deviate and linearise an MJCF plant.
 
@@ -136,8 +154,9 @@ def load_plant(
         keyframe: the keyframe of its operating point; the reference configuration if ``None``.
         selection: its inputs, outputs and states; if ``None``, all of the model.
         operating: the rule that gives the operating point from the keyframe; if ``None``, the keyframe itself.
-        start: a configuration to use instead of a keyframe.
+        start: a configuration to use instead of a keyframe, without the states of ``activation``, which are at rest there.
         person: the person to whose body measures the model is scaled.
+        activation: the lag of its inputs, which must be motors.
 
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
@@ -146,7 +165,8 @@ def load_plant(
     """
     path, rule = Path(path), operating or OperatingRule()
     with sound(path):
-        spec = load_spec(path, deviation, person)
+        inputs = selection.inputs if selection else None
+        spec = load_spec(path, deviation, person, activation, inputs)
         check_names(path, spec)
         chosen, told = sensed(spec, selection or Selection())
         model = spec.compile()
@@ -157,10 +177,11 @@ def load_plant(
             model = spec.compile()
         if chosen.spare and chosen.drop:  # what shows a dropped state is left out below
             ports = ports_of(model, replace(chosen, drop=()), deviation)
-        given = start or operating_point(model, keyframe)
+        muscles = muscles_of(input_names(model), activation, inputs)
+        given = point_with_muscles(model, muscles, start) if start else operating_point(model, keyframe)
         model = compiled(spec, given)
         points = _told_where(path, equilibria(model, given, rule))
-        raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told) for point in points)
+        raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles) for point in points)
         plants = (_without(plant, model, chosen, deviation) for plant in raw)
         first = next(plants)
         plant = _best(first, plants) if rule.kind in ("balance", "found") else first

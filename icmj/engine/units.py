@@ -5,6 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from icmj.engine.actuator import is_second_order_lag
+
 _JOINT = {mujoco.mjtJoint.mjJNT_HINGE: ("rad",), mujoco.mjtJoint.mjJNT_SLIDE: ("m",),
           mujoco.mjtJoint.mjJNT_BALL: ("rad",) * 3, mujoco.mjtJoint.mjJNT_FREE: ("m",) * 3 + ("rad",) * 3}  # fmt: skip
 _SENSOR = {
@@ -16,9 +18,9 @@ _SENSOR = {
 
 
 def state_units(model: mujoco.MjModel) -> tuple[str, ...]:
-    """One for each state; an activation's is not known."""
+    """One for each state; an activation's is known where it is a lag of the control."""
     q = [unit for i in range(model.njnt) for unit in _JOINT[mujoco.mjtJoint(model.jnt_type[i])]]
-    return (*q, *(_per_second(unit) for unit in q), *("",) * model.na)
+    return (*q, *(_per_second(unit) for unit in q), *(unit for i in range(model.nu) for unit in _activations(model, i)))
 
 
 def input_units(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -29,6 +31,14 @@ def input_units(model: mujoco.MjModel) -> tuple[str, ...]:
 def output_units(model: mujoco.MjModel) -> tuple[str, ...]:
     """One for each entry of ``sensordata``."""
     return tuple(_output(model, i) for i in range(model.nsensor) for _ in range(int(model.sensor_dim[i])))
+
+
+def _activations(model: mujoco.MjModel, i: int) -> tuple[str, ...]:
+    if is_second_order_lag(model, i):
+        return _per_second(_input(model, i)), _input(model, i)
+    if mujoco.mjtDyn(model.actuator_dyntype[i]) in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
+        return (_input(model, i),)
+    return ("",) * int(model.actuator_actnum[i])
 
 
 def _per_second(unit: str) -> str:

@@ -16,6 +16,7 @@ from icmj.base.array import Array
 from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
 from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
+from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
 from icmj.simulation.settings import Gaussian
@@ -79,9 +80,10 @@ class LinearLoop:
 
 
 def positions_of(plant: LinearPlant) -> np.ndarray:
-    """Indices of the states that a limit guards: those with a ``<name>_rate`` beside them, else all."""
+    """Indices of the states that a limit guards: those with a ``<name>_rate`` beside them, else all but activations."""
     states = plant.states
-    return np.array([i for i, name in enumerate(states) if f"{name}_rate" in states] or range(plant.n))
+    moving = [i for i, name in enumerate(states) if not is_activation(name, plant.inputs)]
+    return np.array([i for i in moving if f"{states[i]}_rate" in states] or moving, dtype=int)
 
 
 def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:

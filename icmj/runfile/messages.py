@@ -71,7 +71,9 @@ def _resolve(loc: _Place, schema: type[BaseModel]) -> tuple[_Place, int | None, 
     fork: int | None = None
     annotation: Any = schema
     for part in loc:
-        models = [a for a in _members(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
+        members = [a for a in _members(annotation) if a is not NoneType]
+        models = [a for a in members if isinstance(a, type) and issubclass(a, BaseModel)]
+        tables = [a for a in members if get_origin(a) is dict]
         if isinstance(part, int):
             place.append(part)
             annotation = _element(annotation)
@@ -80,20 +82,26 @@ def _resolve(loc: _Place, schema: type[BaseModel]) -> tuple[_Place, int | None, 
             annotation = next(m.model_fields[part].annotation for m in models if part in m.model_fields)
         elif models and part in {_tag(model) for model in models}:
             annotation = next(model for model in models if _tag(model) == part)
-        elif models and len(models) == len(_members(annotation)):
+        elif models and len(models) == len(members):
             place.append(part)  # a key that does not exist
-        elif any(get_origin(a) is dict for a in _members(annotation)):
+        elif tables and len(members) == 1:
             place.append(part)
-            annotation = next(get_args(a)[1] for a in _members(annotation) if get_origin(a) is dict)
-        elif fork is None:  # the name of a union's member, which is not in the file
-            fork = len(place)
+            annotation = get_args(tables[0])[1]
+        else:  # the name of a union's member, which is not in the file
+            fork = len(place) if fork is None else fork
+            if tables and part.startswith("dict["):
+                annotation = tables[0]
     return tuple(place), fork, annotation
 
 
 def _sentence(place: _Place, found: list[tuple[_Place, Mapping[str, Any], Any]], schema: type[BaseModel]) -> str:
     deepest = max(len(where) for where, _, _ in found)
     inside = [entry for entry in found if len(entry[0]) == deepest]
-    where, each, annotation = inside[0]
+    # what is of the right kind, and beyond a bound, is what is wrong
+    beyond = [entry for entry in inside if entry[1]["type"] in _BOUNDS]
+    where, each, annotation = (beyond or inside)[0]
+    if beyond and len({entry[0] for entry in inside}) == 1:
+        inside = beyond[:1]
     if len(inside) > 1 and len({entry[0] for entry in inside}) > 1 and len(found) > len(inside):
         where, annotation = place, _resolve(place, schema)[2]
         inside = found

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from icmj.errors import ModelError
+from icmj.plant.activation import Activation
 from icmj.plant.change import Change, What
 from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.person import Person
@@ -18,12 +19,49 @@ from icmj.runfile.table import (
     NonNegative,
     Numbers,
     Parameters,
+    Positive,
     Reference,
     TomlTable,
 )
 
 ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "dynprm", "change", "edit")
 """Keys of a plant that only a model has."""
+
+
+_Each = Positive | dict[str, Positive]
+
+
+class ActivationTable(TomlTable):
+    """Activation dynamics: a lag between the command of an input and what acts there, as muscles have.
+
+    One number is for all inputs; ``{ ankle = 0.1, hip = 0.05 }`` gives those that it names a lag, and others none.
+    """
+
+    order: Literal[0, 1, 2]
+    """Order of the lag: 1 is ``1/(τs + 1)``, 2 is ``ω₀²/(s² + 2ζω₀s + ω₀²)``; 0 is none where the assumed plant has
+    one."""
+    time_constant: _Each | None = None
+    """Time constant τ [s]; of the second order 1/ω₀."""
+    frequency: _Each | None = None
+    """Natural frequency ω₀ of the second order, in place of a time constant [rad/s]."""
+    damping_ratio: _Each | None = None
+    """Damping ratio ζ of the second order (default: 1, critically damped)."""
+
+    def activation(self) -> Activation:
+        """The lag that it stands for.
+
+        Raises:
+            ModelError: if it is none.
+        """
+        return Activation(self.order, self.time_constant, self.frequency, self.damping_ratio)
+
+    @model_validator(mode="after")
+    def _is_one(self) -> ActivationTable:
+        try:
+            self.activation()
+        except ModelError as error:
+            raise ValueError(str(error).removeprefix("activation: ")) from error
+        return self
 
 
 class PlantTable(MatrixTable):
@@ -52,6 +90,9 @@ class PlantTable(MatrixTable):
     """States that are left out."""
     person: PersonTable | None = None
     """Height, mass and segments to which the model is scaled."""
+
+    activation: ActivationTable | None = None
+    """Lag of the inputs, which are motors, as muscles have (default: none; of the actual plant that of the assumed)."""
 
     @property
     def measures(self) -> Person | None:

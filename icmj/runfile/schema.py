@@ -14,6 +14,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
+from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.keys import put
@@ -248,6 +249,17 @@ class RunFile(TomlTable):
         """The person of the actual plant: by default, for the same model, the person of the assumed plant."""
         own = self.actual.measures
         return own if own or self.actual.model else self.assumed.measures
+
+    @property
+    def assumed_activation(self) -> Activation | None:
+        """The lag of the assumed plant's inputs."""
+        return self.assumed.activation.activation() if self.assumed.activation else None
+
+    @property
+    def actual_activation(self) -> Activation | None:
+        """The lag of the actual plant's inputs: by default that of the assumed plant's."""
+        own = self.actual.activation
+        return own.activation() if own else self.assumed_activation
 
     @property
     def on_engine(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -27,31 +27,42 @@ class Flight(NamedTuple):
     y: np.ndarray
 
 
-def flight(body: MujocoPlant, control: Controller, x: np.ndarray, x_o: np.ndarray) -> Flight:
+def flight(
+    body: MujocoPlant, control: Controller, x: np.ndarray, x_o: np.ndarray, lags: Sequence[tuple[float, ...]] = ()
+) -> Flight:
     """From right after an event to the next, by DOP853 at 1e-12; for joints that turn about one axis, and plain motors.
 
-    u = −k x_h, x_h' = A_h x_h, x_o' = A x_o + B u + L (y − C x_o), until |e|² = q_t² in the norm of Q_t, e = x_h − x_o.
+    Where each motor has a lag, (τ,) or (ω₀, ζ), x goes on with what these keep: a, or a' and a. u = −k x_h,
+    x_h' = A_h x_h, x_o' = A x_o + B u + L (y − C x_o), until |e|² = q_t² in the norm of Q_t, e = x_h − x_o.
     """
     gains, trigger, point, y_0 = control.design, control.trigger, body.linearisation.point, body.linearisation.y
     assert isinstance(trigger, EventTrigger)
     A, B, C = gains.plant.A, gains.plant.B, gains.plant.C
     model = body.spec.copy().compile()
-    data, nv, size = mujoco.MjData(model), model.nv, len(x_o)
+    data, nv, size, b = mujoco.MjData(model), model.nv, len(x_o), body.linearisation.ports.b
+    ends = 2 * nv + np.cumsum([len(lag) for lag in lags], dtype=int)
     assert model.nq == nv
     assert model.na == 0
 
     def outputs(s: np.ndarray) -> np.ndarray:
         """y as departure; leaves the accelerations under u in the data."""
         data.qpos[:], data.qvel[:] = point.qpos + s[:nv], point.qvel + s[nv : 2 * nv]
-        data.ctrl[:] = point.ctrl - body.linearisation.ports.b * (gains.k @ s[-size:])
+        data.ctrl[:] = point.ctrl + (s[ends - 1] if lags else -b * (gains.k @ s[-size:]))
         mujoco.mj_forward(model, data)
         return np.array(data.sensordata) - y_0
 
     def flow(t: float, s: np.ndarray) -> np.ndarray:
-        y, seen, held = outputs(s), s[2 * nv : -size], s[-size:]
+        y, seen, held = outputs(s), s[-2 * size : -size], s[-size:]
         u = -gains.k @ held
+        muscles: list[float] = []
+        for lag, end, wanted in zip(lags, ends, b * u, strict=bool(lags)):
+            rate, a = s[end - 2 : end]
+            if len(lag) == 1:
+                muscles.append((wanted - a) / lag[0])
+            else:
+                muscles += [lag[0] ** 2 * (wanted - a) - 2 * lag[1] * lag[0] * rate, rate]
         return np.concatenate([
-            s[nv : 2 * nv], data.qacc, A @ seen + B @ u + gains.L @ (y - C @ seen), control.hold.A_h @ held,
+            s[nv : 2 * nv], data.qacc, muscles, A @ seen + B @ u + gains.L @ (y - C @ seen), control.hold.A_h @ held,
         ])  # fmt: skip
 
     def event(t: float, s: np.ndarray) -> float:

@@ -109,6 +109,39 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (GOOD + "[actual]\nperson = { stiffness = 0.8 }", "actual.person.stiffness: expected a list of 3 numbers, got"),
         (GOOD + "[actual]\nperson = { stiffness = [0, 'a', 1] }", "person.stiffness[1]: expected a number, got 'a'"),
         (GOOD + "[analyis]\ndelta_max = 3", "analyis: no such key; did you mean analysis?"),
+        (GOOD + "[simulation]\nlimit = -1.0", "simulation.limit: must be greater than 0, got -1.0"),
+        (GOOD + "[simulation]\nlimit = { lean = -1.0 }", "simulation.limit.lean: must be greater than 0, got -1.0"),
+        (GOOD + "[simulation]\nlimit = 'x'", "simulation.limit: expected a number or a table of names and values; got"),
+        (GOOD + "[actual]\nperson = { hieght = 1.8 }", "actual.person.hieght: no such key; did you mean height?"),
+        (GOOD + "[actual]\nactivation = { order = 3 }", "actual.activation.order: expected 0, 1 or 2, got 3"),
+        (GOOD + "[actual]\nactivation = { order = 1, tau = 1 }", "activation.tau: no such key; there are damping"),
+        (GOOD + "[actual]\nactivation = { time_constant = 1 }", "actual.activation.order: is required"),
+        (GOOD + "[actual]\nactivation = { order = 1 }", "actual.activation: give a lag of order 1 a time_constant [s]"),
+        (GOOD + "[actual]\nactivation = { order = 1, time_constant = {} }", "activation: time_constant names no input"),
+        (
+            GOOD + "[actual]\nactivation = { order = 2, time_constant = 0 }",
+            "time_constant: must be greater than 0, got",
+        ),
+        (
+            GOOD + "[actual]\nactivation = { order = 1, time_constant = { a = 0 } }",
+            "actual.activation.time_constant.a: must be greater than 0, got 0",
+        ),
+        (
+            GOOD + "[actual]\nactivation = { order = 1, frequency = 9 }",
+            "actual.activation: a lag of order 1 has no frequency",
+        ),
+        (
+            GOOD + "[actual]\nactivation = { order = 0, time_constant = 1 }",
+            "actual.activation: a lag of order 0 has no time_constant",
+        ),
+        (
+            GOOD + "[actual]\nactivation = { order = 2, time_constant = 1, frequency = 9 }",
+            "give a lag of order 2 either a time_constant [s] or a frequency [rad/s]",
+        ),
+        (
+            GOOD + "[actual]\nactivation = { order = 2, frequency = { a = 9 }, damping_ratio = { b = 1 } }",
+            "actual.activation: damping_ratio names 'b', which is given no lag",
+        ),
         (GOOD + "[simulation]\nintegrator = 'rk4'", "got 'rk4'; did you mean RK4?"),
         (
             GOOD + "[[simulation.disturbance]]\nkind = 'step'\nsize = 1.0\nduration = 1.0",

@@ -1,0 +1,81 @@
+"""Motors that become muscles: activation dynamics put into a model whose actuators have none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import ModelError
+from icmj.plant.activation import Activation, Lag
+
+if TYPE_CHECKING:
+    from icmj.engine.model import OperatingPoint
+
+
+def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
+    """The lag of each actuator that has one, of the actuators of these ``names``; only ``inputs`` have, or all.
+
+    Raises:
+        ModelError: if the activation names what is no input.
+    """
+    if activation is None:
+        return {}
+    chosen = [name for name in inputs or names if name in names]  # others are refused with the ports
+    pairs = zip(chosen, activation.lags(chosen), strict=True)
+    return {names.index(name): lag for name, lag in pairs if lag is not None}
+
+
+def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], lags: Mapping[int, Lag]) -> None:
+    """Give actuators of ``spec``, of which ``model`` is compiled, these lags; in its keyframes they are at rest.
+
+    Raises:
+        ModelError: if one of them is no motor, or has dynamics of its own.
+    """
+    at_keys = [
+        with_muscles(model.actuator_actnum, lags, model.key_act[i], model.key_ctrl[i]) for i in range(model.nkey)
+    ]
+    for i, lag in lags.items():
+        actuator = spec.actuators[i]
+        if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE:
+            raise ModelError(f"activation: input {names[i]!r} has dynamics of its own; leave one of them out")
+        if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.biastype != mujoco.mjtBias.mjBIAS_NONE:
+            raise ModelError(
+                f"activation: input {names[i]!r} is no motor, whose force is in proportion to its control; "
+                "name the inputs that are, such as time_constant = { ankle = 0.1 }"
+            )
+        prm = np.zeros(len(actuator.dynprm))
+        prm[: len(lag)] = lag
+        actuator.dynprm = prm
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTER if len(lag) == 1 else mujoco.mjtDyn.mjDYN_USER
+        if len(lag) == 2:
+            actuator.actdim = 2
+        actuator.actlimited, actuator.actearly = mujoco.mjtLimited.mjLIMITED_FALSE, False
+    for key, act in zip(spec.keys, at_keys, strict=True):
+        key.act = act
+
+
+def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl: Array) -> Array:
+    """All activations of a model: its own, of these ``sizes`` by actuator, and those of its muscles at rest."""
+    parts, at = [np.zeros(0)], 0
+    for i, size in enumerate(sizes):
+        own = len(lags[i]) if i in lags else 0
+        parts += [act[at : at + size], np.zeros(max(own - 1, 0)), ctrl[i : i + min(own, 1)]]
+        at += size
+    return np.concatenate(parts)
+
+
+def point_with_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], point: OperatingPoint) -> OperatingPoint:
+    """A point of a model without muscles as one of ``model``, which has these."""
+    sizes = [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
+    return replace(point, act=with_muscles(sizes, lags, point.act, point.ctrl))
+
+
+def point_without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], point: OperatingPoint) -> OperatingPoint:
+    """A point of ``model``, which has these muscles, as one of the model without them."""
+    own = [i for i, size in enumerate(model.actuator_actnum) for _ in range(int(size))]
+    return replace(point, act=point.act[[i not in lags for i in own]])
