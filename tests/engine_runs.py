@@ -270,7 +270,7 @@ FIXED: dict[str, Callable[[], Recorded]] = {
 ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted set-point": partial(following, adapted(1e-9)),
     "adapted set-point with a delay": partial(following, adapted(1e-9), None, TICK),
-    "adapted, muscles": partial(lagging, adapted(1e-8)),
+    "adapted, muscles": partial(lagging, adapted(1e-8, duration=0.8)),
     "RK23": partial(leaning, *THREE, adapted(1e-4)),
     "RK34": partial(leaning, *THREE, adapted(1e-5)),
     "RK45": partial(leaning, *THREE, adapted(1e-7)),

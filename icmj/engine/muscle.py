@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -12,9 +10,6 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation, Lag
-
-if TYPE_CHECKING:
-    from icmj.engine.model import OperatingPoint
 
 
 def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
@@ -60,7 +55,7 @@ def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], l
 
 
 def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl: Array) -> Array:
-    """All activations of a model: its own, of these ``sizes`` by actuator, and those of its muscles at rest."""
+    """Activations of a model with muscles, these at rest, from those of the model without, ``sizes`` by actuator."""
     parts, at = [np.zeros(0)], 0
     for i, size in enumerate(sizes):
         own = len(lags[i]) if i in lags else 0
@@ -69,13 +64,12 @@ def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl
     return np.concatenate(parts)
 
 
-def point_with_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], point: OperatingPoint) -> OperatingPoint:
-    """A point of a model without muscles as one of ``model``, which has these."""
-    sizes = [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
-    return replace(point, act=with_muscles(sizes, lags, point.act, point.ctrl))
+def sizes_without(model: mujoco.MjModel, lags: Mapping[int, Lag]) -> list[int]:
+    """How many activations each actuator of ``model`` has beside those of these muscles."""
+    return [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
 
 
-def point_without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], point: OperatingPoint) -> OperatingPoint:
-    """A point of ``model``, which has these muscles, as one of the model without them."""
-    own = [i for i, size in enumerate(model.actuator_actnum) for _ in range(int(size))]
-    return replace(point, act=point.act[[i not in lags for i in own]])
+def without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], act: Array) -> Array:
+    """Activations of a model without its muscles, from those of ``model``, which has them."""
+    of = [i for i, size in enumerate(model.actuator_actnum) for _ in range(int(size))]
+    return act[[i not in lags for i in of]]

@@ -26,7 +26,7 @@ from icmj.engine.model import (
     operating_point,
     state_names,
 )
-from icmj.engine.muscle import muscles_of, point_with_muscles, point_without_muscles
+from icmj.engine.muscle import muscles_of, sizes_without, with_muscles, without_muscles
 from icmj.engine.ports import ports_of
 from icmj.engine.pushing import effects, places
 from icmj.engine.sensing import sensed
@@ -80,7 +80,8 @@ class MujocoPlant:
     @property
     def rest(self) -> OperatingPoint:
         """The operating point without the activations of the muscles."""
-        return point_without_muscles(self.model, self.muscles, self.linearisation.point)
+        point = self.linearisation.point
+        return replace(point, act=without_muscles(self.model, self.muscles, point.act))
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -178,7 +179,9 @@ def load_plant(
         if chosen.spare and chosen.drop:  # what shows a dropped state is left out below
             ports = ports_of(model, replace(chosen, drop=()), deviation)
         muscles = muscles_of(input_names(model), activation, inputs)
-        given = point_with_muscles(model, muscles, start) if start else operating_point(model, keyframe)
+        if start is not None:
+            start = replace(start, act=with_muscles(sizes_without(model, muscles), muscles, start.act, start.ctrl))
+        given = start or operating_point(model, keyframe)
         model = compiled(spec, given)
         points = _told_where(path, equilibria(model, given, rule))
         raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles) for point in points)

@@ -168,7 +168,7 @@ def test_a_start_a_sweep_a_branch_and_the_command_line_reach_it(root):
 
 
 def test_it_is_logged_and_read(root, tmp_path):
-    run = shipped(root, **{"actual.activation": KNOWN, "simulation.duration": 1.0, "simulation.record_interval": 1e-3})
+    run = shipped(root, **{"actual.activation": KNOWN, "simulation.duration": 1.0})
     result = icmj.run_case(run, "mujoco")
     icmj.write_log(result, tmp_path / "muscles.rrd")
     back = icmj.read_log(tmp_path / "muscles.rrd")
@@ -178,10 +178,11 @@ def test_it_is_logged_and_read(root, tmp_path):
     # the activation is what the lag makes of the command that acts
     simulation = result.simulation
     rate, a, u = simulation.x[:, 6], simulation.x[:, 7], 0.9 * simulation.applied[:, 0]
-    clear = np.abs(simulation.t[:, None] - simulation.events.t).min(axis=1) > 0.0021
-    even = np.flatnonzero(clear[2:-2] & (np.abs(np.diff(simulation.t, 4, axis=0)) < 1e-12)) + 2
+    h = simulation.t[1]
+    clear = np.abs(simulation.t[:, None] - simulation.events.t).min(axis=1) > 2.1 * h
+    even = np.flatnonzero(clear[2:-2] & (np.abs(simulation.t[4:] - simulation.t[:-4] - 4 * h) < 1e-9)) + 2
     change = [rate[even + i] - rate[even - i] for i in (1, 2)]
-    slope = (8 * change[0] - change[1]) / (12 * 1e-3)
+    slope = (8 * change[0] - change[1]) / (12 * h)
     expected = 16.8**2 * (u - a) - 2 * 0.99 * 16.8 * rate
-    assert len(even) > 400
-    assert slope == pytest.approx(expected[even], abs=1e-6 * np.abs(slope).max())
+    assert len(even) > 30
+    assert slope == pytest.approx(expected[even], abs=1e-3 * np.abs(slope).max())
