@@ -155,7 +155,7 @@ def load_plant(
         keyframe: the keyframe of its operating point; the reference configuration if ``None``.
         selection: its inputs, outputs and states; if ``None``, all of the model.
         operating: the rule that gives the operating point from the keyframe; if ``None``, the keyframe itself.
-        start: a configuration to use instead of a keyframe, without the states of ``activation``, which are at rest there.
+        start: a configuration to use instead of a keyframe, without the states of ``activation``; these start at rest.
         person: the person to whose body measures the model is scaled.
         activation: the lag of its inputs, which must be motors.
 

@@ -19,17 +19,18 @@ Lag = tuple[float] | tuple[float, float]
 
 @dataclass(frozen=True)
 class Activation:
-    """A lag of unit gain between the command u and the activation a that acts in its place.
+    """Activation dynamics: a lag of unit gain between the command u of an input and the activation a that acts there.
 
-    First order: τ ȧ = u − a. Second order: ä + 2ζω₀ ȧ + ω₀² a = ω₀² u. The states of the input ``ankle`` are
-    ``ankle_act``, or ``ankle_act0`` for ȧ and ``ankle_act1`` for a, in the unit of the command, or that per second.
+    The first order is τ ȧ = u − a, the second order is ä + 2ζω₀ ȧ + ω₀² a = ω₀² u. The states of the input ``ankle``
+    are called ``ankle_act`` or, for the second order, ``ankle_act0`` for ȧ and ``ankle_act1`` for a. The unit of a is
+    that of the command.
 
     Attributes:
-        order: 0 for none, 1 or 2.
-        time_constant: τ [s]; of the second order 1/ω₀. Here and below a number is for all inputs; a table gives those
-            that it names a lag, and others none.
+        order: 1 or 2; 0 is no lag.
+        time_constant: τ [s]; for the second order, 1/ω₀. This and the following are one number for all inputs, or one
+            number for each input by name; inputs that are not named have no lag.
         frequency: ω₀ of the second order [rad/s], instead of a time constant.
-        damping_ratio: ζ of the second order; critically damped, 1, where it is not given.
+        damping_ratio: ζ of the second order; if ``None``, 1, which is critical damping.
 
     Raises:
         ModelError: on construction, if the keys do not make a lag of this order, or a number is not positive.
@@ -68,7 +69,7 @@ class Activation:
         return self.time_constant if self.frequency is None else self.frequency
 
     def lags(self, inputs: Sequence[str]) -> tuple[Lag | None, ...]:
-        """The lag of each of the ``inputs``, ``None`` where it has none.
+        """The parameters of the lag of each of the ``inputs``; ``None`` for an input without a lag.
 
         Raises:
             ModelError: if it names what is no input.
@@ -88,7 +89,9 @@ class Activation:
         return (pace if self.frequency is not None else 1 / pace, _of(self.damping_ratio, name) or 1.0)
 
     def before(self, plant: LinearPlant) -> LinearPlant:
-        """The linear plant whose commands pass these lags; pushes go past them. Its states come after those it has.
+        """The linear plant with this lag between its commands and its inputs.
+
+        The states of the lag follow those of the plant. Pushes act on the plant itself, after the lag.
 
         Raises:
             ModelError: if it names what is no input of the plant.
