@@ -8,7 +8,10 @@ from markupsafe import Markup, escape
 
 from icmj.base.text import printable
 
-_SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)")
+_SUBSCRIPT = re.compile(
+    r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)"  # Δ_crit
+    r"|(?<![\wΓ-ω])([φχγρζμ])(?![\wΓ-ω_\u0302])|(?<![\w.])(b)(?= = \d)"  # γ alone, and b where it has a value
+)
 
 # what stands on one line: a symbol, its equals sign and its value; a number and its unit
 _TOGETHER = re.compile(r"(?<=\S) ([=≈≠<>±×−]) (?=\S)|(?<=\d) (?=(?:s|Hz|rad|deg|kg|m|N|Δ)\b)")
@@ -48,7 +51,7 @@ def notation(text: str) -> Markup:
 
 def _explained(found: re.Match[str]) -> str:
     """A symbol with its subscript, and with its meaning where the page knows it."""
-    shown = f"{found[1]}<sub>{found[2]}</sub>"
+    shown = f"{found[1]}<sub>{found[2]}</sub>" if found[1] else found[0]
     meaning = SYMBOLS.get(found[0])
     return shown if meaning is None else f'<abbr title="{escape(meaning)}">{shown}</abbr>'
 

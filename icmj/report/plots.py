@@ -127,6 +127,18 @@ def other_modes(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     return _legend(axes, legend)
 
 
+def interval_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
+    """(e), strip: relative error of each open-loop interval with respect to Δ_crit, on a logarithmic axis."""
+    time.draw_interval_errors(axes, _case(results))
+    return _legend(axes, legend)
+
+
+def mode_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
+    """(f), strip: relative error of |χ_k1| at the last events with respect to γ, on a logarithmic axis."""
+    modes.draw_mode_errors(axes, _case(results))
+    return _legend(axes, legend)
+
+
 def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """The norm of x̄ on a logarithmic scale; what (f) shows where there is no Δ_crit, hence no χ."""
     modes.draw_norm(axes, _case(results))

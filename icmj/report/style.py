@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 MM = 1 / 25.4
 WIDTH = 85.0  # mm: one column of a journal page
 HEIGHT = 58.0
+MIDDLE = 70.0  # panels with a strip beneath
 TALL = 84.0  # mm: panels that stack one axes for each output
 CROWDED = 45  # events in one axes beyond which their lines and marks are drawn smaller
 
@@ -110,8 +111,12 @@ def applied() -> Iterator[None]:
         yield
 
 
-def new_figure(height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
+def new_figure(
+    height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH, shares: Sequence[float] = ()
+) -> tuple[Figure, list[Axes]]:
     """A figure of ``width`` × ``height`` mm with ``rows`` axes one above the other, which share the abscissa.
+
+    They are of the same height, or of heights as ``shares`` are.
 
     Margins are fixed in millimetres, so that the axes of neighbouring panels line up.
     """
@@ -119,13 +124,14 @@ def new_figure(height: float = HEIGHT, rows: int = 1, *, width: float = WIDTH) -
 
     left, right, bottom, top, gap = 13.0, 3.5, 9.0, 7.0, 3.0
     figure = Figure(figsize=(width * MM, height * MM))
-    each = (height - bottom - top - gap * (rows - 1)) / rows
+    parts = np.asarray(shares or (1.0,) * rows)
+    heights = (height - bottom - top - gap * (len(parts) - 1)) * parts / parts.sum()
     axes: list[Axes] = []
-    for row in range(rows):
-        low = bottom + (rows - 1 - row) * (each + gap)
+    for row, each in enumerate(heights):
+        low = bottom + float((heights[row + 1 :] + gap).sum())
         box = (left / width, low / height, (width - left - right) / width, each / height)
         axes.append(figure.add_axes(box, sharex=axes[0] if axes else None))
-        if row < rows - 1:
+        if row < len(parts) - 1:
             axes[-1].tick_params(labelbottom=False)
     return figure, axes
 
@@ -153,6 +159,14 @@ def legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
 def words(text: str) -> str:
     """A name from elsewhere as matplotlib shows it: in one line, no dollar begins a formula."""
     return one_line(text, 60).replace("$", r"\$")
+
+
+def residual(axes: Axes, name: str) -> None:
+    """Axes of the magnitude of a relative error, from the last digit of floats to all of it."""
+    axes.set_yscale("log")
+    axes.set(ylim=(3e-17, 10), yticks=[1e-16, 1e-8, 1], ylabel=name)
+    axes.set_yticklabels(["$10^{-16}$", "$10^{-8}$", "1"])
+    axes.minorticks_off()
 
 
 def event_lines(axes: Axes, times: Any) -> None:

@@ -13,12 +13,18 @@ def explained(letter: str, index: str) -> str:
     return f'<abbr title="{SYMBOLS[f"{letter}_{index}"]}">{letter}<sub>{index}</sub></abbr>'
 
 
+def alone(letter: str) -> str:
+    return f'<abbr title="{SYMBOLS[letter]}">{letter}</abbr>'
+
+
 @pytest.mark.parametrize(
     ("text", "html"),
     [
         ("Δ_crit = 1.8 s", f"{explained('Δ', 'crit')} = 1.8 s"),
         ("2Δ_crit, q_t", f"2{explained('Δ', 'crit')}, {explained('q', 't')}"),
         ("R_o", "R<sub>o</sub>"),
+        ("±γ of φ(Δ)", f"±{alone('γ')} of {alone('φ')}(Δ)"),
+        ("b = 0.9, bb = 1, a.b = 2, b, ‖χ̂‖", f"{alone('b')} = 0.9, bb = 1, a.b = 2, b, ‖χ̂‖"),
         ("hinge_rate", "hinge_rate"),
         ("a < b & c", "a &lt; b &amp; c"),
         ("closes to 1.7e-12, at -1, not b-2", "closes to 1.7 × 10<sup>−12</sup>, at −1, not b-2"),

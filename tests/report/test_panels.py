@@ -12,7 +12,7 @@ from report_cases import CASES, result
 from scipy.linalg import expm
 
 from icmj.report import panels, style
-from icmj.report.pairing import paired
+from icmj.report.pairing import CaseRuns, paired
 from icmj.report.panels import Panel
 from icmj.report.panels.eigenvalues import shown_locus
 from icmj.simulation.pressure import Pressure
@@ -255,7 +255,7 @@ def test_e_has_every_interval_and_delta_crit():
 @pytest.mark.parametrize("name", ["b0.8", "b1.2", "neglected"])
 def test_f_meets_gamma_at_events_where_the_others_vanish(name):
     found = result(name)
-    critical, others = PANELS["f"].draw(case(name, "linear")).axes
+    critical, others, *_ = PANELS["f"].draw(case(name, "linear")).axes
     gamma = found.prediction.gamma
     chi, rest = line(critical, "linear"), others.get_lines()[-1].get_xydata()
     for t in found.simulation.events.t[-4:]:
@@ -287,3 +287,55 @@ def test_saved_figures_repeat_to_the_byte_and_name_no_time():
     assert b"http://" not in first.replace(b"http://www.w3.org", b"").replace(b"http://purl.org", b"").replace(
         b"http://creativecommons.org", b""
     )
+
+
+def test_a_announces_points_only_where_there_are_some():
+    found = case("b0.8", "linear")
+    without = paired([replace(found.first, growth=None)])[0]
+    caption = panels.PANELS[0].caption
+    assert "points" in caption(found)
+    assert "points" not in caption(without)
+
+
+def test_strips_beneath_e_and_f_show_how_far_the_last_interval_is_from_the_prediction():
+    found = case("b1.2", "linear", "mujoco")
+    strip = panels.PANELS[4].draw(found).axes[1]
+    intervals = found.first.simulation.events.interval
+    points = {line.get_label(): line.get_ydata() for line in strip.get_lines()}
+    expected = np.maximum(np.abs(intervals - found.prediction.delta_crit) / found.prediction.delta_crit, 1e-16)
+    np.testing.assert_allclose(points["linear"], expected, rtol=1e-6, atol=1e-15)
+    assert points["linear"][-1] < 1e-9 < points["linear"][1]
+    modes = panels.PANELS[5].draw(found).axes[2].get_lines()[0].get_ydata()
+    assert np.max(modes) < 1e-6  # on the cycle |χ_k1| is γ at events
+    assert "Beneath" in panels.PANELS[4].caption(found)
+    # no cycle, nothing to depart from
+    other = case("b1.7", "linear")
+    assert len(panels.PANELS[4].draw(other).axes) == 1
+    assert "Beneath" not in panels.PANELS[4].caption(other)
+
+
+def test_names_of_several_inputs_stand_clear_of_each_other():
+    found = result("three-link")
+    simulation = found.simulation
+    limited = replace(simulation, applied=0.9 * simulation.u)
+    figure = panels.MORE[0].draw(paired([replace(found, simulation=limited)])[0])
+    figure.canvas.draw()
+    assert len(figure.axes) == 3
+    labels = [axes.yaxis.get_label() for axes in figure.axes] + [axes.texts[0] for axes in figure.axes]
+    boxes = [label.get_window_extent() for label in labels]
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+
+
+def test_d_parts_the_outputs_of_a_run_under_noise():
+    quiet = case("three-link", "linear")
+    driven = replace(quiet.first, simulation=replace(quiet.first.simulation, noisy=True))
+    figure = panels.PANELS[3].draw(CaseRuns("three-link", {"linear": driven}))
+    assert_legible(figure)
+    together = panels.PANELS[3].draw(quiet).axes[0]
+    assert len(figure.axes) == 3
+    drawn = [curve.get_xydata() for axes in figure.axes for curve in axes.get_lines()]
+    assert len(drawn) == len(together.get_lines())
+    for mine, theirs in zip(drawn, together.get_lines(), strict=True):
+        np.testing.assert_array_equal(mine, theirs.get_xydata())
+    assert "one output in each" in panels.PANELS[3].caption(CaseRuns("three-link", {"linear": driven}))

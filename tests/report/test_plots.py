@@ -30,6 +30,8 @@ OF_PANELS = {
     "intervals": ("e", 0),
     "critical_mode": ("f", 0),
     "other_modes": ("f", 1),
+    "interval_errors": ("e", 1),
+    "mode_errors": ("f", 2),
 }
 
 

@@ -161,7 +161,10 @@ def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks
 
 
 def _modulus_caption(case: CaseRuns) -> str:
-    return "Largest |λ| of φ(Δ) against the interval Δ of a clock; points: growth measured in clock-driven simulations."
+    measured = any(result.growth is not None for result in case.runs.values())
+    points = "; points: growth measured in clock-driven simulations" if measured else ""
+    errors = "with the changes of the plant (ρ = 1) and without (ρ = 0)"
+    return f"Largest |λ| of φ(Δ) against the interval Δ of a clock, {errors}{points}."
 
 
 def _locus_caption(case: CaseRuns) -> str:

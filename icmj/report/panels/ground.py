@@ -32,6 +32,10 @@ def _draw_acting(case: CaseRuns) -> Figure:
     for axes, i in zip(stack, inputs, strict=True):
         draw_acting(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
+        if len(inputs) > 1:  # names of inputs are longer than axes are high
+            name, _, unit = axes.get_ylabel().partition(" (")
+            axes.set_ylabel(f"({unit}" if unit else "")
+            axes.text(0.01, 0.98, name, transform=axes.transAxes, va="top", style="italic")
     figure.align_ylabels(stack)
     style.link("time", *stack)
     style.legend(figure, stack[0])

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 6  # intervals
+LEAST = 1e-16  # relative error that is drawn of what agrees to the last digit
 
 
 def _draw(case: CaseRuns) -> Figure:
@@ -35,12 +36,19 @@ def _draw(case: CaseRuns) -> Figure:
         style.link("time", axes)
         style.legend(figure, axes)
         return figure
-    figure, (critical, others) = style.new_figure(rows=2)
+    settles = case.prediction.cycle and not case.first.simulation.noisy
+    if settles:
+        figure, stack = style.new_figure(style.MIDDLE, shares=(1.2, 1.2, 1))
+        draw_mode_errors(stack[2], case)
+    else:
+        figure, stack = style.new_figure(rows=2)
+    critical, others = stack[:2]
     draw_critical(critical, case)
     draw_others(others, case)
-    critical.set_xlabel("")
-    figure.align_ylabels([critical, others])
-    style.link("time", critical, others)
+    for axes in stack[:-1]:
+        axes.set_xlabel("")
+    figure.align_ylabels(stack)
+    style.link("time", *stack)
     style.legend(figure, critical)
     return figure
 
@@ -67,6 +75,26 @@ def draw_others(axes: Axes, case: CaseRuns) -> None:
     _draw_modes(axes, case, lambda chi: np.linalg.norm(chi[:, 1:], axis=1))
     axes.set_ylabel(r"$\|\chi_{k\neq k_1}\|$")
     axes.set_ylim(bottom=0)
+
+
+def draw_mode_errors(axes: Axes, case: CaseRuns) -> None:
+    """Magnitude of the relative error of |χ_k1| at the last events with respect to γ, on a logarithmic axis.
+
+    Raises:
+        ReportError: if χ is undefined, because there is no Δ_crit.
+    """
+    gamma = case.prediction.gamma
+    if gamma is None or case.prediction.V_inv is None:
+        raise ReportError(f"case {case.name!r}: χ and γ are undefined without Δ_crit")
+    start, end = latter_part(case.last.simulation, SHOWN)
+    for plant, result in case.runs.items():
+        events = result.simulation.events
+        late = (events.t >= start) & (events.t <= end)
+        chi = modes(result, reduced(result, events.x[late], events.x_o[late], events.x_h[late]))[:, 0]
+        error = np.maximum(np.abs(np.abs(chi) / gamma - 1), LEAST)
+        axes.plot(events.t[late], error, linestyle="none", label=style.NAME[plant], **style.MARK[plant])
+    style.residual(axes, "rel. error")
+    axes.set(xlim=(start, end), xlabel="$t$ (s)")
 
 
 def draw_norm(axes: Axes, case: CaseRuns) -> None:
@@ -104,7 +132,12 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
 def _caption(case: CaseRuns) -> str:
     if case.prediction.V_inv is None:
         return "Norm of x̄. Without Δ_crit, χ is not defined."
-    return "Critical mode χ_k1 and norm of the other modes in the last part of the run; dotted: events and ±γ."
+    beneath = ""
+    if case.prediction.cycle and not case.first.simulation.noisy:
+        beneath = " Beneath: relative error of the size of χ_k1 at events with respect to γ."
+    return (
+        f"Critical mode χ_k1 and norm of the other modes in the last part of the run; dotted: events and ±γ.{beneath}"
+    )
 
 
 MODES = Panel("f", _draw, _caption)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,35 +24,50 @@ SHOWN = 8  # intervals
 
 
 def _draw(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure(style.TALL if case.last.actual.n_y > 1 else style.HEIGHT)
+    count = case.last.actual.n_y
+    if case.last.simulation.noisy and count > 1:  # on each other they would be a tangle
+        figure, stack = style.new_figure(style.TALL, count)
+        for output, axes in enumerate(stack):
+            draw_phase(axes, case, [output])
+            axes.set_xlabel(axes.get_xlabel() if axes is stack[-1] else "")
+            axes.set_ylabel(
+                quantities(case.last.actual)[output].label(style.words(case.last.actual.outputs[output]), "/s")
+            )
+        figure.align_ylabels(stack)
+        style.link("plane", *stack)
+        style.legend(figure, stack[0])
+        return figure
+    figure, (axes,) = style.new_figure(style.TALL if count > 1 else style.HEIGHT)
     draw_phase(axes, case)
     style.link("plane", axes)
     style.legend(figure, axes)
     return figure
 
 
-def draw_phase(axes: Axes, case: CaseRuns) -> None:
-    """(d) Velocity against position of every output, with the states at events marked."""
+def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
+    """(d) Velocity against position of every output, or of those chosen, with the states at events marked."""
     outputs = case.last.actual.outputs
+    chosen = chosen or range(len(outputs))
     prediction, laid = case.prediction, laid_orbit(case.last)
     units = quantities(case.last.actual)
-    for i, (name, shown) in enumerate(zip(outputs, units, strict=True)):
+    for i in chosen:
+        name, shown, first = outputs[i], units[i], i == chosen[0]
         if laid is not None:
             y, v = (laid.whole(signal)[:, i] * shown.factor for signal in (laid.orbit.y, laid.rate))
             label = {"attracting": "predicted", "repelling": "repelling orbit"}.get(
                 prediction.verdict, "not admissible"
             )
-            axes.plot(y, v, label=label if i == 0 else None, **style.PREDICTED)
+            axes.plot(y, v, label=label if first else None, **style.PREDICTED)
         for plant, result in case.runs.items():
             simulation = result.simulation
             start, end = latter_part(simulation, SHOWN)
             late = (simulation.t >= start) & (simulation.t <= end)
             v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * shown.factor
             y = simulation.y[late, i] * shown.factor
-            axes.plot(y, v, label=style.NAME[plant] if i == 0 else None, **style.RUN[plant])
-            if result is case.last and len(outputs) > 1 and len(y):
+            axes.plot(y, v, label=style.NAME[plant] if first else None, **style.RUN[plant])
+            if result is case.last and len(chosen) > 1 and len(y):
                 _label(axes, style.words(name), float(y[np.argmax(v)]), float(v.max()))
-        _mark_events(axes, case.last, i, shown)
+        _mark_events(axes, case.last, i, shown, first)
     axes.set(xlabel=_label_of("position $x_2$", units), ylabel=_label_of("velocity $x_1$", units, "/s"))
     if len(outputs) > 1:
         angles = units[0].unit == "deg" and len(set(units)) == 1
@@ -72,7 +88,7 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
     )
 
 
-def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity) -> None:
+def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity, named: bool) -> None:
     simulation = result.simulation
     start, end = latter_part(simulation, SHOWN)
     rows = event_rows(simulation)
@@ -87,12 +103,13 @@ def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity) -> No
             axes.axhline(v[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
     axes.plot(
         y, v, "o", markersize=3.2, markerfacecolor="white", markeredgecolor="#222222", markeredgewidth=0.8,
-        label="at events" if output == 0 else None, zorder=5,
+        label="at events" if named else None, zorder=5,
     )  # fmt: skip
 
 
 def _caption(case: CaseRuns) -> str:
-    return "Velocity against position in the last part of the run; circles: states at events."
+    each = ", one output in each" if case.last.simulation.noisy and case.last.actual.n_y > 1 else ""
+    return f"Velocity against position in the last part of the run{each}; circles: states at events."
 
 
 PHASE = Panel("d", _draw, _caption)

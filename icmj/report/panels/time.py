@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
@@ -15,6 +16,8 @@ from icmj.view.quantity import quantities
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+LEAST = 1e-16  # relative error that is drawn of what agrees to the last digit
 
 
 def _draw_outputs(case: CaseRuns) -> Figure:
@@ -55,11 +58,24 @@ def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
 
 
 def _draw_intervals(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
+    if not _settles(case):
+        figure, (axes,) = style.new_figure()
+        draw_intervals(axes, case)
+        style.link("time", axes)
+        style.legend(figure, axes)
+        return figure
+    figure, (axes, strip) = style.new_figure(style.MIDDLE, shares=(2.2, 1))
     draw_intervals(axes, case)
-    style.link("time", axes)
+    draw_interval_errors(strip, case)
+    axes.set_xlabel("")
+    figure.align_ylabels([axes, strip])
+    style.link("time", axes, strip)
     style.legend(figure, axes)
     return figure
+
+
+def _settles(case: CaseRuns) -> bool:
+    return case.prediction.cycle and not case.first.simulation.noisy
 
 
 def draw_intervals(axes: Axes, case: CaseRuns) -> None:
@@ -84,6 +100,24 @@ def draw_intervals(axes: Axes, case: CaseRuns) -> None:
     )
 
 
+def draw_interval_errors(axes: Axes, case: CaseRuns) -> None:
+    """Magnitude of the relative error of each open-loop interval with respect to Δ_crit, on a logarithmic axis.
+
+    Raises:
+        ReportError: if there is no Δ_crit.
+    """
+    delta = case.prediction.delta_crit
+    if delta is None:
+        raise ReportError(f"case {case.name!r}: no Δ_crit, which errors of intervals are relative to")
+    for plant, result in case.runs.items():
+        events, look = result.simulation.events, dict(style.MARK[plant])
+        look["markersize"] *= 0.6
+        error = np.maximum(np.abs(events.interval / delta - 1), LEAST)
+        axes.plot(events.t, error, linestyle="none", label=style.NAME[plant], **look)
+    style.residual(axes, "rel. error")
+    axes.set(xlim=(0, float(case.last.simulation.t[-1])), xlabel="$t$ (s)")
+
+
 def _output_caption(case: CaseRuns) -> str:
     several = "s" if len(case.first.actual.outputs) > 1 else ""
     band = " Faint: predicted range." if case.prediction.cycle else ""
@@ -91,8 +125,9 @@ def _output_caption(case: CaseRuns) -> str:
 
 
 def _interval_caption(case: CaseRuns) -> str:
-    dotted = "." if case.prediction.delta_crit is None else "; dotted: Δ_crit."
-    return f"Open-loop interval that ends at each event{dotted}"
+    dotted = "" if case.prediction.delta_crit is None else "; dotted: Δ_crit"
+    beneath = ". Beneath: magnitude of its relative error, |Δ_ol/Δ_crit − 1|" if _settles(case) else ""
+    return f"Open-loop interval that ends at each event{dotted}{beneath}."
 
 
 OUTPUTS = Panel("c", _draw_outputs, _output_caption)

@@ -300,26 +300,30 @@
       const count = kind === "time" ? 1 : motion.outputs.length;
       const marks = Array.from({ length: count }, () => make("i", kind, holder));
       const span = ([a, b], value) => (value - a) / (b - a);
-      const put = (mark, x, y) => {
+      // of several planes each has one output
+      const plane = (k) => axes[Math.min(k, axes.length - 1)][1];
+      const put = (mark, x, y, [, , above, below] = axes[0][1]) => {
         mark.hidden = !(x >= 0 && x <= 1 && y >= 0 && y <= 1);
         mark.style.left = `${100 * (left + x * (right - left))}%`;
-        mark.style.top = `${100 * (kind === "time" ? top : bottom - y * (bottom - top))}%`;
+        mark.style.top = `${100 * (kind === "time" ? top : below - y * (below - above))}%`;
       };
       if (kind === "time") marks[0].style.height = `${100 * (axes[axes.length - 1][1][3] - top)}%`;
       this.linked.push((time) => marks.forEach((mark, k) => (kind === "time" ? put(mark, span(range, time), 0) :
-        put(mark, span(range, motion.at(motion.y[k], time)), span(range.slice(2), motion.at(motion.v[k], time))))));
-      const near = (x, y) => { // the time at which an output is nearest in the plane, near where the body is now
+        put(mark, span(plane(k).slice(4), motion.at(motion.y[k], time)), span(plane(k).slice(6), motion.at(motion.v[k], time)), plane(k)))));
+      const near = (across, down) => { // the time at which an output is nearest in the plane
         let best = [Infinity, this.time];
         for (let i = motion.row(Math.max(motion.first, motion.last - 2 * SECONDS)); i < motion.t.length; i++)
           for (let k = 0; k < count; k++) {
-            const away = Math.hypot(span(range, motion.y[k][i]) - x, span(range.slice(2), motion.v[k][i]) - y);
+            const [, , above, below, ...limits] = plane(k), y = span([below, above], down);
+            if (y < 0 || y > 1) continue;
+            const away = Math.hypot(span(limits, motion.y[k][i]) - across, span(limits.slice(2), motion.v[k][i]) - y);
             if (away < best[0] - 1e-4) best = [away, motion.t[i]];
           }
         return best[1];
       };
       const move = (event) => {
         const box = image.getBoundingClientRect();
-        const x = span([left, right], (event.clientX - box.left) / box.width), y = span([bottom, top], (event.clientY - box.top) / box.height);
+        const x = span([left, right], (event.clientX - box.left) / box.width), y = (event.clientY - box.top) / box.height;
         if (x < 0 || x > 1) return tip.hide();
         this.play(false);
         this.go(kind === "time" ? range[0] + x * (range[1] - range[0]) : near(x, y));
