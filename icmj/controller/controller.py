@@ -81,8 +81,8 @@ class Controller(Law):
 
     @property
     def least(self) -> float:
-        """The least time between two events of a rule [s]: Δ_min, the refractory period, or a delay that is longer."""
-        return max(self.trigger.delta_min, self.delay.t_d)
+        """The least time between two events [s]: Δ_min, the refractory period, or a longer delay; 0 of a clock."""
+        return 0.0 if np.isfinite(self.trigger.clock) else max(self.trigger.delta_min, self.delay.t_d)
 
     @cached_property
     def faces(self) -> Faces:

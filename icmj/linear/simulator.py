@@ -175,7 +175,8 @@ class Simulator:
         known = None
         while (acting := self._acting()) is not known:
             status = self._call(self._simulate, self.tables, acting, self._run, events)
-            if status != Status.MORE:
+            full = counts[Count.EVENTS] == len(self._run.events)  # what acts next may have changed at the same time
+            if status != Status.MORE or full:
                 break
             known = acting
         return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])

@@ -10,11 +10,13 @@ from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq
 from icmj.controller.hold import Hold, system_matched, zero_order
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
+from icmj.plant.linear_plant import LinearPlant
 
 
 def retimed(design, followed, jumps, t):
@@ -55,6 +57,20 @@ def test_a_clock_takes_it_up_at_its_next_tick(start) -> None:
     run = simulate(design.plant, controller, linear_cases.settings(5.0))
     expected = retimed(design, followed, [(np.ceil(start / 0.25) * 0.25, 0, 0.2)], run.t)
     np.testing.assert_allclose(run.y, expected, rtol=0, atol=1e-9)
+
+
+def test_a_clock_faster_than_its_delay_runs_on_past_all_edges() -> None:
+    """More events than are collected at a time, the last of them where what acts from outside is worked out anew."""
+    design = design_lq(LinearPlant([[-20.0]], [20.0], [1.0], outputs=("dot",)))
+    followed = setpoint(
+        design.plant, [Target({"dot": 1.0}, pulse(0.2, 0.3, 0.3)), Target({"dot": 1.0}, step(0.1, 0.6))]
+    )
+    controller = Controller(design, system_matched(design), ClockTrigger(0.05), Delay(0.14), followed)
+    run = simulate(design.plant, controller, linear_cases.settings(60.0))
+    np.testing.assert_allclose(run.events.t, 0.05 * np.arange(1, len(run.events) + 1), rtol=1e-12)
+    assert len(run.events) >= 1199
+    assert run.outcome.kind == "completed"  # a clock has no least interval that it could collapse to
+    np.testing.assert_allclose(run.y[-1], 0.1, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("trigger", [Continuous(), ClockTrigger(0.1), None])
