@@ -1,0 +1,196 @@
+"""Reconstruction: when a linear model would have had to see the steps, to control as was recorded.
+
+The step times of the set-point are moved until a linear model's response is nearest to the recorded control. With an
+exact model, a system-matched hold and no noise the control of the intermittent controller is that of the continuous
+one to a set-point whose steps stand at the sampling instants, a delay apart: then nothing is left of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount
+from icmj.errors import DataError
+from icmj.experiments.double_step.pairs import StepPairs
+from icmj.experiments.double_step.response import FittedResponse, StepResponse, fit_order, fit_response
+from icmj.experiments.double_step.search import BEFORE, Windows, move
+from icmj.series.even import even_series
+from icmj.series.series import Series
+
+FEWEST = 4  # pairs, to fit a model to
+_PASSES, _SETTLED = 12, 0.02  # of moving times and fitting in turn; rows by which times still move on average
+_TEMPLATES, _TRIED = 4, 12  # pairs that a first model is fitted to, and pairs that it is tried on
+_DELAYS, _GUESS = 60, (2, 2)  # delays tried for a first model, and its order
+_SHIFTS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)  # rows by which all times are moved together
+_MOST_ROWS = 40_000  # that a model is fitted to
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reconstruction(Shown):
+    """When the steps of P pairs were responded to.
+
+    Attributes:
+        pairs: true times and sizes of the steps.
+        rt: reaction times, moved minus true ones, of first and second steps [s], shape (P, 2); NaN where too little is
+            explained.
+        explained: share of the variance of the control about each pair that the model explains, shape (P,).
+        response: the linear model.
+        t, u: rows and control that were compared [s], shape (N,).
+        fit: the model's control with moved step times, shape (N,); it follows slow drifts from pair to pair.
+        step: between the rows [s].
+        unit: of the control.
+    """
+
+    pairs: StepPairs
+    rt: Array
+    explained: Array
+    response: StepResponse | FittedResponse
+    t: Array
+    u: Array
+    fit: Array
+    step: float
+    unit: str = ""
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        first, second = (float(column[np.isfinite(column)].mean()) for column in self.rt.T)
+        rows = (
+            ("mean RT1", amount(first, "s")),
+            ("mean RT2", amount(second, "s")),
+            ("explained, median", f"{np.median(self.explained):.4%}"),
+        )
+        return Card(f"{len(self.pairs)} pairs of steps, mean RT1 {first:.3g} s, RT2 {second:.3g} s", rows)
+
+
+def reconstruct_steps(
+    series: Series,
+    control: str,
+    pairs: StepPairs,
+    *,
+    response: StepResponse | FittedResponse | None = None,
+    order: tuple[int, int] | None = None,
+    rate: float | None = None,
+    earliest: float = -0.1,
+    latest: float = 1.0,
+    worth: float = 0.5,
+) -> Reconstruction:
+    """Move the steps of a set-point until a linear model of the control fits best, and so find reaction times.
+
+    Without a ``response`` a model is fitted first, to the pair that makes the one best for others; then times are moved
+    and the model is fitted in turn until the times stay (van de Kamp et al. 2013 fit it to the true steps, and move
+    them once). Its order is that of the least Bayes' criterion. A fitted model has no delay of its own: reaction times
+    hold all of it, and are known but for what all have in common, up to about a sampling interval. Every pair is
+    searched through at every row, then refined between rows. What earlier pairs left is taken off; the mean of each
+    pair is free.
+
+    Args:
+        series: a record of the control, and of whatever else; rows as they were sampled, since a response that jumps
+            is not to be interpolated.
+        control: which signal that is.
+        pairs: true times and sizes of the steps: of :func:`icmj.double_steps` where they are known, else those that
+            :func:`icmj.find_step_pairs` finds.
+        response: a linear model to take instead of one fitted, such as :func:`icmj.own_response`.
+        order: of the fitted model, (coefficients of the control's past, of the set-point); chosen by default.
+        rate: rows per second to resample at [Hz]; as recorded by default.
+        earliest, latest: bounds of reaction times [s].
+        worth: share of the control's variance about a pair that the model must explain; others have NaN for times.
+
+    Returns:
+        Reaction times; moved steps of a pair stay in their order.
+
+    Raises:
+        DataError: if there are too few pairs, there is no such signal, it does not cover the pairs or does not move,
+            rows are too far apart, pairs follow too quickly on each other, or no model can be fitted.
+    """
+    even = even_series(series.chosen([control]), rate)
+    t, u, step = even.t, even.values[:, 0], float(even.t[-1] - even.t[0]) / (len(even) - 1)
+    _check(pairs, t, u, step, earliest, latest, control, fitted=response is None)
+    window = Windows(t[0], step, len(t), pairs, earliest, latest)
+    if response is not None:
+        moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+    else:
+        response = _first_guess(u, pairs, window, order)
+        moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+        for _ in range(_PASSES):
+            response = _refitted(u[:_MOST_ROWS], moved, pairs, step, order)
+            before = moved
+            moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+            if np.abs(moved - before).mean() < _SETTLED:
+                break
+    rt = np.where((explained >= worth)[:, None], t[0] + step * moved - pairs.t, np.nan)
+    return Reconstruction(pairs, rt, explained, response, t, u, u - left, step, even.units[0])
+
+
+def _check(
+    pairs: StepPairs, t: Array, u: Array, step: float, earliest: float, latest: float, control: str, fitted: bool
+) -> None:
+    if fitted and len(pairs) < FEWEST:
+        raise DataError(
+            f"{len(pairs)} pairs of steps; expected at least {FEWEST} to fit a model to, or give a response"
+        )
+    if not earliest < latest:
+        raise DataError(f"reaction times from {earliest:g} to {latest:g} s; expected the earliest before the latest")
+    if pairs.t[0, 0] + min(earliest, 0.0) - BEFORE < t[0] or pairs.t[-1, 1] + latest > t[-1]:
+        raise DataError(
+            f"the record is from {t[0]:g} to {t[-1]:g} s; expected {BEFORE - min(earliest, 0.0):g} s before the first "
+            f"step ({pairs.t[0, 0]:g} s) and {latest:g} s after the last ({pairs.t[-1, 1]:g} s)"
+        )
+    if pairs.isi.min() < 2 * step:
+        raise DataError(
+            f"steps {pairs.isi.min():g} s apart in rows {step:g} s apart; expected rows twice as close, or closer"
+        )
+    if len(pairs) > 1 and (pairs.t[1:, 0] - pairs.t[:-1, 1]).min() < latest:
+        at = int(np.argmin(pairs.t[1:, 0] - pairs.t[:-1, 1]))
+        raise DataError(
+            f"a pair at {pairs.t[at + 1, 0]:g} s begins before the response to the one before it may be over, "
+            f"{latest:g} s after its last step; give a smaller latest"
+        )
+    if not np.ptp(u) > 0:
+        raise DataError(f"{control}: does not move; there is nothing to reconstruct")
+
+
+def _stepped(moved: Array, sizes: Array, N: int) -> Array:
+    """A set-point of N rows whose steps stand at these rows and fractions."""
+    rises = np.zeros(N + 1)
+    k, f = np.divmod(moved.ravel(), 1.0)
+    at = np.clip(k.astype(int), 0, N - 1)
+    np.add.at(rises, at, (1 - f) * sizes.ravel())
+    np.add.at(rises, at + 1, f * sizes.ravel())
+    return np.cumsum(rises[:N])
+
+
+def _first_guess(u: Array, pairs: StepPairs, window: Windows, order: tuple[int, int] | None) -> FittedResponse:
+    """A model of the response to a single pair, sharp as an average is not: the one that suits other pairs best.
+
+    The pairs with the longest intervals are tried, each late by the one delay that suits it best.
+    """
+    tried = np.argsort(-pairs.isi, kind="stable")[:_TRIED]
+    near = max(window.many // _DELAYS, 1)
+    best: tuple[float, FittedResponse] | None = None
+    for i in tried[:_TEMPLATES]:
+        rows = slice(window.begin[i], int(window.at[i, 1]))
+        models = []
+        for late in range(max(window.soonest, 0), window.many, near):
+            r = _stepped(window.at[i, :1] + late - rows.start, pairs.sizes[i, :1], rows.stop - rows.start)
+            if np.ptp(r):
+                models.append(fit_order(u[rows], r, window.step, *(order or _GUESS)))
+        found = [model for model in models if model is not None]
+        if found:
+            model = min(found, key=lambda model: model.residual)
+            share = float(np.median(move(u, pairs, window, model.sampled(window.step, window.memory), tried)[2][tried]))
+            if best is None or share > best[0]:
+                best = share, model
+    if best is None:
+        raise DataError("no stable linear model fits the record; is it the control of this set-point?")
+    return best[1]
+
+
+def _refitted(u: Array, moved: Array, pairs: StepPairs, step: float, order: tuple[int, int] | None) -> FittedResponse:
+    """A model of the control to the moved steps, all of them earlier or later by what suits it best."""
+    chosen = fit_response(u, _stepped(moved, pairs.sizes, len(u)), step, order)
+    p, q = len(chosen.a), len(chosen.b)
+    shifted = [fit_order(u, _stepped(moved + by, pairs.sizes, len(u)), step, p, q) for by in _SHIFTS]
+    return min([chosen, *(model for model in shifted if model is not None)], key=lambda model: model.residual)

@@ -1,0 +1,274 @@
+"""Refractoriness: how much later the second of two steps is responded to, against the interval between them.
+
+Four estimates of the refractory duration, as van de Kamp et al. (2013) took them, each with its confidence by drawing
+pairs anew within every inter-step interval.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.base.card import Card, Shown, amount
+from icmj.errors import DataError
+
+LEVEL = 0.05  # of the analysis of variance and of what follows it
+FEWEST, FEWEST_INTERVALS = 3, 3  # pairs of an interval; intervals
+RESAMPLES, FEWEST_RESAMPLES, CONFIDENCE = 2000, 100, 0.95
+_NOTHING = 1e-12  # s²: a line that is better by less is none
+_AT_ONCE = 4_000_000  # numbers drawn at a time
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its confidence.
+
+    Attributes:
+        value: [s].
+        low, high: 95 % confidence interval [s].
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refractoriness(Shown):
+    """Mean reaction times against inter-step interval, K of them, and the refractory duration by four estimates.
+
+    Attributes:
+        isi: inter-step intervals [s], rising, shape (K,).
+        count: pairs of each, shape (K,).
+        rt1, rt2: mean reaction times [s], shape (K,).
+        rt1_error, rt2_error: their standard errors [s], shape (K,).
+        rt1_mean: mean first reaction time over all pairs [s].
+        free: a of the line a + b ISI that RT2 − mean RT1 follows down to zero: intercept of a free regression.
+        slope: its b, without a unit; −1 under a refractory period. NaN where less than two intervals are on it.
+        fixed: the same with b = −1.
+        largest: largest interval at which RT2 is longer than RT1: by an analysis of variance, then tests by Welch with
+            Holm's correction, 5 % in all; 0 s where there is none.
+        range: largest minus least mean RT2: that between the shortest intervals that were tried and long ones, hence
+            less than the duration.
+        p: of the analysis of variance (RT1 of all pairs, RT2 of each interval).
+        discarded: pairs without reaction times.
+    """
+
+    isi: Array
+    count: np.ndarray
+    rt1: Array
+    rt2: Array
+    rt1_error: Array
+    rt2_error: Array
+    rt1_mean: float
+    free: Estimate
+    slope: Estimate
+    fixed: Estimate
+    largest: Estimate
+    range: Estimate
+    p: float
+    discarded: int = field(default=0)
+
+    def card(self) -> Card:
+        """What a prompt or a notebook shows of it."""
+        names = {"free": "free regression", "fixed": "slope −1", "largest": "largest ISI", "range": "range of RT2"}
+        rows = [("mean RT1", amount(self.rt1_mean, "s", 4))]
+        for name, words in names.items():
+            found = getattr(self, name)
+            rows.append((words, f"{amount(found.value, 's', 4)} ({found.low:.3g} to {found.high:.3g})"))
+        line = f"refractory for {self.fixed.value:.3g} s ({self.fixed.low:.3g} to {self.fixed.high:.3g}, slope −1)"
+        return Card(f"{int(self.count.sum())} pairs at {len(self.isi)} intervals, {line}", tuple(rows))
+
+
+def refractoriness(
+    isi: ArrayLike,
+    rt: ArrayLike,
+    *,
+    alike: float = 0.015,
+    shortest: float = 0.0,
+    seed: int = 0,
+    resamples: int = RESAMPLES,
+) -> Refractoriness:
+    """Refractory duration from reaction times to pairs of steps.
+
+    Args:
+        isi: inter-step interval of each pair [s], shape (P,).
+        rt: reaction times to first and second step [s], shape (P, 2), such as those of :func:`icmj.reconstruct_steps`;
+            NaN where there is none, and such pairs are left out.
+        alike: intervals no further apart are one [s]; a record knows them to its sampling interval.
+        shortest: interval from which on the two regressions look [s]; shorter ones may fall into one sampling delay.
+        seed: of what is drawn for the confidence intervals.
+        resamples: how often pairs are drawn anew.
+
+    Raises:
+        DataError: if shapes do not fit, there are fewer than three intervals, or fewer than three pairs of one.
+    """
+    if resamples < FEWEST_RESAMPLES:
+        raise DataError(f"{resamples} resamples; expected at least {FEWEST_RESAMPLES} for a confidence interval")
+    each, times = reactions(isi, rt)
+    values, which = grouped(each, alike)
+    if (values >= shortest).sum() < FEWEST_INTERVALS:
+        raise DataError(
+            f"{int((values >= shortest).sum())} inter-step intervals of {shortest:g} s or more; expected at least "
+            f"{FEWEST_INTERVALS} to see a course"
+        )
+    count = np.bincount(which)
+    if count.min() < FEWEST:
+        at = values[int(np.argmin(count))]
+        raise DataError(
+            f"{count.min()} pairs with reaction times at an inter-step interval of {at:g} s; expected at least {FEWEST}"
+        )
+    of = [times[which == k] for k in range(len(values))]
+    mean = np.array([part.mean(axis=0) for part in of])
+    error = np.array([part.std(axis=0, ddof=1) / np.sqrt(len(part)) for part in of])
+    found = _estimates(values, shortest, *_moments([part[None] for part in of]))
+    drawn = _drawn(values, shortest, of, np.random.default_rng(seed), resamples)
+    tail = (1 - CONFIDENCE) / 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where no line is, it has no slope
+        low, high = np.nanquantile(drawn, [tail, 1 - tail], axis=0)
+    free, slope, fixed, largest, span = (Estimate(*map(float, of)) for of in zip(found[0], low, high, strict=True))
+    return Refractoriness(
+        isi=values,
+        count=count,
+        rt1=mean[:, 0],
+        rt2=mean[:, 1],
+        rt1_error=error[:, 0],
+        rt2_error=error[:, 1],
+        rt1_mean=float(times[:, 0].mean()),
+        free=free,
+        slope=slope,
+        fixed=fixed,
+        largest=largest,
+        range=span,
+        p=_variance_p(times[:, 0], [part[:, 1] for part in of]),
+        discarded=len(np.asarray(isi)) - len(each),
+    )
+
+
+def reactions(isi: ArrayLike, rt: ArrayLike) -> tuple[Array, Array]:
+    """Intervals (P,) and reaction times (P, 2) [s] of the pairs that have them.
+
+    Raises:
+        DataError: if shapes do not fit.
+    """
+    each, times = np.asarray(isi, dtype=float), np.asarray(rt, dtype=float)
+    if each.ndim != 1 or times.shape != (len(each), 2):
+        raise DataError(f"inter-step intervals {each.shape} and reaction times {times.shape}; expected (P,) and (P, 2)")
+    good = np.isfinite(times).all(axis=1) & np.isfinite(each)
+    return each[good], times[good]
+
+
+def grouped(isi: Array, alike: float) -> tuple[Array, np.ndarray]:
+    """Intervals that are the same but for how exactly times are known, as one: (K,) [s], and which each is (P,)."""
+    order = np.argsort(isi, kind="stable")
+    new = np.diff(isi[order], prepend=-np.inf) > alike
+    which = np.empty(len(isi), dtype=int)
+    which[order] = np.cumsum(new) - 1
+    return np.array([isi[which == k].mean() for k in range(int(new.sum()))]), which
+
+
+def _moments(groups: list[Array]) -> tuple[Array, ...]:
+    """Of draws of each interval (D, n_k, 2): counts (K,), means (D, K, 2), variances (D, K, 2)."""
+    count = np.array([part.shape[1] for part in groups])
+    mean = np.stack([part.mean(axis=1) for part in groups], axis=1)
+    variance = np.stack([part.var(axis=1, ddof=1) for part in groups], axis=1)
+    return count, mean, variance
+
+
+def _drawn(values: Array, shortest: float, of: list[Array], random: np.random.Generator, resamples: int) -> Array:
+    """The estimates of pairs drawn anew, shape (resamples, 5)."""
+    some = max(min(resamples, _AT_ONCE // max(sum(map(len, of)), 1)), 1)
+    found = []
+    for first in range(0, resamples, some):
+        many = min(some, resamples - first)
+        groups = [part[random.integers(len(part), size=(many, len(part)))] for part in of]
+        found.append(_estimates(values, shortest, *_moments(groups)))
+    return np.concatenate(found) if found else np.zeros((0, 5))
+
+
+def _estimates(isi: Array, shortest: float, count: np.ndarray, mean: Array, variance: Array) -> Array:
+    """Free intercept, its slope, that of slope −1, largest interval, and range; shape (D, 5)."""
+    rt1 = mean[:, :, 0] @ (count / count.sum())
+    later = mean[:, :, 1] - rt1[:, None]
+    seen = isi >= shortest
+    free, slope = _broken_line(isi[seen], later[:, seen])
+    fixed = _fixed_line(isi[seen], later[:, seen])
+    return np.column_stack([free, slope, fixed, _largest(isi, count, mean, variance), np.ptp(mean[:, :, 1], axis=1)])
+
+
+def _broken_line(isi: Array, later: Array) -> tuple[Array, Array]:
+    """a and b of max(0, a + b ISI), b ≤ 0, nearest to ``later`` (D, K): by least squares over the first intervals.
+
+    Each number of intervals on the line is tried; with one, or none, no line is there: (0, NaN).
+    """
+    best, found = (later**2).sum(axis=1), np.full((2, len(later)), np.nan)
+    found[0] = 0.0
+    for m in range(2, len(isi) + 1):
+        x, y = isi[:m] - isi[:m].mean(), later[:, :m]
+        b = np.minimum((y @ x) / (x @ x), 0.0)
+        a = y.mean(axis=1) - b * isi[:m].mean()
+        missed = ((later - np.maximum(a[:, None] + b[:, None] * isi, 0.0)) ** 2).sum(axis=1)
+        better = (best - missed > _NOTHING) & (a > 0) & (b < 0)
+        best = np.where(better, missed, best)
+        found = np.where(better, [a, b], found)
+    return found[0], found[1]
+
+
+def _fixed_line(isi: Array, later: Array) -> Array:
+    """a of max(0, a − ISI) nearest to ``later`` (D, K); 0 where no line is better: none shows up to the least ISI."""
+    best, found = (later**2).sum(axis=1), np.zeros(len(later))
+    for m in range(1, len(isi) + 1):
+        a = (later[:, :m] + isi[:m]).mean(axis=1)
+        missed = ((later - np.maximum(a[:, None] - isi, 0.0)) ** 2).sum(axis=1)
+        better = best - missed > _NOTHING
+        best, found = np.where(better, missed, best), np.where(better, a, found)
+    return found
+
+
+def _largest(isi: Array, count: np.ndarray, mean: Array, variance: Array) -> Array:
+    """Largest interval at which RT2 is longer than RT1, after an analysis of variance; 0 where none is; shape (D,)."""
+    from scipy.stats import t as student
+
+    n, (m1, m2), (v1, v2) = count.sum(), np.moveaxis(mean, 2, 0), np.moveaxis(variance, 2, 0)
+    all1 = m1 @ count / n
+    within = v1 @ (count - 1) + ((m1 - all1[:, None]) ** 2) @ count
+    var1 = within / (n - 1)
+    differ = _p_of(all1, n, within, m2, count, v2 @ (count - 1)) < LEVEL
+    a, b = (var1 / n)[:, None] + 0 * v2, v2 / count
+    size = np.sqrt(np.maximum(a + b, 1e-24))
+    freedom = np.maximum((a + b) ** 2, 1e-48) / np.maximum(a**2 / (n - 1) + b**2 / (count - 1), 1e-48)
+    p = student.sf((m2 - all1[:, None]) / size, np.maximum(freedom, 1.0))
+    order = np.argsort(p, axis=1, kind="stable")
+    held = np.take_along_axis(p, order, axis=1) * np.arange(len(isi), 0, -1) >= LEVEL
+    rejected = np.zeros(p.shape, dtype=bool)
+    np.put_along_axis(rejected, order, np.cumsum(held, axis=1) == 0, axis=1)
+    return np.where(rejected & differ[:, None], isi, 0.0).max(axis=1)
+
+
+def _variance_p(first: Array, seconds: list[Array]) -> float:
+    """p of the analysis of variance of RT1 of all pairs and RT2 of each interval."""
+    count = np.array([len(part) for part in seconds])
+    mean = np.array([[part.mean() for part in seconds]])
+    within = np.array([sum(float(((part - part.mean()) ** 2).sum()) for part in seconds)])
+    own = np.array([((first - first.mean()) ** 2).sum()])
+    return float(_p_of(np.array([first.mean()]), len(first), own, mean, count, within)[0])
+
+
+def _p_of(mean1: Array, n1: int, own: Array, means: Array, count: np.ndarray, within: Array) -> Array:
+    """p of one-way analyses of variance (D,), from means, counts and sums of squares within the groups."""
+    from scipy.stats import f as fisher
+
+    n = np.append(n1, count)
+    all_means = np.column_stack([mean1, means])
+    grand = all_means @ n / n.sum()
+    between = ((all_means - grand[:, None]) ** 2) @ n / len(count)
+    left = np.maximum((own + within) / (n.sum() - len(n)), 1e-24)
+    return np.asarray(fisher.sf(between / left, len(count), n.sum() - len(n)))
