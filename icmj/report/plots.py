@@ -10,7 +10,8 @@ title are yours. Angles are in degrees, other outputs in their own unit. Typical
         figure.savefig("phase.pdf")
 
 Functions for a sweep take the sweep and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
-Functions for sway take a result of :func:`icmj.measure_sway`.
+Functions for sway take a result of :func:`icmj.measure_sway`, those for double steps one of :func:`icmj.refractoriness`
+or :func:`icmj.reconstruct_steps`.
 
 All of them raise ReportError if there is no result, if two results belong to different cases or to the same plant, or
 if a result does not contain what is to be drawn.
@@ -21,8 +22,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from icmj.errors import ReportError
+from icmj.experiments.double_step.reconstruction import Reconstruction
+from icmj.experiments.double_step.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
 from icmj.report import law, noise
+from icmj.report.double_step import draw_reactions, draw_reconstruction
 from icmj.report.journal import Journal, journal
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.pairing import CaseRuns, paired
@@ -229,6 +233,18 @@ def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
 def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """Power spectra of measured sway; dotted: median frequencies."""
     draw_spectra(axes, sway)
+    return _legend(axes, legend)
+
+
+def reaction_times(axes: Axes, found: Refractoriness, *, legend: bool = True) -> Axes:
+    """Mean reaction times to first and second steps against their interval, with both regressions."""
+    draw_reactions(axes, found)
+    return _legend(axes, legend)
+
+
+def reconstruction(axes: Axes, found: Reconstruction, pair: int = 0, *, legend: bool = True) -> Axes:
+    """The control about one pair of steps, and the linear model's with the steps where they fit it best."""
+    draw_reconstruction(axes, found, pair)
     return _legend(axes, legend)
 
 

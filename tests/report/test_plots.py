@@ -187,3 +187,25 @@ def test_the_circle_stays_round_when_the_figure_changes_its_shape():
     width, height = axes.get_window_extent().size
     scale = [np.ptp(limits) / size for limits, size in ((axes.get_xlim(), width), (axes.get_ylim(), height))]
     assert scale[0] == pytest.approx(scale[1], rel=1e-6)
+
+
+def test_double_steps_are_drawn_where_they_were_found():
+    isi = np.repeat([0.1, 0.3, 0.6], 4)
+    rt = 0.14 + np.column_stack([0 * isi, np.maximum(0.0, 0.4 - isi)])
+    _, left, right = axes_of_mine()
+    PLOTS.reaction_times(right, icmj.refractoriness(isi, rt))
+    assert not left.has_data()
+    lines = [line for line in right.get_lines() if line.get_label().startswith(("free", "slope"))]
+    assert len(lines) == 2
+    for line in lines:
+        np.testing.assert_allclose(line.get_ydata(), 0.14 + np.maximum(0, 0.4 - line.get_xdata()), atol=1e-9)
+    pairs = icmj.StepPairs([[1.0, 1.5]], [[1.0, -2.0]])
+    t = 0.01 * np.arange(400)
+    u = (t >= 1.2) - 2.0 * (t >= 1.7)
+    still = icmj.StepResponse(np.array([[-1.0]]), np.zeros(1), np.zeros(1), 1.0)
+    found = icmj.reconstruct_steps(icmj.Series(t, u[:, None], ("u",), ("m",)), "u", pairs, response=still)
+    PLOTS.reconstruction(left, found)
+    assert left.get_ylabel() == "control (m)"
+    assert len(left.patches) == 2
+    with pytest.raises(ReportError, match="no pair 1 of 1"):
+        PLOTS.reconstruction(left, found, 1)

@@ -2,7 +2,7 @@
 
 Each kind predicts both reaction times from few numbers. What is left is taken for noise with Student's distribution of
 4 degrees of freedom or of 100, whichever is likelier: with tails that forgive a pair now and then, or normal. Bayes'
-criterion decides, and it leaves the simplest kind, the continuous one, only for one that is better by ``MARGIN``.
+criterion decides, and it leaves a kind of fewer numbers only for one that is better by ``MARGIN``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.errors import DataError
-from icmj.experiments.double_step.refractoriness import reactions
+from icmj.experiments.double_step.refractoriness import OUTLYING, reactions, usual
 
 KINDS = {
     "continuous": "continuous and linear: RT1 = RT2 = c",
@@ -61,15 +61,16 @@ def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Expla
 
     Args:
         isi: inter-step interval of each pair [s], shape (P,).
-        rt: reaction times to first and second step [s], shape (P, 2); pairs with NaN are left out.
+        rt: reaction times to first and second step [s], shape (P, 2); pairs with NaN are left out, and those whose RT1
+            is far from the others (see :func:`icmj.refractoriness`).
         resolution: how exactly they are known [s], such as the sampling interval: the least scale of the noise.
 
     Raises:
         DataError: if shapes do not fit, or there are too few pairs.
     """
-    each, times = reactions(isi, rt)
     if not (np.isfinite(resolution) and resolution > 0):
         raise DataError(f"a resolution of {resolution:g} s; expected a positive one, such as the sampling interval")
+    each, times = usual(*reactions(isi, rt), OUTLYING, 2 * resolution)
     if len(each) < FEWEST:
         raise DataError(f"{len(each)} pairs with reaction times; expected at least {FEWEST} to tell controllers apart")
     bic: dict[str, float] = {}
@@ -81,8 +82,10 @@ def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Expla
         parameters[kind] = found
         bic[kind] = len(found) * float(np.log(times.size)) - 2 * likelihood
     best = min(bic, key=lambda kind: bic[kind])
-    if bic["continuous"] - bic[best] < MARGIN:
-        best = "continuous"
+    simpler = [
+        kind for kind in KINDS if len(parameters[kind]) < len(parameters[best]) and bic[kind] - bic[best] < MARGIN
+    ]
+    best = min(simpler, key=lambda kind: len(parameters[kind]), default=best)
     return Explanation(best, bic, parameters)
 
 

@@ -19,6 +19,8 @@ from icmj.errors import DataError
 LEVEL = 0.05  # of the analysis of variance and of what follows it
 FEWEST, FEWEST_INTERVALS = 3, 3  # pairs of an interval; intervals
 RESAMPLES, FEWEST_RESAMPLES, CONFIDENCE = 2000, 100, 0.95
+OUTLYING = 5.0  # deviations of RT1
+_NORMAL = 1.4826  # standard deviations in a median deviation of normal numbers
 _NOTHING = 1e-12  # s²: a line that is better by less is none
 _AT_ONCE = 4_000_000  # numbers drawn at a time
 
@@ -58,7 +60,7 @@ class Refractoriness(Shown):
         range: largest minus least mean RT2: that between the shortest intervals that were tried and long ones, hence
             less than the duration.
         p: of the analysis of variance (RT1 of all pairs, RT2 of each interval).
-        discarded: pairs without reaction times.
+        discarded: pairs that were left out: without reaction times, or with an outlying RT1.
     """
 
     isi: Array
@@ -93,6 +95,7 @@ def refractoriness(
     *,
     alike: float = 0.015,
     shortest: float = 0.0,
+    outlying: float = OUTLYING,
     seed: int = 0,
     resamples: int = RESAMPLES,
 ) -> Refractoriness:
@@ -104,6 +107,8 @@ def refractoriness(
             NaN where there is none, and such pairs are left out.
         alike: intervals no further apart are one [s]; a record knows them to its sampling interval.
         shortest: interval from which on the two regressions look [s]; shorter ones may fall into one sampling delay.
+        outlying: pairs whose RT1 is further than so many deviations from the median are left out, deviations by the
+            median one, but no less than ``alike``: who had just sampled was refractory when the first step came.
         seed: of what is drawn for the confidence intervals.
         resamples: how often pairs are drawn anew.
 
@@ -112,7 +117,7 @@ def refractoriness(
     """
     if resamples < FEWEST_RESAMPLES:
         raise DataError(f"{resamples} resamples; expected at least {FEWEST_RESAMPLES} for a confidence interval")
-    each, times = reactions(isi, rt)
+    each, times = usual(*reactions(isi, rt), outlying, alike)
     values, which = grouped(each, alike)
     if (values >= shortest).sum() < FEWEST_INTERVALS:
         raise DataError(
@@ -164,6 +169,13 @@ def reactions(isi: ArrayLike, rt: ArrayLike) -> tuple[Array, Array]:
         raise DataError(f"inter-step intervals {each.shape} and reaction times {times.shape}; expected (P,) and (P, 2)")
     good = np.isfinite(times).all(axis=1) & np.isfinite(each)
     return each[good], times[good]
+
+
+def usual(isi: Array, rt: Array, outlying: float, least: float) -> tuple[Array, Array]:
+    """The pairs whose first reaction time is not far from the others'."""
+    away = np.abs(rt[:, 0] - np.median(rt[:, 0])) if len(rt) else np.zeros(0)
+    kept = away <= max(outlying * _NORMAL * float(np.median(away)) if len(rt) else 0.0, least)
+    return isi[kept], rt[kept]
 
 
 def grouped(isi: Array, alike: float) -> tuple[Array, np.ndarray]:

@@ -1,0 +1,69 @@
+"""Figures of double steps: reaction times against the interval between steps, and one pair as it was reconstructed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.errors import ReportError
+from icmj.experiments.double_step.reconstruction import Reconstruction
+from icmj.experiments.double_step.refractoriness import Refractoriness
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_FIRST, _SECOND = "#0072b2", "#d55e00"
+_BEFORE, _AFTER = 0.3, 1.0  # s about a pair
+
+
+def draw_reactions(axes: Axes, found: Refractoriness) -> None:
+    """Mean RT1 and RT2 with twice their standard errors, and what both regressions make of RT2 where they find any."""
+    for rt, error, colour, name in (
+        (found.rt1, found.rt1_error, _FIRST, "RT1"),
+        (found.rt2, found.rt2_error, _SECOND, "RT2"),
+    ):
+        axes.errorbar(
+            found.isi, rt, 2 * error, color=colour, marker="o", markersize=4, linestyle="none", capsize=2, label=name
+        )
+    isi = np.linspace(0, found.isi[-1], 500)
+    for estimate, slope, line, name in (
+        (found.free, found.slope.value, "-", "free regression"),
+        (found.fixed, -1.0, (0, (5, 1.5)), "slope −1"),
+    ):
+        if estimate.low > 0 and np.isfinite(slope):
+            course = found.rt1_mean + np.maximum(estimate.value + slope * isi, 0.0)
+            label = f"{name}: {estimate.value:.3f} s ({estimate.low:.3f} to {estimate.high:.3f})"
+            axes.plot(isi, course, color="#222222", linewidth=0.9, linestyle=line, label=label)
+    axes.axhline(found.rt1_mean, color=_FIRST, linewidth=0.8, linestyle=(0, (1, 1.6)))
+    axes.set(xlabel="inter-step interval (s)", ylabel="reaction time (s)", xlim=(0, None), ylim=(0, None))
+
+
+def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
+    """The control about one pair, the model's, and the set-point with its steps at their true and at moved times.
+
+    The set-point is drawn as the model's control would come to rest, one above the other.
+
+    Raises:
+        ReportError: if there is no such pair.
+    """
+    pairs = found.pairs
+    if not -len(pairs) <= pair < len(pairs):
+        raise ReportError(f"no pair {pair} of {len(pairs)}")
+    (first, second), rt = pairs.t[pair], found.rt[pair]
+    shown = (found.t >= first - _BEFORE) & (found.t <= second + _AFTER)
+    t, u = found.t[shown] - first, found.u[shown]
+    axes.plot(t, u, color="#8a8a8a", linewidth=1.6, label="control")
+    axes.plot(t, found.fit[shown], color="#222222", linewidth=0.9, linestyle=(0, (5, 1.5)), label="linear model")
+    low, high = float(u.min()), float(u.max())
+    height = 0.22 * max(high - low, 1e-12) / np.abs(np.cumsum(pairs.sizes[pair])).max()
+    for at, colour, words, below in (
+        (np.zeros(2), _FIRST, "steps", 0.35),
+        (rt, _SECOND, "steps, moved", 0.7),
+    ):
+        if np.isfinite(at).all():
+            edges = [t[0], *(pairs.t[pair] + at - first), t[-1]]
+            level = low - below * (high - low) + height * np.append(0.0, np.cumsum(pairs.sizes[pair]))
+            axes.stairs(level, edges, baseline=None, color=colour, linewidth=1.2, label=words)
+    unit = f" ({found.unit})" if found.unit else ""
+    axes.set(xlabel="time since the first step (s)", ylabel=f"control{unit}", xlim=(t[0], t[-1]))
