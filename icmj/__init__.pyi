@@ -27,6 +27,9 @@ from .controller.realisation import Realisation as Realisation
 from .controller.setpoint import Setpoint as Setpoint
 from .controller.setpoint import Target as Target
 from .controller.setpoint import setpoint as setpoint
+from .controller.step_pairs import StepPairs as StepPairs
+from .controller.step_pairs import double_steps as double_steps
+from .controller.step_pairs import find_step_pairs as find_step_pairs
 from .controller.switching import SwitchingPD as SwitchingPD
 from .controller.trigger import BoxTrigger as BoxTrigger
 from .controller.trigger import ClockTrigger as ClockTrigger
@@ -59,9 +62,6 @@ from .experiments.amplitude_law import measure_law as measure_law
 from .experiments.attractors import attractors as attractors
 from .experiments.double_step.explanation import Explanation as Explanation
 from .experiments.double_step.explanation import explain_reactions as explain_reactions
-from .experiments.double_step.pairs import StepPairs as StepPairs
-from .experiments.double_step.pairs import double_steps as double_steps
-from .experiments.double_step.pairs import find_step_pairs as find_step_pairs
 from .experiments.double_step.reconstruction import Reconstruction as Reconstruction
 from .experiments.double_step.reconstruction import reconstruct_steps as reconstruct_steps
 from .experiments.double_step.refractoriness import Refractoriness as Refractoriness

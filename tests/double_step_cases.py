@@ -7,8 +7,8 @@ from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.setpoint import setpoint
+from icmj.controller.step_pairs import StepPairs
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
-from icmj.experiments.double_step.pairs import StepPairs
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.series.series import Series

@@ -315,7 +315,7 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
 
 
 def _setpoint(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
-    kind = rng.choice(("step", "pulse", "ramp", "sines", "ternary"))
+    kind = rng.choice(("step", "pulse", "ramp", "sines", "ternary", "double-steps"))
     found: dict[str, Any] = {"kind": kind, "size": number(rng, 0.01, 0.1)}
     if rng.random() < 0.8:
         found["output"] = rng.choice((*names.outputs, *names.states))
@@ -327,6 +327,15 @@ def _setpoint(rng: random.Random, names: Names, duration: float) -> dict[str, An
         found["duration"] = positive(rng, 0.1, duration / 10)
     if kind == "sines":
         found["frequencies"] = [positive(rng, 0.1, 1.0, 10.0) for _ in range(rng.choice((1, 3, 30)))]
+    if kind == "double-steps":
+        found["isi"] = [positive(rng, 0.1, 0.3, duration / 10) for _ in range(rng.choice((1, 3)))]
+        keys = {
+            "repetitions": lambda: rng.choice((1, 10, 10_000)),
+            "recovery": lambda: [positive(rng, 0.5, duration), positive(rng, 0.5, duration)],
+            "directions": lambda: rng.choice((["same"], ["reversal", "same"], ["same", "same"])),
+            "seed": lambda: rng.choice((0, 1, 2**63 - 1)),
+        }
+        found |= _some(rng, 0.5, keys)
     if kind == "ternary" and rng.random() < 0.5:
         found["interval"] = positive(rng, 0.25, 0.01)
     return found

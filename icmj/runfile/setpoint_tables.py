@@ -10,9 +10,11 @@ from pydantic import Field, model_validator
 
 from icmj.base.array import Array
 from icmj.controller.setpoint import Target, pulse, ramp, sines, step, ternary
+from icmj.controller.step_pairs import StepPairs, double_steps
 from icmj.errors import AnalysisError
 from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
 
+MOST_STEPS = 10_000  # of pairs of steps
 MOST_INTERVALS = 5_000  # of a ternary sequence: each is a term that a run carries
 
 
@@ -146,6 +148,50 @@ class TernarySetpoint(TargetTable):
         return ternary(self.size, self.interval, self.start, end)
 
 
+class DoubleStepsSetpoint(TargetTable):
+    """Pairs of steps in random order, of a double-step experiment; the second leads on, or back twice as far."""
+
+    kind: Literal["double-steps"]
+    """How it moves."""
+    size: Finite
+    """Of the first step of each pair [unit of the output]."""
+    isi: Annotated[Positives, Field(min_length=1, max_length=MOST)]
+    """Inter-step intervals, from the first to the second step [s]."""
+    repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
+    """How often each interval comes in each direction."""
+    recovery: tuple[Positive, Positive] = (2.0, 3.0)
+    """Least and longest time from a pair to the next [s], drawn evenly between them."""
+    directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
+    """Which way the second step leads."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Of order, directions and times."""
+    start: Positive = 1.0
+    """Time before the first pair [s]."""
+
+    def pairs(self) -> StepPairs:
+        """The pairs.
+
+        Raises:
+            AnalysisError: if an interval stands there twice, the size is zero, or there are too many steps.
+        """
+        steps = 2 * len(self.isi) * len(self.directions) * self.repetitions
+        if steps > MOST_STEPS:
+            raise AnalysisError(f"a double-step set-point of {steps} steps; expected at most {MOST_STEPS}")
+        return double_steps(
+            self.isi,
+            self.repetitions,
+            self.size,
+            recovery=self.recovery,
+            directions=self.directions,
+            seed=self.seed,
+            start=self.start,
+        )
+
+    def terms(self, end: float) -> Array:
+        return self.pairs().terms
+
+
 SetpointTable = Annotated[
-    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint, Field(discriminator="kind")
+    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint | DoubleStepsSetpoint,
+    Field(discriminator="kind"),
 ]

@@ -134,3 +134,21 @@ def test_bad_tables_are_told_in_one_line(case, tables, words):
         prepare(case.run.with_(setpoint=tables))
     assert "\n" not in str(told.value)
     assert str(told.value).startswith(str(case.run.path))
+
+
+def test_pairs_of_steps_are_those_of_the_function(case):
+    pairs = {"output": "trunk", "kind": "double-steps", "size": 0.01, "isi": [0.1, 0.3], "repetitions": 2, "seed": 5}
+    followed = prepare(case.run.with_(setpoint=[pairs]), like=case).setpoint
+    made = icmj.double_steps([0.1, 0.3], 2, 0.01, seed=5)
+    np.testing.assert_array_equal(followed.edges, made.t.ravel())
+    np.testing.assert_allclose(followed(made.t.ravel())[:, 0], np.cumsum(made.sizes.ravel()), atol=1e-15)
+    for wrong, words in (
+        ({"isi": [0.1, 0.1]}, "each once"),
+        ({"size": 0.0}, "sizes must be finite and not zero"),
+        ({"recovery": [2.0, 1.0]}, "recovery of 2 to 1 s"),
+        ({"repetitions": 10_000}, "at most 10000"),
+        ({"directions": ["up"]}, "directions"),
+    ):
+        with pytest.raises((RunFileError, AnalysisError), match=words) as refused:
+            _ = prepare(case.run.with_(setpoint=[{**pairs, **wrong}]), like=case).setpoint
+        assert "\n" not in str(refused.value)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from double_step_cases import D_OL, D_S, T_D
 
+from icmj.controller.step_pairs import StepPairs, double_steps, find_step_pairs
 from icmj.errors import AnalysisError, DataError
 from icmj.experiments.double_step.explanation import KINDS, explain_reactions
-from icmj.experiments.double_step.pairs import StepPairs, double_steps, find_step_pairs
 from icmj.experiments.double_step.reconstruction import reconstruct_steps
 from icmj.experiments.double_step.refractoriness import refractoriness
 from icmj.experiments.double_step.response import fit_response, own_response

@@ -13,8 +13,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount
+from icmj.controller.step_pairs import StepPairs
 from icmj.errors import DataError
-from icmj.experiments.double_step.pairs import StepPairs
 from icmj.experiments.double_step.response import FittedResponse, StepResponse, fit_order, fit_response
 from icmj.experiments.double_step.search import BEFORE, Windows, move
 from icmj.series.even import even_series

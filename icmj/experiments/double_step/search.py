@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.experiments.double_step.pairs import StepPairs
+from icmj.controller.step_pairs import StepPairs
 from icmj.experiments.double_step.response import Sampled
 
 BEFORE, TAIL = 0.2, 0.6  # s before a pair and after the last possible response that are compared

@@ -63,10 +63,14 @@ class StepPairs:
         between = self.t[1:, 0] - self.t[:-1, 1]
         return float(self.t[-1, 1] + (between.min() if len(between) else 2.0))
 
+    @property
+    def terms(self) -> Array:
+        """Of ṙ(t), as :class:`icmj.Target` takes them, shape (2P, 5)."""
+        return np.concatenate([step(size, at) for size, at in zip(self.sizes.ravel(), self.t.ravel(), strict=True)])
+
     def target(self, output: str) -> Target:
         """The set-point of ``output`` that does this, for :func:`icmj.setpoint`."""
-        terms = [step(size, at) for size, at in zip(self.sizes.ravel(), self.t.ravel(), strict=True)]
-        return Target({output: 1.0}, np.concatenate(terms))
+        return Target({output: 1.0}, self.terms)
 
 
 def double_steps(
