@@ -109,8 +109,8 @@ def double_steps(
     ):
         raise AnalysisError(f"inter-step intervals must be positive, each once; got {intervals.tolist()} s")
     unknown = [name for name in directions if name not in DIRECTIONS]
-    if unknown or not directions:
-        raise AnalysisError(f"directions {list(directions)}; expected some of {', '.join(DIRECTIONS)}")
+    if unknown or not directions or len(set(directions)) < len(directions):
+        raise AnalysisError(f"directions {list(directions)}; expected some of {', '.join(DIRECTIONS)}, each once")
     if repetitions < 1:
         raise AnalysisError(f"{repetitions} repetitions; expected at least one")
     low, high = recovery

@@ -178,6 +178,7 @@ CLOSE = StepPairs([[1 + 2 * i, 1.015 + 2 * i] for i in range(4)], [[1.0, 1.0]] *
         (lambda: double_steps((0.1, -0.2), 3), "must be positive, each once"),
         (lambda: double_steps((0.1,), 0), "0 repetitions"),
         (lambda: double_steps((0.1,), 1, directions=("up",)), "expected some of same, reversal"),
+        (lambda: double_steps((0.1,), 1, directions=("same", "same")), "each once"),
         (lambda: double_steps((0.1,), 1, recovery=(2.0, 1.0)), "recovery of 2 to 1 s"),
         (lambda: StepPairs([[1.0, 0.5]], [[1.0, 1.0]]), "rise from step to step"),
         (lambda: StepPairs([[1.0, 1.5]], [[1.0, 0.0]]), "not zero"),
