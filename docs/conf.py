@@ -32,6 +32,7 @@ extensions = [
     "pages",
     "public_names",
     "run_file",
+    "terms",
 ]
 exclude_patterns = ["build", "_ext", "gallery/*.py", "gallery/*.ipynb", "gallery/*.zip", "sg_execution_times.rst"]
 nitpicky = True
@@ -57,6 +58,19 @@ def _tell_where(gallery_conf: dict, script: dict) -> list[str]:
     return []
 
 
+class ByQuestion:
+    """The order of the gallery: what a researcher asks first, then models from elsewhere."""
+
+    ORDER = ("disturbed_stance", "sway", "backpack", "delay", "lean", "own_plant", "muscle", "ball_joint")
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+
+    def __call__(self, name: str) -> tuple[int, str]:
+        stem = Path(name).stem
+        return (self.ORDER.index(stem) if stem in self.ORDER else len(self.ORDER), name)
+
+
 def _lacking(example: Path) -> list[str]:
     """Libraries that an example looks for and that are not installed; such an example is shown, and not run."""
     wanted = re.findall(r'find_spec\("(\w+)"\)', example.read_text(encoding="utf-8"))
@@ -73,7 +87,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": rf"/(?!(?:{'|'.join(name for name, lacking in NOT_RUN.items() if lacking)})\.py)\w+\.py",
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": ByQuestion,
     "download_all_examples": False,
     "show_memory": False,
     "show_signature": False,

@@ -83,7 +83,7 @@ def examine(path: Path) -> None:
             raise ModelError(f"{one_line(path, 300)}: {what}")
     except (OSError, ValueError) as error:
         raise ModelError(f"{one_line(path, 300)}: no such model file ({one_line(error, 100)})") from error
-    read = list(_read(path, path, set()))
+    read = [mark for _, mark in _read(path, path, set())]
     marks = [hashlib.sha256(part).hexdigest() for part in read]
     mark = "".join((str(path.absolute()), *marks))
     if mark not in _known_good and not (len(marks) == 1 and marks[0] in OURS):
@@ -134,8 +134,17 @@ def check_plant(path: Path, plant: LinearPlant) -> None:
             raise ModelError(f"{path}: the plant has {size} {what}; icmj takes at most {most}")
 
 
-def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[bytes]:
-    """What a model and the models that it includes or attaches hold; of other files size and time of change."""
+def files_of(path: Path) -> tuple[Path, ...]:
+    """A model's file, those of the models that it includes or attaches, and all others that they refer to.
+
+    Raises:
+        ModelError: if one cannot be read.
+    """
+    return tuple(found for found, _ in _read(path, path, set()))
+
+
+def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[tuple[Path, bytes]]:
+    """The files of a model, with what they hold; of others than models with size and time of change."""
     seen.add(path.resolve())
     try:
         with path.open("rb") as file:
@@ -144,7 +153,7 @@ def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[bytes]:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
     if len(content) > MOST_BYTES:
         raise ModelError(f"{path}: more than {MOST_BYTES / 1e6:g} MB of MJCF")
-    yield content
+    yield path, content
     text = content.decode(errors="surrogateescape")
     text = re.sub(r"<!--.*?-->", lambda comment: "\n" * comment.group().count("\n"), text, flags=re.DOTALL)
     if wrong := _NO_UTF8.search(text):
@@ -160,7 +169,7 @@ def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[bytes]:
             if name in models:
                 yield from _read(there, model, seen)
             else:
-                yield f"{there} {state.st_size} {state.st_mtime_ns}".encode(errors="surrogateescape")
+                yield there, f"{there} {state.st_size} {state.st_mtime_ns}".encode(errors="surrogateescape")
 
 
 def _state(model: Path, path: Path) -> os.stat_result | None:

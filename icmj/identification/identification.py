@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -86,6 +86,19 @@ def identify(
     Raises:
         IcmjError: if the run file cannot have the unknown, or no motion can be simulated.
     """
+    with unknown.run.at_hand() as run:  # of a log from elsewhere, with the models that it carries
+        return _identified(replace(unknown, run=run), observed, plant, refine, known, seed, progress)
+
+
+def _identified(
+    unknown: Unknown,
+    observed: Observed,
+    plant: PlantKind,
+    refine: bool,
+    known: Inverse | Bank | None,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> Identification:
     if unknown.run.simulation.settings().noisy:
         if not isinstance(known, Bank):
             known = bank(unknown, observed, plant, seed=seed, progress=progress)

@@ -27,6 +27,7 @@ from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import TRIGGERS, recorded
 from icmj.errors import IcmjError, LogError
+from icmj.log.models import kept_of
 from icmj.log.validation import validate
 from icmj.measurement.blocks import Estimate
 from icmj.measurement.measurement import Measurement
@@ -37,6 +38,7 @@ from icmj.plant.push import Push
 from icmj.result.attractor import Attractor
 from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.result.tried import Tried
+from icmj.runfile.kept import Kept
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
@@ -131,7 +133,14 @@ def _encode(value: Any, key: str, arrays: Flat) -> Any:
     if isinstance(value, complex):
         return {"@complex": [value.real, value.imag]}
     if isinstance(value, RunFile):
-        return {"@run": value.text, "path": value.path.as_posix()}
+        told: dict[str, Any] = {"@run": value.text, "path": value.path.as_posix()}
+        if (carried := kept_of(value)).files:
+            told["kept"] = {"place": carried.place, "assumed": carried.assumed, "actual": carried.actual}
+            told["files"] = [
+                [name, _encode(np.frombuffer(content, np.uint8), f"{key}.files.{i}", arrays)]
+                for i, (name, content) in enumerate(carried.files.items())
+            ]
+        return told
     if is_dataclass(value) and type(value).__name__ in _CLASSES:
         name = type(value).__name__
         kept = [f.name for f in fields(value) if (name, f.name) not in _LEFT_OUT]
@@ -159,6 +168,9 @@ def _decode(value: Any, arrays: Flat) -> Any:
     if "@tuple" in value:
         return tuple(_decode(item, arrays) for item in value["@tuple"])
     if "@run" in value:
-        return parse_run(value["@run"], value["path"])
+        run = parse_run(value["@run"], value["path"])
+        files = {str(name): _decode(content, arrays).tobytes() for name, content in value.get("files", ())}
+        told = {key: str(text) for key, text in value.get("kept", {}).items()}
+        return run.keeping(Kept(files=files, **told)) if files else run
     parts = {k: _decode(v, arrays) for k, v in value.items() if k != "@"}
     return _CLASSES[value["@"]](**parts) if "@" in value else parts

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,6 +19,7 @@ from icmj.errors import RunFileError
 from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
+from icmj.runfile.kept import Kept
 from icmj.runfile.keys import put
 from icmj.runfile.law_tables import AnyController, OwnController, Switching
 from icmj.runfile.messages import in_words
@@ -93,6 +96,7 @@ class RunFile(TomlTable):
     _path: Path = PrivateAttr(default=Path("run.toml"))
     _disowned: bool = PrivateAttr(default=False)
     _allows_code: bool = PrivateAttr(default=False)
+    _kept: Kept = PrivateAttr(default_factory=Kept)
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
@@ -124,7 +128,7 @@ class RunFile(TomlTable):
             except RunFileError as error:
                 raise RunFileError(f"{self._path}: {error}") from error
         changed = type(self).validated(data, self._path)
-        changed._allows_code = self._allows_code
+        changed._allows_code, changed._kept = self._allows_code, self._kept
         return changed
 
     def drawn(self) -> RunFile:
@@ -243,6 +247,36 @@ class RunFile(TomlTable):
     def path(self) -> Path:
         """Where it was read from; model files are relative to its folder."""
         return self._path
+
+    @property
+    def kept(self) -> Kept:
+        """The files that it refers to, as the log had them that it was read from; none otherwise."""
+        return self._kept
+
+    def keeping(self, kept: Kept) -> RunFile:
+        """The same run file with these files."""
+        same = self.model_copy()
+        same._kept = kept
+        return same
+
+    @contextmanager
+    def at_hand(self) -> Iterator[RunFile]:
+        """Itself, if its models are where it says; else itself in a temporary folder with those that its log kept.
+
+        Raises:
+            RunFileError: if the files cannot be written.
+        """
+        if not self._kept.files or (self.assumed_path.exists() and self.actual_path.exists()):
+            yield self
+            return
+        with tempfile.TemporaryDirectory(prefix="icmj-models-") as folder:
+            here = self.model_copy()
+            here._path = self._kept.write(Path(folder))
+            for plant, place in (("assumed", self._kept.assumed), ("actual", self._kept.actual)):
+                if place:
+                    key = "model" if getattr(self, plant).model else "matrices"
+                    here = here.with_(**{f"{plant}.{key}": str(Path(folder, place))})
+            yield here
 
     @property
     def actual_measures(self) -> Person | None:
