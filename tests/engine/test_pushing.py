@@ -11,6 +11,7 @@ from engine_cases import controller, plant
 from model_cases import MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
 from scipy.integrate import solve_ivp
 
+import icmj
 from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
@@ -324,3 +325,20 @@ def test_the_loops_push_as_the_analysis_does(tmp_path):
             expected = forces(model, data, table, loop.pushes.size(np.array([t]))[0])
             np.testing.assert_allclose(data.qfrc_applied, expected, atol=1e-15)
             assert np.abs(expected).min() > 0 or t < 0.1
+
+
+def test_an_acceleration_of_the_ground_is_a_force_on_each_body_in_proportion_to_its_mass():
+    """Seen from the ground, it is another gravity, g − a; the linear plant takes the sum of the same pushes."""
+    a, body, control = 0.05, plant("three_link"), controller("three_link").triggered_by(Continuous())
+    bodies = {name: body.model.body(name).mass[0] for name in body.bodies}
+    forced = tuple(Step(body=name, force=(-mass, 0.0, 0.0), size=a) for name, mass in bodies.items() if mass)
+    settings = Settings(duration=1.0, tolerance=1e-11, record_interval=0.1)
+    moved = simulate(body, control, replace(settings, disturbance=forced), error_estimate=False)
+    tilted = icmj.Deviation(changes=(icmj.Change("gravity", value=(-a, 0.0, -9.81)),))
+    hanging = load_plant(body.path, tilted, "upright")
+    other = simulate(hanging, control, settings, error_estimate=False)
+    assert np.abs(moved.x[:, 0]).max() > 1e-3
+    np.testing.assert_allclose(moved.x, other.x, atol=1e-9)
+    linear = body.pushed(replace(settings, disturbance=forced).pushes)
+    exact = simulate_linear(linear, control, replace(settings, disturbance=forced))
+    assert np.abs(exact.x - moved.x).max() < 1e-3 * np.abs(exact.x).max()
