@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -26,6 +28,21 @@ class Kept:
     files: Mapping[str, bytes] = field(default_factory=dict)
     assumed: str = ""
     actual: str = ""
+
+    @contextmanager
+    def written(self) -> Iterator[tuple[Path, dict[str, str]]]:
+        """A temporary folder with the files: the run file's path there, and the keys of it that change."""
+        with tempfile.TemporaryDirectory(prefix="icmj-models-") as folder:
+            place = self.write(Path(folder))
+            named = {"assumed": self.assumed, "actual": self.actual}
+            yield (
+                place,
+                {
+                    f"{plant}.{'matrices' if name.endswith(('.npz', '.json')) else 'model'}": str(Path(folder, name))
+                    for plant, name in named.items()
+                    if name
+                },
+            )
 
     def write(self, folder: Path) -> Path:
         """Write the files into ``folder``; returns the path that the run file has there.

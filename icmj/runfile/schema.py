@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -269,13 +268,9 @@ class RunFile(TomlTable):
         if not self._kept.files or (self.assumed_path.exists() and self.actual_path.exists()):
             yield self
             return
-        with tempfile.TemporaryDirectory(prefix="icmj-models-") as folder:
-            here = self.model_copy()
-            here._path = self._kept.write(Path(folder))
-            for plant, place in (("assumed", self._kept.assumed), ("actual", self._kept.actual)):
-                if place:
-                    key = "model" if getattr(self, plant).model else "matrices"
-                    here = here.with_(**{f"{plant}.{key}": str(Path(folder, place))})
+        with self._kept.written() as (place, changes):
+            here = self.with_(**changes) if changes else self.model_copy()
+            here._path = place
             yield here
 
     @property
