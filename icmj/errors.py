@@ -50,7 +50,7 @@ class CycleError(IcmjError):
 
 
 class LogError(IcmjError):
-    """A log cannot be written or read, or does not hold what was asked of it."""
+    """A log cannot be written or read, or does not contain the requested data."""
 
 
 class DataError(IcmjError):
@@ -70,4 +70,4 @@ class SweepError(IcmjError):
 
 
 class IdentificationError(IcmjError):
-    """Nothing can be identified from what was given."""
+    """Nothing can be identified from the given motion."""

@@ -1,1 +1,1 @@
-"""What everything stands on: arrays, polynomials, whole files, plain data. Imports nothing but errors."""
+"""The lowest floor: arrays, polynomials, complete files, plain data. It imports only errors."""

@@ -1,4 +1,4 @@
-"""The type of every array of real numbers, and how one is made of what somebody gives."""
+"""The type of every array of real numbers, and the conversion of arguments to it."""
 
 from __future__ import annotations
 

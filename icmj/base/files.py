@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are complete, and what is left of those that did not."""
+"""Files that appear under their name only when they are complete, and remains of unfinished ones."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def scratch(target: Path) -> Iterator[Path]:
 
 
 def replaceable(*targets: Path) -> None:
-    """See that under these names stand files, or nothing: what else is there is not ours to replace.
+    """Check that these names belong to regular files, or to nothing; anything else must not be replaced.
 
     A link is refused, too, whatever it leads to: it would be replaced and not followed.
 

@@ -74,7 +74,7 @@ def arrow_alone() -> None:
 
 
 def meanwhile(name: str) -> None:
-    """Import a module that is needed later, in a thread of its own, while compiled code computes.
+    """Import a module that is needed later, in a separate thread, while compiled code computes.
 
     Whoever imports it then waits for it; what goes wrong with it shows there.
     """

@@ -1,4 +1,4 @@
-"""What stands on numba's inside: compiled functions that only others call, and compiled code taken from the disk.
+"""Use of numba's internals: compiled functions that only compiled code calls, and compiled code loaded from the disk.
 
 The first are kept as intermediate code.
 

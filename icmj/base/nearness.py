@@ -1,4 +1,4 @@
-"""What somebody probably meant who wrote a name that does not exist."""
+"""The name that was probably meant by one that does not exist."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ LONGEST = 80  # characters of what was given that are looked at
 
 
 def nearest(given: str, known: Iterable[str]) -> str | None:
-    """The one of ``known`` that is most like ``given``; ``None`` if none is like it.
+    """The most similar name among ``known`` to ``given``; ``None`` if none is similar.
 
     Capitals and separators do not count, because names are often written with others, or without them.
     """

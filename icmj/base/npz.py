@@ -1,4 +1,4 @@
-"""Arrays from an npz file that somebody else may have made: without pickles, within bounds, one kind of error."""
+"""Arrays from an untrusted npz file: without pickles, within bounds, with one kind of error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain data for JSON: numpy arrays become lists, complex numbers [re, im], what is not finite ``null``."""
+"""Plain data for JSON: numpy arrays become lists, complex numbers [re, im], non-finite numbers ``null``."""
 
 from __future__ import annotations
 

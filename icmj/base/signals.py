@@ -1,4 +1,4 @@
-"""A polite request to end, which unwinds what is under way as Ctrl-C does, so that nothing is left behind."""
+"""A request to terminate, which unwinds the current work like Ctrl-C, so that no files are left behind."""
 
 from __future__ import annotations
 

@@ -26,12 +26,12 @@ def one_line(text: object, longest: int = 4000) -> str:
 
 
 def printable(text: str) -> str:
-    """``text`` without what a terminal would obey; lines and tabs stay."""
+    """``text`` without control sequences; line breaks and tabs stay."""
     return _UNPRINTABLE.sub("", text)
 
 
 def spelt(error: UnicodeError) -> tuple[str, int]:
-    """What stands for characters that a stream cannot encode: a handler for :func:`codecs.register_error`."""
+    """Replacements for characters that a stream cannot encode: a handler for :func:`codecs.register_error`."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     words = error.object[error.start : error.end].translate(_SPELT)

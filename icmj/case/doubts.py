@@ -1,4 +1,4 @@
-"""What there is to doubt of a case before it runs."""
+"""Doubts about a case before it runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of a first run file: what was chosen, and in comments what else the model has to choose from."""
+"""The text of a first run file: the choices that were made and, in comments, the alternatives of the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLUMN, _MOST, _WIDTH = 32, 12, 110
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """What a first run file says.
+    """The contents of a first run file.
 
     Attributes:
         model, out: the model's file, and where the run file will lie.

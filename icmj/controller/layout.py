@@ -32,7 +32,7 @@ class Layout:
         return sum(self.sizes)
 
     def __getitem__(self, name: str) -> slice:
-        """Where the segment ``name`` stands."""
+        """The place of the segment ``name``."""
         at = self.names.index(name)
         start = sum(self.sizes[:at])
         return slice(start, start + self.sizes[at])

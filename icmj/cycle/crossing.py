@@ -1,4 +1,4 @@
-"""Where a branch changes its stability: test functions of the multipliers, and the point where one of them is zero.
+"""Changes of stability along a branch: test functions of the multipliers, and the points at which one is zero.
 
 With κ the multipliers of sign · P^p, a fold or a branch point has ∏(κ − 1) = 0, a flip or the loss of the mirror
 symmetry ∏(κ + 1) = 0, and a Neimark–Sacker point ∏_{i<j}(κ_i κ_j − 1) = 0. All three are smooth and real.

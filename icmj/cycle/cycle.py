@@ -207,7 +207,7 @@ def closed_cycle(
 
 
 def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
-    """What there is to know of a cycle that has closed."""
+    """The results for a cycle that has closed."""
     J = jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
     values, errors = multipliers(J, scale)
     peak, spread = extent(found.turn, sign)

@@ -104,7 +104,7 @@ def _differences(
 
 
 def multipliers(J: Jacobian, scale: Array) -> tuple[NDArray[np.complex128], Array]:
-    """Eigenvalues of J by falling magnitude, and how wrong each may be by what is wrong with J; shapes (N,), (N,).
+    """Eigenvalues of J by decreasing magnitude, and their errors due to that of J; shapes (N,), (N,).
 
     The error is first-order perturbation theory's |yᴴ δJ x| / |yᴴ x| in the coordinates that ``scale`` makes alike,
     and the size of the nearest cluster's spread where x and y are so nearly orthogonal that this says nothing.

@@ -1,4 +1,4 @@
-"""The way walked along a curve: its points by their length, and the polynomials through them, which tell what is next.
+"""The path along a curve: its points by arc length, and the polynomials through them, which predict the next point.
 
 The degree of the predicting polynomial is the one that would have predicted the last points best: a low one where the
 curve has bent or the points carry rounding, a high one where it is smooth.

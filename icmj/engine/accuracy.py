@@ -54,7 +54,7 @@ class Accuracy:
     outputs: Array
 
     def facts(self, schedule: Schedule, outputs: Sequence[str]) -> dict[str, float | int | str]:
-        """What a run tells of it, whose outputs have these names."""
+        """The same facts as a run reports them, for outputs with these names."""
         each = (f"{name} {error:.2g}" for name, error in zip(outputs, self.outputs, strict=True))
         return {
             "interval_error": self.interval,
@@ -68,7 +68,7 @@ class Accuracy:
 def facts(
     loop: ComposedLoop, steps: Stepping, schedule: Schedule, record: Record, seconds: float
 ) -> dict[str, float | int | str]:
-    """What a run tells of how it was integrated."""
+    """The facts of a run on its integration."""
     found: dict[str, float | int | str] = {
         "integrator": mujoco.mjtIntegrator(loop.model.opt.integrator).name.removeprefix("mjINT_"),
         "order": order_of(loop.model),

@@ -23,7 +23,7 @@ def is_second_order_lag(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def lag(u: float, rate: float, torque: float, omega_n: float, zeta: float) -> tuple[float, float]:
-    """d/dt of (rate, torque) of a second-order lag that is told ``u``; compiled code calls it, too."""
+    """d/dt of (rate, torque) of a second-order lag with the input ``u``; compiled code calls it, too."""
     return omega_n * omega_n * (u - torque) - 2 * zeta * omega_n * rate, rate
 
 

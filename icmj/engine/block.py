@@ -1,4 +1,4 @@
-"""How a controller stands in a composed model: one ``<numeric>``, described here for Python and compiled code alike.
+"""The controller's block in a composed model: one ``<numeric>``, described here for both Python and compiled code.
 
 It begins with a header of numbers by :class:`Slot`; then come the parts of :data:`PARTS`, row by row, each where the
 header says. Whoever writes or reads it goes by these two names, so a further part or number is declared here and
@@ -123,7 +123,7 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The controller as it stands in a model: views of the numeric's data, which writing changes.
+    """The controller in a model: writable views of the data of its numeric.
 
     Attributes:
         header: by :class:`Slot`, shape (44,).
@@ -171,7 +171,7 @@ class Block:
 
     @property
     def act(self) -> slice:
-        """Where the controller's states stand in ``act``."""
+        """The place of the controller's states in ``act``."""
         start = int(self.header[Slot.ACT])
         return slice(start, start + int(self.header[Slot.SIZE]))
 

@@ -37,7 +37,7 @@ _changed = threading.Condition()
 
 @contextmanager
 def installed(control: ControlCallback | None = None, act_dyn: ActDynCallback | None = None) -> Iterator[None]:
-    """Install MuJoCo's control and activation callbacks; put back what was there on leaving, whatever happens.
+    """Install MuJoCo's control and activation callbacks, and always restore the previous ones on leaving.
 
     MuJoCo prints nothing meanwhile. Load no model inside the block: an installed Python callback breaks the compiler.
     Python callbacks are called by every thread that steps a model meanwhile, so guard them by the model, as those of

@@ -43,7 +43,7 @@ CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What a run recorded.
+    """The record of a run.
 
     Attributes:
         rows, events: rows (t, qpos, qvel, act, sensordata), shapes (N, width), (K, width).
@@ -150,7 +150,7 @@ class ComposedLoop:
         )
 
     def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedLoop:
-        """What steps the model from event to event, from where ``data`` stand; within :meth:`ready`."""
+        """A stepper of the model from event to event, from the state in ``data``; within :meth:`ready`."""
         from icmj.engine.native.adaptive_loop import AdaptiveLoop
         from icmj.engine.native.loop import FixedLoop
 

@@ -91,7 +91,7 @@ def compose(
 
 
 def standing(controller: Law) -> tuple[Realisation, int]:
-    """How a controller stands in a model, and how many coefficients the course of its command has.
+    """The layout of a controller in a model, and the number of coefficients of its command.
 
     What a controller that reads delayed outputs commands is known ahead: it stands there by an idle state, and its
     command as polynomials in time.
@@ -114,7 +114,7 @@ def repack(
     pushes: Pushes,
     duration: float = 0.0,
 ) -> Array | None:
-    """What a composed ``model`` of the same spec would hold of another controller or gain: its numeric's data.
+    """The numeric data that a composed ``model`` of the same spec would have for another controller or gain.
 
     Returns:
         the data; ``None`` where they would not lie alike, number for number and zero for zero.
@@ -141,7 +141,7 @@ def _packed(
     powers: int,
     duration: float,
 ) -> Array:
-    """The controller at the plant's ports: gains stand in K, N and the disturbance, and nothing else scales."""
+    """The controller at the ports of the plant: gains enter K, N and the disturbance only."""
     ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
     # signals of the controller's own stand behind all sensors
     signals = controls.N.shape[1] - len(ports.entries)

@@ -84,7 +84,7 @@ class EngineCourse:
         return rows
 
     def sample(self, t: Array) -> Sample:
-        """What it does at times within it."""
+        """Its states at given times."""
         loop, parts = self.loop, self._part(t)
         rows = np.concatenate([self._whole(t[parts == part], part) for part in range(len(self._splines))])
         at = loop.departures(np.hstack([t[:, None], rows]))

@@ -69,7 +69,7 @@ class _Forces:
 
 
 class _Search:
-    """Newton's method on z = (free positions, controls, activations), all as departures from what is given."""
+    """Newton's method on z = (free positions, controls, activations), as departures from the given values."""
 
     def __init__(
         self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray, room: Room
@@ -142,7 +142,7 @@ class _Search:
         return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
 
     def sizes(self) -> Array:
-        """What a unit of each actuator's force counts as effort, shape (nu,)."""
+        """The effort of a unit force of each actuator, shape (nu,)."""
         model, data = self.model, self.place(self.z)
         mujoco.mj_fwdPosition(model, data)
         rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
@@ -292,7 +292,7 @@ class _Search:
         return bool((position < low - 1e-6).any() or (position > high + 1e-6).any())
 
     def held(self) -> bool:
-        """Whether what is left over is nothing."""
+        """Whether the residual is negligible."""
         return bool(np.abs(self.residual(self.forces(self.z))).max(initial=0.0) <= _HELD)
 
     def check(self) -> None:

@@ -32,7 +32,7 @@ class EngineFault(SimulationError):
 
 
 class _Call:
-    """A call under way in a thread of its own."""
+    """A call that runs in a separate thread."""
 
     def __init__(self) -> None:
         self.ended = threading.Event()
@@ -50,7 +50,7 @@ def can_fault(model: mujoco.MjModel) -> bool:
 
 
 def guarded(function: Callable[[], T]) -> T:
-    """``function()`` in a thread of its own. Ctrl-C waits until it has returned.
+    """Run ``function()`` in a separate thread. Ctrl-C waits until it has returned.
 
     Raises:
         EngineFault: if MuJoCo gave up in it. Whatever the function works on stays half-done, and is kept for ever.
@@ -83,14 +83,15 @@ def guarded(function: Callable[[], T]) -> T:
 
 
 def words(error: object) -> str:
-    """What MuJoCo said, in one line, with what to do about it."""
+    """MuJoCo's message in one line, with advice."""
     said = one_line(error, 200)
     return f"MuJoCo gave up: {said}; {MORE}" if "memory" in said or "stack" in said else f"MuJoCo gave up: {said}"
 
 
 @ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 def _failed(message: bytes) -> None:
-    """MuJoCo's error handler: tell who waits, and never return. Bindings that can jump out never come here."""
+    """MuJoCo's error handler: notify the waiting caller and never return. Bindings that handle errors do not call
+    it."""
     call = _calls.get(threading.get_ident())
     text = message.decode(errors="replace") if message else "no message"
     if call is None:  # not one of ours: what MuJoCo does by default
@@ -114,7 +115,7 @@ def _handler() -> ctypes.c_void_p:
 
 
 def _install() -> None:
-    """Have MuJoCo call us; a handler that somebody else has set stays."""
+    """Register the handler with MuJoCo; a handler that was set by others is kept."""
     with _installed:
         handler = _handler()
         if not handler.value:

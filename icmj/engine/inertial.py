@@ -23,7 +23,7 @@ def frozen(spec: mujoco.MjSpec) -> None:
 
 
 def lengthened(body: mujoco.MjsBody, factor: float) -> None:
-    """Scale everything placed in the body's frame about its origin; mass stays, inertia goes with the square."""
+    """Scale everything placed in the body's frame about its origin; the mass stays, inertia scales with the square."""
     for thing in (*body.bodies, *body.joints, *body.sites, *body.frames, *body.cameras, *body.lights):
         thing.pos = np.asarray(thing.pos) * factor
     for item in (*body.geoms, *body.sites):

@@ -1,4 +1,4 @@
-"""What a model has, by name: keyframes, actuators, sensors, joints, bodies; what somebody chooses from."""
+"""The named elements of a model that can be selected: keyframes, actuators, sensors, joints, bodies."""
 
 from __future__ import annotations
 

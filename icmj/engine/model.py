@@ -1,4 +1,4 @@
-"""The MJCF model: loading, deviating, its operating point, and the names of what it has."""
+"""The MJCF model: loading, deviation, operating point, and the names of its elements."""
 
 from __future__ import annotations
 

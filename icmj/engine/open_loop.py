@@ -31,7 +31,7 @@ class EngineOpenLoop:
     def __init__(
         self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, like: EngineOpenLoop | None = None
     ) -> None:
-        """Make ready to fly; flights keep a row ``every`` so many seconds, none by default.
+        """Prepare flights; they record a row every ``every`` seconds, by default none.
 
         ``like`` may be one of the same model, for the same thread: they share their room.
         """

@@ -43,7 +43,7 @@ def shape(spec: mujoco.MjSpec, person: Person, name: str) -> None:
 
 
 def _measure(body: mujoco.MjsBody, factor: float, person: Person, name: str) -> None:
-    """Scale what is on the body, and give it its mass; the inertia across the plane of sway goes in proportion."""
+    """Scale the elements of the body and set its mass; the inertia across the plane of sway scales in proportion."""
     lengthened(body, factor)
     inertia = np.asarray(body.inertia, dtype=float)
     body.ipos = [0, 0, person.com_of(name)]

@@ -27,7 +27,7 @@ from icmj.simulation.simulation import Simulation
 
 
 def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -> Simulation:
-    """The simulation with the ground's reaction, if the plant stands on a floor; else as it is."""
+    """The simulation with the ground reaction if the plant stands on a floor, otherwise unchanged."""
     if not _Ground(plant).stands:
         return simulation
     known = controller if isinstance(controller, Controller) else None

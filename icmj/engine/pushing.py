@@ -1,4 +1,4 @@
-"""Forces on a model itself: where each acts as numbers for the loops, the generalised forces, and what they do.
+"""Forces on a model itself: their places as numbers for the loops, the generalised forces, and their effect.
 
 A row of the table of places is (kind, index, nine numbers): of a hinge or slide joint its degree of freedom; of any
 other input its actuator and 1/|gear|, for the actuator's moment follows the motion; of a body its number, the point in
@@ -92,7 +92,7 @@ def moved(model: mujoco.MjModel, actuators: Sequence[int] | np.ndarray) -> Array
 
 
 def _along(model: mujoco.MjModel, actuator: int) -> tuple[float, float, float]:
-    """Kind, index and factor of an input: 1 N or 1 N m on what it moves, where its length grows; 0 without a gear."""
+    """Kind, index and factor of an input: 1 N or 1 N m on what it moves, along its length; 0 without a gear."""
     kind, gear = mujoco.mjtTrn(model.actuator_trntype[actuator]), model.actuator_gear[actuator]
     scalar = kind in (mujoco.mjtTrn.mjTRN_TENDON, mujoco.mjtTrn.mjTRN_SLIDERCRANK)
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):

@@ -1,4 +1,4 @@
-"""The ground's force on a model: by Newton and Euler from the motion of all its mass, whether feet are fixed or stand.
+"""The ground reaction on a model, from the motion of all its mass by Newton and Euler, for fixed or free feet.
 
 F = M (a − g) acts on the centre of mass, and the moment about it is the rate of angular momentum; both follow from
 states and inputs of every row. The force starts where it has no moment about horizontal axes, on the level ground.

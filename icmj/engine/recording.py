@@ -1,4 +1,4 @@
-"""What a loop writes while it runs: preallocated buffers, filled from the start in every chunk of steps."""
+"""The record of a running loop: preallocated buffers, filled from the beginning in every chunk of steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model's rehearsal: parsed, copied, compiled, computed and saved once in a process of its own, with limits.
+"""A model's rehearsal: it is parsed, copied, compiled, computed and saved once in a separate process, with limits.
 
 A model can end the process that compiles it: one that attaches itself overflows the stack. Here that is the end of a
 process that nobody needs. It calls the library itself and imports no package, which takes a few hundredths of a second.

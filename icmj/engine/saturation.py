@@ -1,4 +1,4 @@
-"""What of a command passes the limits of the actuators, of control, activation and force; outputs at a cutoff."""
+"""The part of a command that passes the actuators' limits of control, activation and force; outputs at a cutoff."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def sound(path: Path) -> Iterator[None]:
 
 
 def examine(path: Path) -> None:
-    """Read the file and what it refers to, and see that compiling it does no harm, in a process of its own.
+    """Read the file and what it refers to, and check in a separate process that compiling it is safe.
 
     Raises:
         ModelError: if it cannot be read, is not UTF-8 (names would come back as bytes that are no text), refers to
@@ -144,7 +144,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
 
 
 def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[tuple[Path, bytes]]:
-    """The files of a model, with what they hold; of others than models with size and time of change."""
+    """The files of a model with their contents; for files other than models, with size and time of change."""
     seen.add(path.resolve())
     try:
         with path.open("rb") as file:

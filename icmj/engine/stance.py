@@ -1,4 +1,4 @@
-"""What a rule for the operating point means on a model: the pose, what may move in it, what a body stands on."""
+"""The rule for the operating point applied to a model: the pose, its free joints, and the support of a body."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def softened(model: mujoco.MjModel, factor: float) -> Iterator[None]:
 
 
 def posed(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
-    """What is given, with the joints of the rule's pose there."""
+    """The given state with the joints of the rule's pose."""
     qpos = given.qpos.copy()
     for name, value in rule.pose.items():
         joint = _joint(model, name, "pose")
@@ -79,7 +79,7 @@ def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
 def starts(
     model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray
 ) -> Iterator[tuple[OperatingPoint, Room]]:
-    """Where to seek a balance from, and how far to go: from what is given, then from joints bent into their ranges.
+    """Starting points and ranges of the search for a balance: the given state, then joints bent into their ranges.
 
     Those of the rule's pose are not.
     """
@@ -93,7 +93,7 @@ def starts(
 def bent(
     model: mujoco.MjModel, given: OperatingPoint, moving: np.ndarray, rule: OperatingRule, share: float
 ) -> OperatingPoint:
-    """What is given, with joints that may move at least ``share`` of their range away from its ends."""
+    """The given state with free joints at least ``share`` of their range away from its ends."""
     low, high = room(model, given, rule, share)
     step = np.zeros(model.nv)
     step[moving] = np.clip(0.0, low, high)[moving]

@@ -1,4 +1,4 @@
-"""How a run steps: as far as a tolerance allows, or by a timestep with one of MuJoCo's integrators."""
+"""The stepping of a run: adaptive steps to a tolerance, or a fixed timestep with one of MuJoCo's integrators."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Stand:
 
 @dataclass(frozen=True, eq=False)
 class TappedRecord(Record):
-    """What a run recorded.
+    """The record of a run.
 
     Attributes:
         u, mode: command and mode at the rows, shapes (N, n_u), (N,).
@@ -179,7 +179,7 @@ def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop
 
 
 class _Run:
-    """A run under way, with what it has recorded."""
+    """A run in progress with its record."""
 
     def __init__(self, loop: TappedLoop, data: mujoco.MjData, schedule: Schedule, stand: Stand | None) -> None:
         realisation = loop.controller.realisation
@@ -209,7 +209,7 @@ class _Run:
         self.steps = 0
 
     def stretch(self, stepper: FixedLoop) -> tuple[Status, bool]:
-        """One stretch; how the run goes on, and whether the mode has changed."""
+        """One stretch; returns how the run continues, and whether the mode has changed."""
         stand, schedule, taps = self.stand, self.schedule, self.taps
         plan, note, go = entries()
         t, level, edges = stand.t, stand.level, schedule.edges
@@ -263,7 +263,7 @@ class _Run:
         return np.concatenate(times), np.concatenate(y), status
 
     def _at_nodes(self, times: Array, y: Array) -> Array:
-        """What is read of these outputs at the stretch's nodes, shape (nodes, n_y)."""
+        """The readings of these outputs at the nodes of the stretch, shape (nodes, n_y)."""
         from scipy.interpolate import make_interp_spline
 
         half = (times[-1] - times[0]) / 2

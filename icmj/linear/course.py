@@ -63,7 +63,7 @@ class LinearCourse:
         return states
 
     def sample(self, t: Array) -> Sample:
-        """What it does at times within it."""
+        """Its states at given times."""
         w = self._states(t)[:, :-1]
         parts = self._loop.layout.split(w)
         y, u = parts["x"] @ self.plant.C.T, -w @ self._loop.K.T

@@ -1,4 +1,4 @@
-"""A closed loop laid out for the compiled simulation, and what comes of it: the whole run, or one interval."""
+"""A closed loop prepared for the compiled simulation, and its results: the whole run, or one interval."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ROWS, _EVENTS = 4096, 512  # of the buffers
 
 @dataclass(frozen=True, eq=False)
 class Collected:
-    """What a run yields, in z = (x, d, e).
+    """The result of a run, in z = (x, d, e).
 
     Attributes:
         t, Z: rows, shapes (N,) and (N, m).
@@ -126,7 +126,7 @@ class Simulator:
         outcome = None
 
         def keep() -> Array:
-            """Take over what was recorded since the last time; the times of the events."""
+            """Store the rows recorded since the last call; returns the times of the events."""
             counts = self._run.counts
             with unhurried():
                 n_rows, n_events = counts[Count.ROWS], counts[Count.EVENTS]
@@ -169,7 +169,7 @@ class Simulator:
         return ending.diverged(self.t, "a state exceeded 1e+12")
 
     def advance(self, events: int = 1 << 40) -> tuple[Status, int, int]:
-        """Go on for a while, to so many events at most; why it stopped, and how many rows and events it recorded."""
+        """Continue for at most this number of events; returns why it stopped, and how many rows and events it has."""
         counts = self._run.counts
         counts[Count.ROWS] = counts[Count.EVENTS] = 0
         known = None

@@ -23,7 +23,7 @@ HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a
 
 
 def blueprint(result: Result) -> rrb.Blueprint:
-    """The arrangement for ``result``; views of what it does not have are left out."""
+    """The arrangement for ``result``, without views of data that it does not have."""
     control = result.simulation.control
     window = _window(result)
     left: list[Any] = [body(result)] if result.scene is not None else []

@@ -26,7 +26,7 @@ LIMIT = 1.6  # largest |λ| drawn
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One axis of a chart: what it shows, from where to where, and which values are named."""
+    """One axis of a chart: its quantity, its range, and its labelled values."""
 
     label: str
     low: float
@@ -44,7 +44,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A frame, and what is drawn in it as (name, x, y, colour).
+    """A frame, and the curves in it as (name, x, y, colour).
 
     Attributes:
         x, y: its axes.
@@ -71,7 +71,7 @@ def write_charts(recording: rr.RecordingStream, result: Result) -> None:
 
 
 def _growth(result: Result) -> Chart | None:
-    """Largest |λ(φ)| against the clock's interval, with what was measured; the circle and Δ_crit."""
+    """Largest |λ(φ)| against the interval of the clock, with measured growth, the unit circle and Δ_crit."""
     if result.growth is None:
         return None
     delta, largest = predicted_growth(result)

@@ -41,7 +41,7 @@ def _check(value: Any, hint: Any, where: str) -> None:
 
 
 def _plain(hint: Any) -> Any:
-    """What an annotation stands for that may be a type alias: from numpy 2.5 on ``NDArray[...]`` is one."""
+    """The type behind an annotation that may be an alias, as ``NDArray[...]`` is from numpy 2.5 on."""
     while (aliased := getattr(get_origin(hint) or hint, "__value__", None)) is not None:
         hint = aliased[arguments] if (arguments := get_args(hint)) else aliased
     return hint

@@ -140,7 +140,7 @@ def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> N
 
 
 def height(scene: Scene) -> float:
-    """From the floor to a little above the highest geom [m]; 1 where there is nothing to see."""
+    """The height from the floor to slightly above the highest geom [m]; 1 without visible geoms."""
     tall = _top(scene) - _floor(scene)
     return tall if tall > 1e-6 else 1.0
 

@@ -1,4 +1,4 @@
-"""What a log keeps of the files that its run file refers to, so that it can be analysed where these are not."""
+"""The files of a run file that its log stores, so that the log can be analysed where these files do not exist."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours of the replay: the hues of Okabe and Ito, told apart with any colour vision, legible on dark and on white.
+"""Colours of the replay: the hues of Okabe and Ito, for every kind of colour vision, legible on dark and white.
 
 The viewer's plots are on the ground of its theme, dark or light; so every colour of a series is of middling lightness,
 with a contrast of three to one or more to both. The body and the pictures in a frame have a dark ground of their own.

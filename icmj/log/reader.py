@@ -60,7 +60,7 @@ def read_trial(path: Path | str) -> Tried:
 
 
 def read_any(path: Path | str) -> Result | Tried:
-    """What a log was written from, whatever its controller.
+    """The result from which a log was written, for any controller.
 
     Raises:
         LogError: as of :func:`read_log`.
@@ -88,7 +88,7 @@ def read_any(path: Path | str) -> Result | Tried:
 
 
 def _own(result: Result) -> Result:
-    """With the event rule made by its own code, where that is there and as it was."""
+    """The result with its event rule made from user code, if that is available and unchanged."""
     rule = result.controller.trigger
     if not isinstance(rule, RecordedRule):
         return result

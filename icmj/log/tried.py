@@ -1,4 +1,4 @@
-"""What a log shows of a controller that is not intermittent: its summary, its signals, how the replay opens."""
+"""The log of a controller that is not intermittent: its summary, its signals, and the initial view of the replay."""
 
 from __future__ import annotations
 

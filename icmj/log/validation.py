@@ -1,4 +1,4 @@
-"""What a result promises beyond its types: shapes against each other, rising times, finite numbers.
+"""Checks of a result beyond its types: matching shapes, increasing times, finite numbers.
 
 A log is believed only as far as this: the digest in it says that nothing has changed since it was written, not that
 what was written makes sense.
@@ -197,13 +197,13 @@ def _statistics(result: Result) -> None:
 
 
 def _at_events(result: Result) -> int:
-    """Length of the state between which the map from event to event goes; with a delay the hold belongs to it."""
+    """Length of the state that the map from event to event acts on; with a delay it includes the hold."""
     n, m = result.actual.n, result.assumed.n
     return n + 2 * m if result.controller.delay else n + m
 
 
 def _rising(where: str, t: Array, least: int, twice: int = 0) -> int:
-    """The number of times in ``t``, which rise from zero or later; so many may stand there twice, for a jump."""
+    """The number of times in ``t``, which increase from zero or later; at most ``twice`` are repeated, for jumps."""
     _require(t.ndim == 1 and len(t) >= least, where, f"has shape {t.shape}; expected at least {least} times")
     gaps = np.diff(t)
     good = np.isfinite(t).all() and (t[:1] >= 0).all() and (gaps >= 0).all() and (gaps == 0).sum() <= twice

@@ -1,1 +1,1 @@
-"""What a simulation did, read from its events."""
+"""Measurement of the motion of a simulation, from its events."""

@@ -45,7 +45,7 @@ class Ellipse:
 
 
 def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
-    """The prediction ellipse of normally distributed points, with the exact factor for so many of them.
+    """The prediction ellipse of normally distributed points, with the exact factor for their number.
 
     The squared half axes are the eigenvalues of the covariance times 2(N+1)(N−1)/(N(N−2)) F(2, N−2) (Chew 1966,
     J Am Stat Assoc 61:605-617). The factor tends to the quantile of χ² with two degrees of freedom, which

@@ -51,7 +51,7 @@ class _Return:
         return self.residual < 0.5 and self.fit.clear and self.fit.ratio < 0.999
 
     def settled(self, tolerance: float, floor: float) -> bool:
-        """Whether what is still to come of the closure error is below ``tolerance``, and it does not grow."""
+        """Whether the remaining closure error is below ``tolerance`` and does not grow."""
         fit = self.fit
         if self.residual <= floor or not fit.clear:
             return True
@@ -203,7 +203,7 @@ def _cycle(simulation: Simulation, found: _Return) -> Measurement:
 def _open(
     simulation: Simulation, states: Array, returns: list[_Return], running: bool, tolerance: float, floor: float
 ) -> Measurement:
-    """What a motion is that has not closed."""
+    """The classification of a motion that has not closed."""
     K = len(states)
     if not running:
         silence = simulation.outcome.t - simulation.events.t[-1]

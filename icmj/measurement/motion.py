@@ -1,4 +1,4 @@
-"""What a motion is, read from its events, as data."""
+"""The classification of a motion from its events, as data."""
 
 from __future__ import annotations
 

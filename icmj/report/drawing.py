@@ -64,7 +64,7 @@ def law_of(case: CaseRuns) -> Drawing | None:
 
 
 def noise_of(case: CaseRuns) -> tuple[Drawing, Drawing] | None:
-    """Intervals and spectra, where there is noise."""
+    """Intervals and spectra of runs under noise."""
     from icmj.report.noise import histogram_figure, spectrum_figure
 
     if all(result.statistics is None for result in case.runs.values()):

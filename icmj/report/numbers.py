@@ -11,7 +11,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, figures: int = 4) -> str:
-    """``value`` to so many significant figures; powers of ten outside 1e-3 … 1e5; a dash if missing."""
+    """``value`` with this number of significant figures; with powers of ten outside 1e-3 … 1e5; a dash if missing."""
     if value is None or np.isnan(value):
         return MISSING
     if np.isinf(value):
@@ -73,7 +73,7 @@ def poles(values: Iterable[complex]) -> str:
 
 
 def mark(value: bool | None) -> str:
-    """✓, ✗, or a dash where there is nothing to judge."""
+    """✓, ✗, or a dash if there is no verdict."""
     return MISSING if value is None else "✓" if value else "✗"
 
 

@@ -44,7 +44,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class Answered:
-    """A statement with the case that it was put to and the answer."""
+    """A statement with the case to which it was applied, and the answer."""
 
     statement: Statement
     case: CaseRuns
@@ -52,7 +52,7 @@ class Answered:
 
 
 def answered(cases: Sequence[CaseRuns]) -> list[Answered]:
-    """Every statement put to every case that names its figure."""
+    """Every statement applied to every case that names its figure."""
     return [
         Answered(statement, case, statement.check(case))
         for case in cases

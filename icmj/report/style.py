@@ -1,4 +1,4 @@
-"""How figures look: one size, one typeface, colours that colour-blind readers can tell apart (Okabe–Ito)."""
+"""The style of figures: one size, one typeface, colours that colour-blind readers can distinguish (Okabe–Ito)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""C3D files of motion capture and force plates, read by ezc3d in a process of its own.
+"""C3D files of motion capture and force plates, read by ezc3d in a separate process.
 
 ezc3d is the maintained reader of this format, with a peer-reviewed description and with the centre of pressure of all
 types of force plates. A damaged file can end the process that reads it, so that this is another one, with limits on

@@ -1,4 +1,4 @@
-"""What kind of CSV a file is: where its numbers begin, what stands between them, and what its columns are called."""
+"""The shape of a CSV file: where its numbers begin, what separates them, and the names of its columns."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class CsvShape:
 
 
 def csv_shape(text: bytes) -> CsvShape:
-    """The shape of a CSV file, told from its first ``HEAD`` lines: numbers begin where two lines in a row are alike.
+    """The shape of a CSV file from its first ``HEAD`` lines: numbers begin with two lines of the same form.
 
     Raises:
         DataError: if it is no text, or no row of numbers is among them.

@@ -25,7 +25,7 @@ _UNITS = (
 
 @dataclass(frozen=True)
 class Header:
-    """What a file says before its table.
+    """The header of a file, before its table.
 
     Attributes:
         coordinates: whether its columns are coordinates of a model.

@@ -123,7 +123,7 @@ class _Choice:
         return cls(tuple(at), tuple(names[i] for i in kept), tuple(units[i] for i in kept), second, step)
 
     def room(self, rows: int) -> Array:
-        """An array for so many rows.
+        """An array for this number of rows.
 
         Raises:
             DataError: if they are more than can be read.
@@ -136,7 +136,7 @@ class _Choice:
         return np.empty((rows, len(self.at)))
 
     def series(self, data: Array) -> Series:
-        """The series of what was read."""
+        """The series from the data that were read."""
         if self.second is None:
             return Series(np.arange(len(data), dtype=float) * self.step, data, self.names, self.units)
         return Series(data[:, 0] * self.second, data[:, 1:], self.names, self.units)
@@ -184,7 +184,7 @@ def _read_csv(path: Path, columns: Sequence[str], rate: float | None) -> Series:
 
 
 def _parts(file: BinaryIO) -> Iterator[bytes]:
-    """What is left of a file, in parts that end where lines do."""
+    """The rest of a file, in parts that end with complete lines."""
     rest = b""
     while text := file.read(_PART):
         text = rest + text

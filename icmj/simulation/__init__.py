@@ -1,1 +1,1 @@
-"""What both simulators share, as data: settings, disturbances, starts, endings, and what a run yields. Runs nothing."""
+"""Data shared by both simulators: settings, disturbances, starts, endings, and the result of a run."""

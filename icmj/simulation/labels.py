@@ -1,4 +1,4 @@
-"""Names and units of what a run records, so that its numbers can leave the package under their names."""
+"""Names and units of the recorded signals, for export."""
 
 from __future__ import annotations
 

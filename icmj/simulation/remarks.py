@@ -1,4 +1,4 @@
-"""What of a run must be told: limits reached, and a step too large."""
+"""Notices about a run: limits that were reached, and a step that is too large."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a case will take, before it starts: from what it asks for, and where that is much from a small part of it.
+"""The estimated time of a case before it starts: from its settings and, if it is long, from a small part of it.
 
 An estimate is there to tell seconds from hours. It knows nothing of events still to come.
 """
@@ -79,7 +79,7 @@ def estimate(case: Case, plant: PlantKind) -> float:
 
 
 def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: float | None) -> None:
-    """See that a case is not longer than somebody is ready to wait.
+    """Check that the estimate of a case does not exceed a limit.
 
     Raises:
         StudyError: if ``seconds`` is more than ``longest`` [s]; it says what would make it shorter.

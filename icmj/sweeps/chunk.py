@@ -50,7 +50,7 @@ class Computed:
 
 @dataclass
 class _Bench:
-    """What is kept from point to point of one chunk: the last case, under the threshold of the base run file.
+    """Data reused between the points of one chunk: the last case, with the threshold of the base run file.
 
     Nothing that changes a bit: a case taken over is what would be computed again.
     """

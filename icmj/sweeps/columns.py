@@ -1,4 +1,4 @@
-"""The columns of a sweep's table, each with what it means; where there is nothing to say they are empty."""
+"""The columns of a sweep's table, each with its meaning; missing values are empty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan of a sweep: what is computed where, and all that decides what comes out of it."""
+"""The plan of a sweep: its points, and everything that determines its results."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Plan:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """All that decides what comes out: file, run file, models; versions apart."""
+        """Everything that determines the results: sweep file, run file, models; versions are separate."""
         base = self.file.base
         data = self.file.model_dump(exclude={"sweep": {"title", "name", "run"}})
         run = base.model_dump(exclude={"case"})
@@ -104,7 +104,7 @@ class Plan:
 
     @cached_property
     def facts(self) -> Mapping[str, str]:
-        """What stands in every file of the dataset: texts, fingerprint, versions."""
+        """The metadata of every file of the dataset: texts, fingerprint, versions."""
         return {
             "icmj.format": str(FORMAT),
             "icmj.fingerprint": self.fingerprint,

@@ -96,7 +96,7 @@ def planned(file: SweepFile | Path | str) -> Plan:
 def carry_out(
     plan: Plan, out: Path, *, jobs: int | None = None, dask: str | None = None, progress: Told | None = None
 ) -> Progress:
-    """Compute what is not done yet, into ``out``; memory does not grow with the number of points.
+    """Compute the unfinished chunks into ``out``; memory does not grow with the number of points.
 
     Raises:
         SweepError: as :func:`sweep`.

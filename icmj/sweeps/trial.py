@@ -12,7 +12,7 @@ from icmj.sweeps.plan import Plan
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sweep will cost, from a few of its points.
+    """The estimated cost of a sweep, from a few of its points.
 
     Attributes:
         points, chunks: how many.

@@ -1,4 +1,4 @@
-"""What a sweep's folder must hold to be one: others may have made it, or a disk may have lost a part of it."""
+"""Validation of a sweep's folder, which may come from others or be damaged."""
 
 from __future__ import annotations
 

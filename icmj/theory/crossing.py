@@ -35,7 +35,7 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What was found and how far the search could see.
+    """The crossings found and the range that could be resolved.
 
     Attributes:
         crossings: by rising Δ.

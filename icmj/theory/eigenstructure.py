@@ -15,7 +15,7 @@ ILL_CONDITIONED = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Eigenstructure:
-    """Coordinates χ of x̄ in which the critical mode stands alone.
+    """Coordinates χ of x̄ in which the critical mode is separate.
 
     Attributes:
         V_inv: χ = V_inv @ x̄, shape (n + n̂, n + n̂), row 0 critical: on the orbit χ_0 = γ and the others are 0.

@@ -97,7 +97,7 @@ class Flow:
         return np.array(terms) * self.scale
 
     def demand(self, t: float) -> None:
-        """Make sure that e^{Ā_C t} can be told from rounding.
+        """Check that e^{Ā_C t} is not dominated by rounding.
 
         Raises:
             AnalysisError: if it cannot, because the fastest rate of the system is out of proportion to ``t`` [s].

@@ -1,4 +1,4 @@
-"""Modes that no event and no control can change: what they are, which states carry them, who sees them."""
+"""Modes that neither events nor control can change: their kind, their states, and the signals that show them."""
 
 from __future__ import annotations
 

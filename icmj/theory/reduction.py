@@ -59,7 +59,7 @@ class Reduction:
 
     @property
     def A(self) -> Array:
-        """The matrix of what is left, shape (M, M)."""
+        """The matrix of the reduced system, shape (M, M)."""
         return self.flow.A_C
 
     def shown_by(self, rows: Array) -> NDArray[np.bool_]:
@@ -94,7 +94,7 @@ class Reduction:
 
 
 def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
-    """Take the neutral directions out; where there are none, the system's own matrices come back.
+    """Remove the neutral directions; without any, the matrices of the system are returned unchanged.
 
     Args:
         system: the error system.

@@ -1,1 +1,1 @@
-"""What there is to see of a run beside its prediction, as plain arrays; drawing them is for others."""
+"""The data of a run and its prediction that are shown, as plain arrays; other modules draw them."""

@@ -61,7 +61,7 @@ class LaidOrbit:
 
 
 def laid_orbit(result: Result) -> LaidOrbit | None:
-    """The orbit at Δ_crit laid on the run, whether or not a cycle is predicted; ``None`` where there is no orbit."""
+    """The orbit at Δ_crit aligned with the run, whether or not a cycle is predicted; ``None`` without an orbit."""
     orbit, simulation = result.prediction.orbit, result.simulation
     if orbit is None:
         return None

@@ -21,7 +21,7 @@ from icmj.base.array import Array
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The faces of an event rule; F of them, none where there is no event function.
+    """The F faces of an event rule; none without an event function.
 
     Attributes:
         R: the rows of all R_j, one under the other, shape (r, n̂).
@@ -59,7 +59,7 @@ class Faces:
         return int(np.argmax(self.levels(e)))
 
     def rows(self, face: int) -> slice:
-        """Where R_j stands in R."""
+        """The rows of R_j in R."""
         return slice(int(self.cuts[face]), int(self.cuts[face + 1]))
 
     def gradient(self, e: Array) -> Array:

@@ -1,4 +1,4 @@
-"""An event rule of somebody's own code as a log keeps it: its numbers, and where it came from."""
+"""An event rule from user code as a log stores it: its numbers and its origin."""
 
 from __future__ import annotations
 

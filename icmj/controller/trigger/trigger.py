@@ -34,7 +34,7 @@ class Trigger(ABC):
 
     @property
     def clock(self) -> float:
-        """Interval of the clock [s]; infinite where there is none."""
+        """Interval of the clock [s]; infinite without a clock."""
         return float("inf")
 
     @abstractmethod
@@ -47,7 +47,7 @@ class Trigger(ABC):
 
     @abstractmethod
     def facts(self) -> Mapping[str, Any]:
-        """What there is to say of the rule, by the field's names, for tables and summaries."""
+        """The settings of the rule by their usual names, for tables and summaries."""
 
 
 class EventRule(Trigger):

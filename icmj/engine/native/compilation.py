@@ -69,7 +69,7 @@ def sources() -> int:
 
 
 def engine_function(name: str, signature: str = MODEL_AND_DATA) -> Any:
-    """A function of MuJoCo's, for compiled code and interpreted code alike.
+    """A function of MuJoCo, for both compiled and interpreted code.
 
     In the signature pointers are integers of their size: the same registers, and no type to convert.
 

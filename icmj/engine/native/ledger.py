@@ -1,4 +1,4 @@
-"""What both loops do beside stepping: see how the plant stands, write down, apply maps, and know what comes next."""
+"""Tasks of both loops besides stepping: check the plant, record rows, apply maps, and find the next due time."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -108,7 +108,7 @@ def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
 
 
 class Planned(NamedTuple):
-    """What a schedule has next, as times [s]; infinite where there is nothing.
+    """The next times of a schedule [s]; infinite if nothing is due.
 
     ``rule`` is when the event function counts from, ``action`` when the oldest event acts that has not acted yet.
     """
@@ -121,7 +121,7 @@ class Planned(NamedTuple):
 
 @exact
 def planned(plan, progress, watched):  # type: ignore[no-untyped-def]
-    """What is due next; ``watched`` says whether there is an event rule."""
+    """The next due time; ``watched`` says whether there is an event rule."""
     rule = progress[0].last_event + max(plan.delta_min, plan.delay) if watched else np.inf
     clock = progress[0].clock * plan.clock if np.isfinite(plan.clock) else np.inf
     edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
@@ -143,7 +143,7 @@ def _next_action(plan, progress):  # type: ignore[no-untyped-def]
 
 @exact
 def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
-    """What a step ends with: the clock and the run's end if it ``lands`` on them, a row, a reset, an edge.
+    """What ends a step: the clock and the end of the run if it ``lands`` on them, a row, a reset, an edge.
 
     ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has.
 

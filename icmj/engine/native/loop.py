@@ -180,7 +180,7 @@ class FixedLoop:
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:
-    """Compare what the installed callbacks have just written with the equations that they stand for, in matrices.
+    """Compare the values that the installed callbacks have just written with the matrix equations that they implement.
 
     Raises:
         ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.

@@ -62,7 +62,7 @@ def field(struct: str, name: str) -> Any:
 
 
 class Handles(NamedTuple):
-    """What goes to the engine's functions as model and data, and numbers of both as arrays that can be written."""
+    """Pointers to model and data for the engine's functions, and their numbers as writable arrays."""
 
     model: Any
     data: Any

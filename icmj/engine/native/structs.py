@@ -1,4 +1,4 @@
-"""Where fields stand in MuJoCo's C structs, so that compiled code can read and write them.
+"""Offsets of fields in MuJoCo's C structs, with which compiled code reads and writes them.
 
 The layout follows from the declarations that the package itself carries (``mujoco.introspect``) by the C rules of
 alignment. :func:`check` compares it with addresses of a live model, so that a layout that is ever wrong is an error

@@ -21,7 +21,7 @@ _SAME = 1e-3  # relative: intervals that are closer than this are of one cycle
 
 
 def draw_basins(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -> None:
-    """Every start in the colour of the motion that it leads to; the most frequent motions stand first in the legend."""
+    """Every initial state in the colour of the motion that it leads to; the most frequent come first in the legend."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 

@@ -1,4 +1,4 @@
-"""The critical interval over one thing that varies, with what was measured on top of it."""
+"""The critical interval against one varied field, with the measured intervals."""
 
 from __future__ import annotations
 

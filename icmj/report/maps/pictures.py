@@ -1,4 +1,4 @@
-"""Which pictures there are of a sweep, from what varies in it and what was asked for."""
+"""The figures of a sweep, selected by the varied fields and the requested columns."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WIDE = 130.0  # mm
 
 @dataclass(frozen=True, eq=False)
 class SweptPicture:
-    """One picture of a sweep: the end of its file name, the figure, and what is to be seen."""
+    """One figure of a sweep: the end of its file name, the figure, and its caption."""
 
     name: str
     figure: Figure

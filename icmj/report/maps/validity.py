@@ -59,7 +59,7 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
 
 
 def regions(swept: Swept, laid: Grid, plant: str) -> Any:
-    """What there is at each point: cycle (the predicted one), elsewhere, fell, open; nothing where none is finished."""
+    """The result at each point: cycle (the predicted one), elsewhere, fell, open; nothing if it is not finished."""
     outcome, kind = swept.texts(f"{plant}_outcome"), swept.texts(f"{plant}_kind")
     predicted = swept.texts(f"{plant}_on_predicted")
     told = np.array([_told(*each) for each in zip(outcome, kind, predicted, strict=True)] + ["nothing"])

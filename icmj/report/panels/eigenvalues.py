@@ -146,7 +146,7 @@ def draw_scale(bar: Axes, case: CaseRuns) -> None:
 
 
 def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks: list[NDArray[Any]]) -> None:
-    """A head on the branch half-way along what is in view, pointing to growing Δ."""
+    """An arrowhead half-way along the visible part of the branch, pointing to growing Δ."""
     step = np.abs(np.diff(branch))
     seen = (np.abs(branch.imag[:-1]) < REACH) & (np.abs(branch.real[:-1]) < 1.3 * REACH) & (step < 0.3)
     travelled = np.cumsum(np.where(seen, step, 0))

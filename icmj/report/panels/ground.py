@@ -1,4 +1,4 @@
-"""Panels (g) and (h): what acts on the inputs where it is not the command, and the centre of pressure of who stands."""
+"""Panels (g) and (h): inputs that differ from the command, and the centre of pressure of a standing body."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _draw_pressure(case: CaseRuns) -> Figure:
 
 
 def pressed_axes(case: CaseRuns) -> list[str]:
-    """The axes, of x and y, along which the centre of pressure moves; none where nothing stands."""
+    """The axes, of x and y, along which the centre of pressure moves; none without a floor."""
     return sorted({axis for _, pressure in _standing(case).values() for axis in pressure.axes})
 
 

@@ -98,7 +98,7 @@ def draw_mode_errors(axes: Axes, case: CaseRuns) -> None:
 
 
 def draw_norm(axes: Axes, case: CaseRuns) -> None:
-    """The norm of x̄ on a logarithmic scale, events dotted: what is left to draw where χ is undefined."""
+    """The norm of x̄ on a logarithmic scale, events dotted; it is drawn if χ is undefined."""
     style.event_lines(axes, case.last.simulation.events.t)
     for plant, result in case.runs.items():
         simulation = result.simulation

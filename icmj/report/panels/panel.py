@@ -1,4 +1,4 @@
-"""What a panel is: its letter, its drawing and its caption, in one, so that none can get another's."""
+"""A panel: its letter, its drawing and its caption, kept together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a section is: a heading, a template and the facts that the template prints."""
+"""A section: a heading, a template, and the facts that the template prints."""
 
 from __future__ import annotations
 
