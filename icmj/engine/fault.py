@@ -90,8 +90,7 @@ def words(error: object) -> str:
 
 @ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 def _failed(message: bytes) -> None:
-    """MuJoCo's error handler: notify the waiting caller and never return. Bindings that handle errors do not call
-    it."""
+    """MuJoCo's error handler: notify the waiting caller, and never return; bindings with their own do not call it."""
     call = _calls.get(threading.get_ident())
     text = message.decode(errors="replace") if message else "no message"
     if call is None:  # not one of ours: what MuJoCo does by default
