@@ -227,7 +227,7 @@ def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:
 
 
 def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, deviation: Deviation | None) -> MujocoPlant:
-    """Without the states to be dropped, or with a word those adrift, and where outputs are spare what shows them."""
+    """The plant without the dropped states, and without spare outputs that show them; with notices of idle ones."""
     linear = plant.linearisation.plant
     drop = chosen.drop or (adrift(linear) if chosen.states is None else ())
     there = [linear.states.index(name) for name in drop if name in linear.states]
