@@ -80,8 +80,9 @@ def markdown(result: Result, compared: Comparison) -> str:
     run, simulation = result.run, result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
     outputs, nothing = result.actual.outputs, [None] * result.actual.n_y
+    apart = None if measured.kind == "noisy" else error.interval  # a mean under noise is not a cycle's interval
     rows = [
-        ("interval Δ [s]", predicted.delta_crit, measured.interval, error.interval),
+        ("interval Δ [s]", predicted.delta_crit, measured.interval, apart),
         ("period [s]", predicted.period, measured.period, error.period),
         ("γ", predicted.gamma, measured.gamma, error.gamma),
         *(

@@ -20,6 +20,7 @@ from icmj.report.moving import moving, script
 from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.overview import overview_figure
 from icmj.report.pairing import CaseRuns, paired
+from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.statements import in_paper_order
 from icmj.result.result import Result
@@ -112,8 +113,11 @@ def render(
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
     grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
-    others = sections.tried(tried, _tried(tried, folder), before + 1 + numbered(swept) + numbered(grown), of_trial)
-    parts: list[Section | None] = [swept, grown, others]
+    after = before + 1 + numbered(swept) + numbered(grown)
+    controllers = _rivals(cases, tried, folder)
+    beside = sections.rivals(controllers, after)
+    others = sections.tried(tried, _tried(tried, folder), after + len(controllers), of_trial)
+    parts: list[Section | None] = [swept, grown, beside, others]
     if cases:
         parts = [
             sections.summary(cases),
@@ -124,6 +128,7 @@ def render(
             sections.attractors(cases),
             swept,
             grown,
+            beside,
             others,
             sections.designs(cases),
             sections.settings(cases),
@@ -266,6 +271,21 @@ def _tried(runs: Sequence[Tried], folder: Path) -> dict[str, Picture]:
             name: _drawn(trial_figure(same), folder, f"{name}_trial", f"{same[0].run.case.title}, over time")
             for name, same in cases.items()
         }
+
+
+def _rivals(
+    cases: Sequence[CaseRuns], tried: Sequence[Tried], folder: Path
+) -> list[tuple[list[Rival], tuple[Picture, Picture]]]:
+    """Controllers of one body, with their spectra and paths."""
+    found = []
+    if tried:
+        runs = [result for case in cases for result in case.runs.values()]
+        with style.applied():
+            for n, group in enumerate(rivals([*runs, *tried]), 1):
+                spectra = _drawn(spectra_figure(group), folder, f"controllers_{n}_spectra", "Spectra of the outputs")
+                paths = _drawn(paths_figure(group), folder, f"controllers_{n}_paths", "Rates against outputs")
+                found.append((group, (spectra, paths)))
+    return found
 
 
 def _drawn(figure: Figure, folder: Path, name: str, alt: str) -> Picture:

@@ -13,7 +13,7 @@ from icmj.comparison.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
-from icmj.log.summary import properties
+from icmj.log.summary import markdown, properties
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
@@ -97,3 +97,11 @@ def test_the_page_shows_histogram_and_spectra(tmp_path) -> None:
     assert "Under noise" in page
     assert page.count("histogram of intervals") == 1
     assert {"noisy_intervals.svg", "noisy_spectra.pdf"} <= {path.name for path in (tmp_path / "r_figures").iterdir()}
+
+
+def test_the_viewer_gives_no_error_of_a_mean_interval_as_the_report_gives_none() -> None:
+    found = noisy()
+    compared = compare(found)
+    assert compared.relative_error.interval is not None
+    line = next(line for line in markdown(found, compared).splitlines() if "interval Δ" in line)
+    assert line.split("|")[-2].strip() == "–"

@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 from report_cases import CASES, PENDULUM, design_of, everything, result
 
+import icmj
+from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import EventRule, EventTrigger, Faces
+from icmj.plant.linear_plant import LinearPlant
 from icmj.report import sections
 from icmj.report.pairing import paired
+from icmj.report.rivals import rivals
+from icmj.result.tried import Tried
+from icmj.simulation.settings import Settings
 
 
 def rows():
@@ -190,3 +196,24 @@ def test_matrix_is_read_row_by_row():
         ["0", "−1.5"],
         ["1", "1\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁷"],
     ]
+
+
+def test_controllers_of_one_body_stand_side_by_side():
+    """The measures are those of the run's own second half, told by sums over it; other bodies stay out."""
+    found = result("b0.8")
+    old = found.actual
+    words = {"outputs": ("angle", "speed"), "output_units": ("rad", "rad/s")}
+    plant = LinearPlant(old.A, old.B, np.eye(2), states=old.states, inputs=old.inputs, **words)
+    law = SwitchingPD(plant, "angle", "speed", P=1.6, D=0.8, delay=0.1)
+    run = icmj.simulate_plant(plant, law, Settings(duration=20.0), x0=[0.02, 0.0])
+    trial = Tried(found.run, plant, plant, law, run)
+    seen = replace(found, actual=plant, simulation=replace(found.simulation, y=found.simulation.x[:, :2]))
+    assert rivals([found, seen]) == []
+    (group,) = rivals([found, seen, trial])
+    assert [rival.run for rival in group] == [seen, trial]
+    late = run.t >= run.t[-1] / 2
+    y, t = np.degrees(run.y[late, 0]), run.t[late]
+    mean = np.trapezoid(y, t) / np.ptp(t)
+    rms = np.sqrt(np.trapezoid((y - mean) ** 2, t) / np.ptp(t))
+    assert group[1].sway.coordinates[0].rms == pytest.approx(rms, rel=0.02)
+    assert group[1].sway.coordinates[0].speed == pytest.approx(np.abs(np.diff(y)).sum() / np.ptp(t), rel=0.02)

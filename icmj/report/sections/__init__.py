@@ -6,6 +6,7 @@ from icmj.report.sections.figures import figures, law
 from icmj.report.sections.first import caption, headline
 from icmj.report.sections.noise import noise
 from icmj.report.sections.plants import designs, matrix
+from icmj.report.sections.rivals import rivals
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.settings import rule_fact, settings
 from icmj.report.sections.statements import statements
@@ -29,6 +30,7 @@ __all__ = [
     "matrix",
     "noise",
     "numbered",
+    "rivals",
     "rule_fact",
     "settings",
     "statements",

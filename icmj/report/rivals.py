@@ -1,0 +1,111 @@
+"""The figures of several controllers of one body: spectra of the outputs, and their paths, on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.errors import DataError
+from icmj.measurement.sway import Sway, measure_sway
+from icmj.report import style
+from icmj.report.sway import COLOURS, LOWEST
+from icmj.result.result import Result
+from icmj.result.tried import Tried
+from icmj.series.series import Series
+from icmj.view.motion import output_rate
+from icmj.view.quantity import quantities
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RATE, FASTEST = 100.0, 10.0  # Hz: of the samples, and drawn
+SHOWN = 20.0  # s of a path
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """One controller of a body: its run, what it is called, and the sway over the second half of the run."""
+
+    name: str
+    run: Result | Tried
+    sway: Sway
+
+
+def rivals(runs: Sequence[Result | Tried]) -> list[list[Rival]]:
+    """Runs of one body on one plant under several controllers, one of which at least is not intermittent."""
+    groups: list[list[Result | Tried]] = []
+    for run in runs:
+        group = next((group for group in groups if _same_body(group[0], run)), None)
+        if group is None:
+            groups.append(group := [])
+        group.append(run)
+    found = [[rival for run in group if (rival := _rival(run)) is not None] for group in groups]
+    return [group for group in found if len(group) > 1 and any(isinstance(rival.run, Tried) for rival in group)]
+
+
+def _same_body(one: Result | Tried, other: Result | Tried) -> bool:
+    a, b = one.actual, other.actual
+    if one.simulation.plant != other.simulation.plant or (a.n, a.n_u, a.outputs) != (b.n, b.n_u, b.outputs):
+        return False
+    return all(np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in ((a.A, b.A), (a.B, b.B), (a.C, b.C)))
+
+
+def _rival(run: Result | Tried) -> Rival | None:
+    """``None`` of a run too short or too wild to measure."""
+    simulation, shown = run.simulation, quantities(run.actual)
+    start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
+    t = start + np.arange(int((end - start) * RATE)) / RATE
+    if not np.isfinite(simulation.y).all() or not len(t):
+        return None
+    columns = zip(simulation.y.T, shown, strict=True)
+    values = np.column_stack([unit.factor * np.interp(t, simulation.t, y) for y, unit in columns])
+    series = Series(t, values, run.actual.outputs, tuple(unit.unit for unit in shown))
+    kind = run.law.kind if isinstance(run, Tried) else run.simulation.control
+    try:
+        return Rival(f"{run.run.case.title} ({kind})", run, measure_sway(series))
+    except DataError:
+        return None
+
+
+def spectra_figure(group: Sequence[Rival]) -> Figure:
+    """Power spectrum of every output under each controller."""
+    first = group[0]
+    count = len(first.sway.coordinates)
+    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
+    for i, axes in enumerate(stack):
+        largest = 0.0
+        for n, rival in enumerate(group):
+            found = rival.sway.spectrum
+            drawn = (found.frequency > 0) & (found.frequency <= FASTEST)
+            power = found.power[drawn, i]
+            largest = max(largest, float(power.max(initial=0.0)))
+            axes.loglog(found.frequency[drawn], power, color=COLOURS[n % len(COLOURS)], linewidth=1.2, label=str(n + 1))
+        c = first.sway.coordinates[i]
+        axes.set_ylim(bottom=LOWEST * (largest or 1.0))
+        axes.set_ylabel(f"{style.words(c.name)}{f' ({c.unit}²/Hz)' if c.unit else ''}")
+    stack[-1].set_xlabel("frequency (Hz)")
+    figure.align_ylabels(stack)
+    style.legend(figure, stack[0], 6)
+    return figure
+
+
+def paths_figure(group: Sequence[Rival]) -> Figure:
+    """Rate against value of every output under each controller, over the last seconds."""
+    plant = group[0].run.actual
+    figure, stack = style.new_figure(style.TALL if plant.n_y > 1 else style.HEIGHT, plant.n_y)
+    for i, axes in enumerate(stack):
+        shown = quantities(plant)[i]
+        for n, rival in enumerate(group):
+            simulation = rival.run.simulation
+            late = simulation.t >= simulation.t[-1] - SHOWN
+            v = output_rate(rival.run, simulation.x[late], simulation.u[late])[:, i]
+            y = shown.factor * simulation.y[late, i]
+            axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=str(n + 1))
+        axes.set_ylabel(shown.label(style.words(plant.outputs[i]), "/s"))
+    stack[-1].set_xlabel(quantities(plant)[-1].label("value"))
+    figure.align_ylabels(stack)
+    style.legend(figure, stack[0], 6)
+    return figure
