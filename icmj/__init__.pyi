@@ -80,6 +80,8 @@ from .experiments.many import Batch as Batch
 from .experiments.many import simulate_many as simulate_many
 from .experiments.multisine import Multisine as Multisine
 from .experiments.multisine import multisine as multisine
+from .experiments.quiet_standing import Standing as Standing
+from .experiments.quiet_standing import quiet_standing as quiet_standing
 from .experiments.recording import Recording as Recording
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
@@ -90,6 +92,8 @@ from .log.reader import read_trial as read_trial
 from .log.writer import write_log as write_log
 from .measurement.measurement import Measurement as Measurement
 from .measurement.measurement import measure as measure
+from .measurement.modality import Modality as Modality
+from .measurement.modality import modality as modality
 from .measurement.stabilogram import Diffusion as Diffusion
 from .measurement.stabilogram import diffusion as diffusion
 from .measurement.statistics import Statistics as Statistics

@@ -241,7 +241,8 @@ def _named(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[s
             y = _rows(found, "y", settings)
             there = np.isfinite(y).all(axis=1)
             labels = found.labels
-            kept |= _sway(Series(_grid(settings)[there], y[there], labels.outputs, labels.output_units))
+            series = Series(_grid(settings)[there], y[there], labels.outputs, labels.output_units)
+            kept |= {f"sway.{name}": value for name, value in sway_numbers(series).items()}
         else:
             kept[name] = _rows(found, name, settings)
     return kept
@@ -263,9 +264,9 @@ def _rows(found: Simulation, name: str, settings: Settings) -> Array:
     return rows
 
 
-def _sway(series: Series) -> dict[str, Array]:
-    """Measures of sway as numbers by name, NaN of a run that was too short."""
-    sway = measure_sway(series) if len(series) >= FEWEST else None
+def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
+    """Measures of sway as numbers by name, such as ``trunk.frequency.median``; NaN of a run that was too short."""
+    sway = measure_sway(series, low_pass=low_pass) if len(series) >= FEWEST else None
     found: dict[str, Array] = {}
     for place, signal in enumerate(series.names):
         parts: list[tuple[object, str, tuple[str, ...]]] = [(None, "", _MEASURES), (None, "frequency.", _FREQUENCIES)]
@@ -275,7 +276,7 @@ def _sway(series: Series) -> dict[str, Array]:
             whole = (of, of.frequencies, of.diffusion.short, of.diffusion.long)
             parts = [(part, *names) for part, (_, *names) in zip(whole, parts, strict=True)]  # type: ignore[misc]
         for part, where, names in parts:
-            found |= {f"sway.{signal}.{where}{name}": np.asarray(getattr(part, name, np.nan)) for name in names}
+            found |= {f"{signal}.{where}{name}": np.asarray(getattr(part, name, np.nan)) for name in names}
     return found
 
 

@@ -14,7 +14,7 @@ from icmj.runfile.messages import in_words
 from icmj.runfile.reading import load_run, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import EXPERIMENTS, RUNS
-from icmj.runfile.stimulus_tables import IntersectionPointTable, MultisineTable
+from icmj.runfile.stimulus_tables import IntersectionPointTable, MultisineTable, QuietStandingTable
 from icmj.runfile.sweep_tables import leaves
 from icmj.runfile.table import Interval, Line, TomlTable
 
@@ -72,6 +72,8 @@ class ExperimentFile(TomlTable):
     """Intersection point of ground reaction forces."""
     multisine: MultisineTable | None = None
     """Multi-sine: frequency response and remnant."""
+    quiet_standing: QuietStandingTable | None = None
+    """Quiet standing: measures of sway, and distributions of position and intervals."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("experiment.toml"))

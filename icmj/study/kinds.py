@@ -6,10 +6,12 @@ from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Kind
 from icmj.study.multisine import MultisineKind
+from icmj.study.quiet_standing import QuietStandingKind
 
 KIND_OF: dict[str, type[Kind]] = {
     "intersection_point": IntersectionPointKind,
     "multisine": MultisineKind,
+    "quiet_standing": QuietStandingKind,
 }
 
 

@@ -1,0 +1,150 @@
+"""Quiet standing: measures of sway over trials, intervals between events, and whether distributions have one mode."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import DataError
+from icmj.experiments.many import sway_numbers
+from icmj.experiments.recording import Recording, completed
+from icmj.measurement.modality import FEWEST, Modality, modality
+
+SURE = 0.01  # a p that says so: of flat distributions more than that are as small
+WORDS = {
+    "mean": "mean",
+    "rms": "RMS",
+    "mean_distance": "mean distance",
+    "range": "range",
+    "prediction_range": "prediction range",
+    "speed": "mean speed",
+    "rotation_frequency": "rotation frequency",
+    "frequency.mean": "mean frequency",
+    "frequency.median": "median frequency",
+    "frequency.edge": "95 % frequency",
+    "frequency.slope": "slope of spectrum",
+    "short.H": "H, short times",
+    "short.D": "D, short times",
+    "long.H": "H, long times",
+    "long.D": "D, long times",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Quiet standing over K trials; a :class:`icmj.experiments.recording.Finding`.
+
+    Attributes:
+        names, units: of the signals.
+        measures: of each trial by ``<signal>.<measure>``, as :func:`icmj.simulate_many` names them, each shape (K,).
+        positions: every signal in units of its deviation, shape (N, w) for all trials together.
+        unimodal: test of one mode of each signal in each trial, K tuples of w tests.
+        intervals: open-loop intervals of all trials [s]; empty where there are no events.
+        interval_modes: test of one mode of these; ``None`` of too few.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    measures: Mapping[str, Array]
+    positions: Array
+    unimodal: tuple[tuple[Modality, ...], ...]
+    intervals: Array
+    interval_modes: Modality | None
+
+    @property
+    def several(self) -> Array:
+        """Share of the trials in which each signal has more than one mode by its test at 1 %, shape (w,)."""
+        return np.mean([[test.p <= SURE for test in trial] for trial in self.unimodal], axis=0)
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        found = {name: float(values.mean()) for name, values in self._named().items()}
+        shares = zip(self.names, self.several, strict=True)
+        found |= {f"{name}, share of trials of several modes": float(share) for name, share in shares}
+        if len(self.intervals) > 1:
+            found["interval, mean (s)"] = float(self.intervals.mean())
+            found["interval, deviation (s)"] = float(self.intervals.std(ddof=1))
+        if self.interval_modes is not None:
+            found["interval, p of one mode"] = self.interval_modes.p
+        return found
+
+    @property
+    def curves(self) -> Mapping[str, Array]:
+        tests = np.array([[test.p for test in trial] for trial in self.unimodal])
+        found = {"trial": np.arange(len(self.unimodal), dtype=float), **self._named()}
+        return found | {f"{name}, p of one mode": p for name, p in zip(self.names, tests.T, strict=True)}
+
+    @property
+    def words(self) -> str:
+        said = []
+        for name, unit, share in zip(self.names, self.units, self.several, strict=True):
+            rms = self.measures[f"{name}.rms"]
+            spread = f" ± {rms.std(ddof=1):.2g}" if len(rms) > 1 else ""
+            said.append(f"{name} has an RMS of {rms.mean():.3g}{spread} {unit}".rstrip())
+            said.append(f"more than one mode in {100 * share:.0f} % of the trials")
+        if self.interval_modes is not None:
+            several = "several modes" if self.interval_modes.p <= SURE else "one mode"
+            said.append(f"intervals of {self.intervals.mean():.3g} s on average have {several}")
+        return ", ".join(said) + "."
+
+    def _named(self) -> dict[str, Array]:
+        """The measures under names for people, with units."""
+        found = {}
+        for name, unit in zip(self.names, self.units, strict=True):
+            for key, words in WORDS.items():
+                mark = _unit(key, unit)
+                found[f"{name}, {words}" + (f" ({mark})" if mark else "")] = self.measures[f"{name}.{key}"]
+        return found
+
+
+def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:
+    """Measures of sway in every trial, intervals, and tests of one mode.
+
+    Args:
+        recordings: trials of the same signals, with units; those that fell are left out.
+        low_pass: corner of the filter before all measures [Hz].
+        resamples: of each test of one mode.
+
+    Raises:
+        DataError: if no trial is left, trials are of other signals, units are missing, or a trial cannot be measured.
+    """
+    kept = completed(recordings)
+    first = kept[0].series
+    for one in kept:
+        if (one.series.names, one.series.units) != (first.names, first.units):
+            raise DataError("trials of other signals or units; analyse those of the same signals together")
+    for name, unit in zip(first.names, first.units, strict=True):
+        if not unit:
+            raise DataError(f"{name}: has no unit; give one, as in '{name} [m]'")
+    measured = [sway_numbers(one.series, low_pass) for one in kept]
+    measures = {name: np.array([float(each[name]) for each in measured]) for name in measured[0]}
+    tests = tuple(
+        tuple(modality(column, signal=True, resamples=resamples, seed=i) for column in one.series.values.T)
+        for i, one in enumerate(kept)
+    )
+    whole = [one.series.values - one.series.values.mean(axis=0) for one in kept]
+    intervals = np.concatenate([np.diff(one.events) for one in kept])
+    varied = len(intervals) >= FEWEST and np.ptp(intervals) > 1e-6 * intervals.mean()
+    return Standing(
+        first.names,
+        first.units,
+        measures,
+        np.concatenate([values / values.std(axis=0) for values in whole]),
+        tests,
+        intervals,
+        modality(intervals, resamples=resamples) if varied else None,
+    )
+
+
+def _unit(key: str, unit: str) -> str:
+    """Of a measure of a signal in this unit."""
+    if key.startswith("frequency.") or key == "rotation_frequency":
+        return "" if key.endswith("slope") else "Hz"
+    if key.endswith(".H"):
+        return ""
+    if key.endswith(".D"):
+        return f"{unit}²/s"
+    return f"{unit}/s" if key == "speed" else unit

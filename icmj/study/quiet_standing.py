@@ -1,0 +1,62 @@
+"""The experiment on quiet standing: noise moves the body, nothing else does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.case.case import Case, PlantKind
+from icmj.case.trial import Trial
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.reaction import ground_force
+from icmj.experiments.quiet_standing import Standing, quiet_standing
+from icmj.experiments.recording import Recording
+from icmj.runfile.schema import RunFile
+from icmj.runfile.stimulus_tables import QuietStandingTable
+from icmj.series.even import even_series
+from icmj.series.series import Series
+from icmj.simulation.simulation import Simulation
+from icmj.study.kind import Kind, Told
+from icmj.study.timing import sampled, timed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class QuietStandingKind(Kind):
+    """See the module."""
+
+    settings: QuietStandingTable
+
+    def stimulated(self, run: RunFile, seed: int) -> RunFile:
+        return timed(run, self.settings.settle + self.settings.duration, self.settings.rate)
+
+    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+        columns, model = tuple(self.settings.columns), case.actual
+        whole = simulation.to_series()
+        if isinstance(model, MujocoPlant) and (not columns or any(name.startswith("cop.") for name in columns)):
+            pressure = ground_force(model, simulation).chosen(["cop.x", "cop.y"])
+            own = [name for name in whole.names if not name.startswith("cop.")]
+            whole = whole.chosen(own)
+            values = np.concatenate([whole.values, pressure.values], axis=1)
+            whole = Series(whole.t, values, (*whole.names, *pressure.names), (*whole.units, *pressure.units))
+            columns = columns or ("cop.x",)
+        columns = columns or tuple(name for name in whole.names if name.startswith("y."))[:2]
+        return sampled(whole.chosen(columns), simulation, self.settings.rate, self.settings.settle)
+
+    def read(self, series: Series) -> Series:
+        return even_series(series.chosen(self.settings.columns) if self.settings.columns else series)
+
+    def analysed(
+        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+    ) -> Standing:
+        settle = self.settings.settle if case is not None else 0.0
+        later = [Recording(one.series, one.events[one.events >= settle], one.outcome) for one in recordings]
+        return quiet_standing(later, low_pass=self.settings.low_pass)
+
+    def drawn(self, found: Sequence[Told]) -> Figure:
+        from icmj.report.quiet_standing import standing_figure
+
+        return standing_figure(found)

@@ -1,0 +1,39 @@
+"""Quiet standing: the measures are those of `icmj measure`, intervals those of the events; what is refused."""
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.errors import DataError
+
+
+def recording(seed: int, events=(), outcome: str = "", unit: str = "m") -> icmj.Recording:
+    random = np.random.default_rng(seed)
+    x = np.cumsum(random.standard_normal(1000)) * 1e-3
+    return icmj.Recording(icmj.Series(np.arange(1000) / 50, x[:, None], ("cop",), (unit,)), np.array(events), outcome)
+
+
+def test_measures_are_those_of_measure_sway_and_fallen_trials_are_left_out():
+    trials = [recording(0, [0.3, 0.9, 1.0]), recording(1, [0.2, 0.7]), recording(2, outcome="fell")]
+    found = icmj.quiet_standing(trials, low_pass=5.0, resamples=9)
+    alone = [icmj.measure_sway(one.series, low_pass=5.0).coordinates[0] for one in trials[:2]]
+    np.testing.assert_array_equal(found.measures["cop.rms"], [one.rms for one in alone])
+    np.testing.assert_array_equal(found.measures["cop.short.H"], [one.diffusion.short.H for one in alone])
+    np.testing.assert_allclose(found.intervals, [0.6, 0.1, 0.5], rtol=1e-12)
+    assert found.interval_modes is None  # of three intervals
+    assert found.numbers["cop, RMS (m)"] == pytest.approx(np.mean([one.rms for one in alone]))
+    assert len(found.curves["trial"]) == 2
+    assert all(len(values) == 2 for values in found.curves.values())
+    assert len(found.positions) == 2000
+
+
+def test_what_cannot_be_told_is_refused_in_one_line():
+    for trials, words in (
+        ([recording(0, outcome="fell")], "all 1 fell"),
+        ([], "no trial"),
+        ([recording(0, unit="")], "has no unit"),
+        ([recording(0), recording(1, unit="mm")], "other signals or units"),
+    ):
+        with pytest.raises(DataError, match=words) as refused:
+            icmj.quiet_standing(trials)
+        assert "\n" not in str(refused.value)
