@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,9 +10,12 @@ import numpy as np
 from icmj.errors import ReportError
 from icmj.experiments.double_step.reconstruction import Reconstruction
 from icmj.experiments.double_step.refractoriness import Refractoriness
+from icmj.report import style
+from icmj.report.intersection_point import Shown, coloured
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _FIRST, _SECOND = "#0072b2", "#d55e00"
 _BEFORE, _AFTER = 0.3, 1.0  # s about a pair
@@ -67,3 +71,35 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
             axes.stairs(level, edges, baseline=None, color=colour, linewidth=1.2, label=words)
     unit = f" ({found.unit})" if found.unit else ""
     axes.set(xlabel="time since the first step (s)", ylabel=f"control{unit}", xlim=(t[0], t[-1]))
+
+
+def double_step_figure(found: Sequence[Shown], seen: Reconstruction | None) -> Figure:
+    """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(170 * style.MM, 82 * style.MM), layout="constrained")
+    times, pair = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    drawn: set[str] = set()
+    for one, colour, _ in coloured(found):
+        if one.finding is None:
+            continue
+        curves, line = one.finding.curves, "--" if one.plant == "mujoco" else "-"
+        look = {"color": colour, "linewidth": 1.0, "linestyle": line, "capsize": 1.5, "elinewidth": 0.6}
+        for name, fill, label in (("RT1", "none", None), ("RT2", "full", None if one.title in drawn else one.title)):
+            error = 2 * curves[f"{name}, error (s)"]
+            times.errorbar(
+                curves["ISI (s)"], curves[f"{name} (s)"], error, marker="o", markersize=3.5, fillstyle=fill,
+                label=label, **look,
+            )  # fmt: skip
+        drawn.add(one.title)
+    times.set(xlabel="inter-step interval (s)", ylabel="reaction time (s)", xlim=(0, None))
+    times.set_title("open: first step, filled: second; dashed: MuJoCo", fontsize="medium")
+    times.set_ylim(bottom=0)
+    if seen is not None:
+        turned = np.flatnonzero(~seen.pairs.same & np.isfinite(seen.rt).all(axis=1))
+        shown = turned if len(turned) else np.arange(len(seen.pairs))
+        draw_reconstruction(pair, seen, int(shown[np.argsort(seen.pairs.isi[shown])[len(shown) // 4]]))
+        pair.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
+    if times.get_legend_handles_labels()[0]:
+        times.legend(loc="upper left", bbox_to_anchor=(0, -0.2))
+    return figure

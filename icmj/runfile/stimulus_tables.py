@@ -104,3 +104,42 @@ class MultisineTable(TomlTable):
         if max(self.lines) >= self.rate / 2:
             raise ValueError(f"lines: {max(self.lines):g} Hz is not below half the rate, {self.rate / 2:g} Hz")
         return self
+
+
+class DoubleStepTable(TomlTable):
+    """Double steps: pairs of steps of a set-point, in random order from the seed."""
+
+    output: _Text
+    """Output, or state, of the assumed plant that is to follow the steps."""
+    size: Positive
+    """Of the first step of each pair [unit of the output]."""
+    isi: Annotated[Positives, Field(min_length=3, max_length=MOST)]
+    """Inter-step intervals [s]."""
+    repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
+    """How often each interval comes in each direction, in one trial."""
+    directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
+    """Which way the second step leads. A reversal is twice as large as the step before it."""
+    recovery: tuple[Positive, Positive] = (2.0, 3.0)
+    """Least and longest time from a pair to the next [s]."""
+    rate: _Rate = 100.0
+    """Of the samples [Hz]."""
+    latest: Positive = 1.0
+    """Longest reaction time that is looked for [s]; not longer than the least recovery."""
+    shortest: NonNegative = 0.0
+    """Inter-step interval from which on the regressions look [s]."""
+    control: _Text | None = None
+    """Signal that responds, such as u.ankle_torque (default: the first command; of a recording the column control)."""
+    target: _Text = "target"
+    """Of a recording: column of the set-point."""
+
+    @model_validator(mode="after")
+    def _responses_end_before_the_next_pair(self) -> DoubleStepTable:
+        if self.latest > self.recovery[0]:
+            raise ValueError(
+                f"latest of {self.latest:g} s is longer than the least recovery, {self.recovery[0]:g} s; lengthen that"
+            )
+        if self.recovery[0] > self.recovery[1]:
+            raise ValueError("recovery: give the least time before the longest")
+        if len(set(self.isi)) < len(self.isi) or len(set(self.directions)) < len(self.directions):
+            raise ValueError("isi and directions: one stands there twice")
+        return self

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.study.double_step import DoubleStepKind
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Kind
 from icmj.study.multisine import MultisineKind
 from icmj.study.quiet_standing import QuietStandingKind
 
 KIND_OF: dict[str, type[Kind]] = {
+    "double_step": DoubleStepKind,
     "intersection_point": IntersectionPointKind,
     "multisine": MultisineKind,
     "quiet_standing": QuietStandingKind,

@@ -45,7 +45,7 @@ def test_a_name_that_is_none_is_told_the_shipped_ones(capsys):
     for command, listed in (
         ("analyse", "shipped cases: neglected-0.1, "),
         ("sweep", "shipped sweeps: basins, "),
-        ("experiment", "shipped experiments: intersection-point"),
+        ("experiment", "shipped experiments: double-step"),
         ("new", "shipped models: pendulum, "),
     ):
         assert main([command, "nosuch"]) == 2

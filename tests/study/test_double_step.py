@@ -1,0 +1,67 @@
+"""The double-step experiment from its file: told on the linear plant, and refused where it cannot be told."""
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.errors import DataError, RunFileError
+from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.runfile.reading import parse_toml
+
+TEXT = """
+[experiment]
+name = "short"
+plants = ["linear"]
+repetitions = 2
+[double_step]
+output = "angle"
+size = 0.02
+isi = [0.1, 0.25, 0.5]
+repetitions = 2
+recovery = [1.5, 2.0]
+[[case]]
+run = "simple-exact"
+set.assumed.delay = 0.14
+set.controller.delta_min = 0.35
+set.simulation.initial.hinge = 0.0
+"""
+
+
+def file_of(text, tmp_path) -> ExperimentFile:
+    return ExperimentFile.validated(parse_toml(text, tmp_path / "short.toml"), tmp_path / "short.toml", text)
+
+
+def test_an_event_rule_is_told_from_two_trials_and_again_from_their_recordings(tmp_path):
+    done = icmj.run_experiment(file_of(TEXT, tmp_path), tmp_path / "out", jobs=1)
+    found = done["simple-exact"].finding
+    assert found.told.kind == "event"
+    assert found.numbers["slope −1 (s)"] == pytest.approx(0.35, abs=0.01)
+    np.testing.assert_allclose(
+        found.curves["RT2 (s)"], 0.14 + np.maximum(0, 0.35 - np.array([0.1, 0.25, 0.5])), atol=0.02
+    )
+    np.testing.assert_array_equal(found.curves["pairs"], 8)
+    files = [tmp_path / "out" / "trials" / f"simple-exact.linear.{i:04d}.parquet" for i in (0, 1)]
+    first, second = (icmj.read_series(path) for path in files)
+    assert first.units[0] == "rad"
+    assert len(first) != len(second) or (first["target"] != second["target"]).any()
+    again = icmj.analyse_recordings(done.file, files).found[0].finding
+    np.testing.assert_array_equal(again.curves["RT2 (s)"], found.curves["RT2 (s)"])
+    icmj.write_series(first.chosen(["control"]), tmp_path / "half.csv")
+    with pytest.raises(DataError, match="no column 'target'"):
+        icmj.analyse_recordings(done.file, [tmp_path / "half.csv"])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("recovery = [1.5, 2.0]", "recovery = [0.5, 2.0]", "longer than the least recovery"),
+        ("recovery = [1.5, 2.0]", "recovery = [2.5, 2.0]", "least time before the longest"),
+        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.25]", "at least 3"),
+        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.1, 0.5]", "stands there twice"),
+        ("size = 0.02", "size = 0.0", "size"),
+    ],
+)
+def test_a_table_that_is_wrong_is_refused_in_one_line(before, after, words, tmp_path):
+    with pytest.raises(RunFileError, match=words) as refused:
+        file_of(TEXT.replace(before, after), tmp_path)
+    assert "\n" not in str(refused.value)
