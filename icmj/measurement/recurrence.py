@@ -8,6 +8,8 @@ import numpy as np
 
 from icmj.base.array import Array
 
+MOST = 2000  # states that are compared pair by pair
+
 
 @dataclass(frozen=True)
 class Trend:
@@ -74,10 +76,11 @@ def separation(states: Array, ahead: int = 12, apart: int = 9) -> float:
     Close to 1 on a quasi-periodic motion, clearly above 1 on an irregular one (Rosenstein, Collins & De Luca 1993).
 
     Args:
-        states: shape (K, m), K > ahead + apart.
+        states: shape (K, m), K > ahead + apart; of very many the last :data:`MOST` are looked at, pair by pair.
         ahead: steps over which the distance is followed.
         apart: least number of steps between neighbours.
     """
+    states = states[-MOST:]
     count = len(states) - ahead
     distance = np.linalg.norm(states[:count, None] - states[None, :count], axis=2)
     near_in_time = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) < apart

@@ -24,14 +24,15 @@ def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, A
     Args:
         t: times of the rows [s], rising, shape (N,), N > 1.
         values: shape (N, w).
-        step: between the times [s]; the usual distance of the rows by default.
+        step: between the times [s]; the usual distance of the rows by default, and where most crowd in few places
+            (events without a least interval) a tenth of the mean one.
 
     Returns:
         times (M,) and values (M, w).
     """
     from scipy.interpolate import CubicSpline
 
-    usual = float(np.median(np.diff(t)))
+    usual = max(float(np.median(np.diff(t))), float(t[-1] - t[0]) / (10 * len(t)))
     step = usual if step is None else step
     kept = np.concatenate([[True], np.diff(t) > _CLOSE * usual])
     even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step * (1 + 1e-12)) + 1)

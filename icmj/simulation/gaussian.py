@@ -39,7 +39,7 @@ def _memory(source: Gaussian) -> float:
     return 0.0 if source.corner is None else float(np.exp(-2 * np.pi * source.corner * source.interval))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=8)  # of up to 16 MB
 def _drawn(seed: int, a: float, parts: int) -> Array:
     """Of variance one, for so many parts of the grid."""
     random = np.random.default_rng(seed)

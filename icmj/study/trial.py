@@ -63,12 +63,13 @@ def startable_trial(trial: Trial, plant: PlantKind) -> None:
     from icmj.engine.stepping import stepping_of
     from icmj.engine.tapped import close_tapped
     from icmj.simulation.start import plant_start
-    from icmj.simulation.taps import expect_tapped
+    from icmj.simulation.taps import expect_no_observer, expect_tapped
 
     settings, actual = trial.settings, trial.actual
     there = linear_plant(actual, settings)
     try:
         expect_tapped(trial.law, there)
+        expect_no_observer(trial.law, settings)
         plant_start(there, settings, None)
         if plant == "mujoco" and isinstance(actual, MujocoPlant):
             fitting = actual.matched(trial.law.plant, "position")

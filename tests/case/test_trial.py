@@ -153,6 +153,19 @@ def test_what_makes_no_sense_is_one_line(run_path: Path, command: str, capsys: p
     assert "the controller is of kind 'switching', which has no event rule and no critical interval" in said[0]
 
 
+def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(
+    run_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = run_path.read_text(encoding="utf-8") + "observer = { ankle = 0.1 }\n"
+    run_path.write_text(text, encoding="utf-8")
+    out = run_path.parent / "out"
+    assert main(["run", str(run_path), "--plant", "linear", "--out", str(out)]) == 2
+    (line,) = told(capsys.readouterr().err)
+    assert "asai.toml: " in line
+    assert "neither observer nor hold" in line
+    assert not out.exists()
+
+
 def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
     with pytest.raises(RunFileError, match="the controller is intermittent"):
         prepare_trial(load_run(root / "runs" / "simple-0.8.toml"))

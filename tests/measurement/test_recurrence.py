@@ -51,3 +51,12 @@ def test_the_logistic_map_parts_them():
         s.append(4 * s[-1] * (1 - s[-1]))
     # its Lyapunov exponent is log 2; the distance saturates, so what is measured lies below
     assert 1.15 < separation(np.array(s)[:, None]) < 2.1
+
+
+def test_of_very_many_states_the_last_are_compared():
+    s = [0.3]
+    for _ in range(200_000):  # all pairs would take 300 GB
+        s.append(3.9 * s[-1] * (1 - s[-1]))
+    states = np.array(s)[:, None]
+    assert separation(states) == separation(states[-2000:])
+    assert separation(states) > 1.15
