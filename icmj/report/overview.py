@@ -29,7 +29,7 @@ def overview_figure(cases: Sequence[CaseRuns]) -> Figure:
     height = ABOVE + BELOW + ROW * len(cases)
     figure = Figure(figsize=(WIDTH * style.MM, height * style.MM))
     titles = [_short(case.first.run.case.title) for case in cases]
-    left = 3.0 + 1.08 * max(map(len, titles))
+    left = 3.0 + 1.17 * max(map(len, titles))
     middle, right = WIDTH - 44.0, WIDTH - 24.0
     low, share = BELOW / height, ROW * len(cases) / height
     intervals = figure.add_axes((left / WIDTH, low, (middle - 4 - left) / WIDTH, share))
