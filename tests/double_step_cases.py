@@ -12,7 +12,8 @@ from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, outp
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.series.series import Series
-from icmj.simulation.settings import Gaussian, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gaussian
 
 T_D, D_OL, D_S = 0.14, 0.35, 0.12  # delay, open-loop interval, sampling delay [s]
 PLANTS = {

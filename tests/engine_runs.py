@@ -31,8 +31,9 @@ from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
 from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 Recorded = dict[str, np.ndarray]
 ROWS = ("t", "x", "y", "u", "x_o", "x_h")

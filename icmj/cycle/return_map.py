@@ -21,7 +21,8 @@ from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
 from icmj.simulation.interval import OpenLoop, OpenLoopInterval
-from icmj.simulation.settings import Bias, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Step
 
 if TYPE_CHECKING:
     from icmj.engine.open_loop import OpenLoops

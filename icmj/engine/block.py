@@ -39,7 +39,7 @@ from icmj.engine.signals import (
     weights_of,
 )
 from icmj.simulation.disturbance import Disturbance
-from icmj.simulation.settings import Gaussian
+from icmj.simulation.sources import Gaussian
 
 MAGIC = 20170508228.0
 VERSION = 8.0

@@ -19,7 +19,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.simulation.gaussian import at_points
-from icmj.simulation.settings import Gaussian
+from icmj.simulation.sources import Gaussian
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
 HALF = 12  # coefficients of even powers, and of odd ones

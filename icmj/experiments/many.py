@@ -18,8 +18,9 @@ from icmj.errors import SimulationError
 from icmj.measurement.sway import FEWEST, measure_sway
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.simulation.settings import Gaussian, Noise, Settings
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Gaussian, Noise
 from icmj.work.workers import Task, Workers
 
 SIGNALS = ("x", "y", "u", "x_o", "x_h")

@@ -19,7 +19,7 @@ from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
-from icmj.simulation.settings import Gaussian
+from icmj.simulation.sources import Gaussian
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.writing import to_toml
-from icmj.simulation.settings import Settings, Source
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Source
 
 FIRST = "# written from a plant and a controller that were put together in code\n"
 

@@ -24,7 +24,8 @@ from icmj.runfile.law_tables import AnyController, OwnController, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable
-from icmj.runfile.simulation_tables import OwnNoiseTable, SimulationTable, StudyTable
+from icmj.runfile.simulation_tables import SimulationTable, StudyTable
+from icmj.runfile.source_tables import OwnNoiseTable
 from icmj.runfile.table import (
     MOST,
     Line,

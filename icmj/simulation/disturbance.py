@@ -23,7 +23,8 @@ from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.simulation.gaussian import at_times
-from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Placed, Settings, Sinusoids, Source
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Placed, Sinusoids, Source
 from icmj.simulation.waves import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.simulation.settings import Gaussian
+from icmj.simulation.sources import Gaussian
 
 _BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whatever the run's length, to the last bit
 

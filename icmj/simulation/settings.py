@@ -9,217 +9,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from icmj.errors import SimulationError
-from icmj.plant.push import ZERO, Push, Vector
+from icmj.plant.push import Push
 from icmj.simulation.ending import Limit
+from icmj.simulation.sources import Gaussian, Noise, Placed, Sinusoids, Source, require
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
-NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
-GRID = 0.01  # s, between two values of Gaussian noise: beyond 20 Hz a body does not follow
-MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
-On = Literal["command", "body"]
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Placed:
-    """Where something acts, apart from how it goes over time, which is its shape.
-
-    Attributes:
-        on: of an input, ``"command"``: beside the command, through input gain, gear and dynamics of the actuator; or
-            ``"body"``: on the body itself, along what the input moves (:class:`icmj.plant.push.Push`).
-        body: instead of an input, the body of a model that is pushed.
-        force, torque: on it of size 1 [N, N m], along the axes of the world.
-        point: where the force acts, in the body's frame [m]; its centre of mass if ``None``.
-    """
-
-    on: On = "body"
-    body: str | None = None
-    force: Vector = ZERO
-    torque: Vector = ZERO
-    point: Vector | None = None
-
-    @property
-    def push(self) -> Push | None:
-        """Where it acts on the plant itself; ``None`` beside a command, or on a reading."""
-        of: str | None = getattr(self, "input", None)
-        if self.body is None and (self.on == "command" or of is None):
-            return None
-        return Push(of, self.body, self.force, self.torque, self.point)
-
-    def _check_place(self, what: str) -> str:
-        """The name of where it acts; SimulationError if that is not one place."""
-        named = {key: getattr(self, key, None) for key in ("input", "output", "body")}
-        there = [key for key, name in named.items() if name is not None]
-        known = "input, output and body" if hasattr(self, "output") else "input and body"
-        _require(len(there) == 1, f"{what}: give one of {known}")
-        _require(self.on in get_args(On), f"{what}: on {self.on!r}; expected one of {', '.join(get_args(On))}")
-        _require(self.body is None or self.on == "body", f"{what} on body {self.body!r}: a body has no command")
-        loose = self.body is None and (any(self.force) or any(self.torque) or self.point is not None)
-        _require(not loose, f"{what}: force, torque and point are those of a body; name it")
-        return str(self.push.where if self.push else named[there[0]])
-
-
-@dataclass(frozen=True)
-class Impulse(Placed):
-    """An impulse: ``size`` [N m s, or the input's unit times s] spread evenly over ``duration`` [s] from ``start`` [s].
-
-    It acts on the body along an ``input``, is added to the command, or acts on a ``body``; see ``Placed``.
-    """
-
-    input: str | None = None
-    size: float = 1.0
-    start: float = 0.0
-    duration: float = 0.05
-
-    def __post_init__(self) -> None:
-        where = self._check_place("impulse")
-        _check(self, "impulse", "size", "start", "duration")
-        _require(self.start >= 0, f"impulse on {where!r}: start {self.start} s is negative")
-        _require(self.duration > 0, f"impulse on {where!r}: duration {self.duration} s must be positive")
-
-
-@dataclass(frozen=True)
-class Step(Placed):
-    """A step: ``size`` [N m, or the unit of the input] from ``start`` [s] on, acting where an impulse may act."""
-
-    input: str | None = None
-    size: float = 1.0
-    start: float = 0.0
-
-    def __post_init__(self) -> None:
-        where = self._check_place("step")
-        _check(self, "step", "size", "start")
-        _require(self.start >= 0, f"step on {where!r}: start {self.start} s is negative")
-
-
-@dataclass(frozen=True)
-class Noise(Placed):
-    """Coloured noise on one input (process noise), or on one output as the observer reads it (sensor noise).
-
-    On an input it is added to the command, like the noise of a muscle, unless ``on`` places it on the body; on a
-    ``body`` it is one signal that multiplies its force and torque.
-
-    Its spectrum is either flat up to ``bandwidth`` or a first-order low-pass with its ``corner``. Two noises with the
-    same seed and spectrum are the same signal, apart from their size.
-
-    Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        size: standard deviation [unit of the input or output, or of force and torque].
-        bandwidth: upper end of a flat spectrum [Hz].
-        corner: frequency at which a low-pass spectrum has decreased to half [Hz]; the spectrum ends at twenty times
-            that.
-        seed: seed of frequencies and phases.
-        start: time at which it begins [s].
-        terms: number of sinusoids; with more of them the spectral lines are finer.
-    """
-
-    input: str | None = None
-    size: float = 1.0
-    bandwidth: float | None = None
-    seed: int = 0
-    start: float = 0.0
-    output: str | None = None
-    corner: float | None = None
-    terms: int = NOISE_TERMS
-    on: On = field(default="command", kw_only=True)
-
-    def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
-        where = f"noise on {self._check_place('noise')!r}"
-        _require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
-        edge = "bandwidth" if self.corner is None else "corner"
-        _check(self, "noise", "size", edge, "start")
-        _require(self.size > 0, f"{where}: size {self.size} must be positive")
-        _require(getattr(self, edge) > 0, f"{where}: {edge} {getattr(self, edge)} Hz must be positive")
-        _require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
-        _require(self.start >= 0, f"{where}: start {self.start} s is negative")
-        _require(1 <= self.terms <= MOST_TERMS, f"{where}: terms {self.terms}: expected between 1 and {MOST_TERMS}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sinusoids(Placed):
-    """A sum of sinusoids Σ a cos(ωt + φ) where :class:`Noise` may act: whatever noise a user's own code draws.
-
-    Attributes:
-        input, output: what it acts on, one of the two, or of a ``body``.
-        terms: (a, ω, φ) of each term [unit of the input or output, or of force and torque; rad/s; rad], or (a, ω, φ,
-            start, end), which acts from ``start`` to ``end`` only [s].
-    """
-
-    input: str | None = None
-    output: str | None = None
-    terms: tuple[tuple[float, ...], ...]
-    on: On = "command"
-
-    def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
-        where = f"sinusoids on {self._check_place('sinusoids')!r}"
-        object.__setattr__(self, "terms", tuple(tuple(map(float, term)) for term in self.terms))
-        count = len(self.terms)
-        _require(1 <= count <= MOST_TERMS, f"{where}: {count} terms: expected between 1 and {MOST_TERMS}")
-        for term in self.terms:
-            size = len(term)
-            _require(size in (3, 5), f"{where}: a term is (a, ω, φ) or (a, ω, φ, start, end), got {size} numbers")
-            _require(bool(np.isfinite(term[:4]).all()), f"{where}: a, ω, φ and start must be finite, got {term}")
-            _require(term[1] >= 0, f"{where}: ω {term[1]} rad/s is negative")
-            _require(size == 3 or 0 <= term[3] < term[4], f"{where}: a term is to act from a start ≥ 0 to a later end")
-
-
-@dataclass(frozen=True)
-class Bias:
-    """A constant error of the observer's reading of an output: ``size`` [unit of the output] from ``start`` [s] on."""
-
-    output: str
-    size: float
-    start: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check(self, "bias", "size", "start")
-        _require(self.start >= 0, f"bias on {self.output!r}: start {self.start} s is negative")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gaussian(Placed):
-    """Gaussian noise on a regular time grid, in the same places as :class:`Noise`, for fits and for runs of any length.
-
-    At the points of the grid its distribution is exact; between them it is linear.
-
-    Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        size: standard deviation at the points of the grid [unit of the input or output, or of force and torque].
-        corner: frequency at which a first-order low-pass spectrum has decreased to half [Hz]; if ``None``, white noise,
-            whose values are independent, with the density 2 size² interval [unit²/Hz] far below 1 / interval.
-        interval: distance between the points of the grid [s].
-        seed: seed of the values.
-        start: time at which it begins [s].
-    """
-
-    input: str | None = None
-    output: str | None = None
-    size: float = 1.0
-    corner: float | None = None
-    interval: float = GRID
-    seed: int = 0
-    start: float = 0.0
-    on: On = "command"
-
-    def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
-        where = f"gaussian noise on {self._check_place('gaussian noise')!r}"
-        _check(self, "gaussian noise", "size", "interval", "start", *(["corner"] if self.corner is not None else []))
-        _require(self.size > 0, f"{where}: size {self.size} must be positive")
-        _require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
-        _require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
-        _require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
-        _require(self.start >= 0, f"{where}: start {self.start} s is negative")
-
-
-Source = Impulse | Step | Noise | Bias | Gaussian | Sinusoids
-"""One source of disturbance."""
 
 
 @dataclass(frozen=True)
@@ -283,48 +79,37 @@ class Settings:
         for name, value in (plain | limits).items():
             good = value is None and name in ("timestep", "limit")
             good = good or (value is not None and bool(np.isfinite(value)) and value > 0)
-            _require(good, f"{name} must be positive and finite, got {value}")
+            require(good, f"{name} must be positive and finite, got {value}")
         for which in ("initial", "observer"):
             for name, value in getattr(self, which).items():
-                _require(np.isfinite(value), f"{which}.{name} must be finite, got {value}")
+                require(np.isfinite(value), f"{which}.{name} must be finite, got {value}")
         known = get_args(Integrator)
-        _require(
+        require(
             self.integrator is None or self.integrator in known,
             f"no integrator {self.integrator!r}; expected one of {', '.join(known)}",
         )
         fixed = " and ".join(name for name in ("timestep", "integrator") if getattr(self, name) is not None)
         if self.tolerance is not None:
-            _require(not fixed, f"give tolerance, or {fixed}, not both: a tolerance chooses steps and integrator")
+            require(not fixed, f"give tolerance, or {fixed}, not both: a tolerance chooses steps and integrator")
             known_range = f"expected between {LEAST_TOLERANCE:g} and {MOST_TOLERANCE:g}"
             good = LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE
-            _require(good, f"tolerance {self.tolerance}: {known_range}")
+            require(good, f"tolerance {self.tolerance}: {known_range}")
         object.__setattr__(self, "disturbance", tuple(self.disturbance))
         grids = [source.interval for source in self.disturbance if isinstance(source, Gaussian)]
         for interval in grids:
             times = interval / min(grids)
-            _require(
+            require(
                 abs(times - round(times)) < 1e-9 * times,
                 f"gaussian noise: intervals of {min(grids):g} and {interval:g} s; give whole multiples of the shortest",
             )
             points = self.duration / interval
-            _require(
+            require(
                 points <= MOST_ROWS,
                 f"gaussian noise: {points:.3g} values, {interval:g} s apart; expected at most {MOST_ROWS:.0e}",
             )
         rows = self.duration / self.record_interval
-        _require(
+        require(
             rows <= MOST_ROWS,
             f"duration / record_interval asks for {rows:.3g} rows; expected at most {MOST_ROWS:.0e}, "
             "raise record_interval",
         )
-
-
-def _check(source: object, what: str, *names: str) -> None:
-    for name in names:
-        value = getattr(source, name)
-        _require(bool(np.isfinite(value)), f"{what}: {name} must be finite, got {value}")
-
-
-def _require(good: bool, otherwise: str) -> None:
-    if not good:
-        raise SimulationError(otherwise)

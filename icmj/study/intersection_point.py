@@ -27,8 +27,8 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.stimulus_tables import IntersectionPointTable
 from icmj.series.even import even_series
 from icmj.series.series import Series
-from icmj.simulation.settings import Gaussian, Noise, Source
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Gaussian, Noise, Source
 from icmj.study.kind import Kind, Told
 from icmj.study.timing import sampled, timed
 

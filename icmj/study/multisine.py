@@ -19,8 +19,8 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.stimulus_tables import MultisineTable
 from icmj.runfile.table import TomlTable
 from icmj.series.series import Series
-from icmj.simulation.settings import Sinusoids
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Sinusoids
 from icmj.study.kind import Kind, Told
 from icmj.study.timing import sampled, timed
 

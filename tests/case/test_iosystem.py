@@ -16,7 +16,8 @@ from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.simulation.settings import Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Step
 from icmj.theory.error_system import error_system
 
 X0 = [0.02, 0.0]

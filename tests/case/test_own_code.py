@@ -16,7 +16,7 @@ from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Sinusoids
+from icmj.simulation.sources import Sinusoids
 from icmj.study.study import run_case
 from icmj.work.own_code import Code, digest_of, reference_of
 

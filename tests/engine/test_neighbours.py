@@ -10,7 +10,8 @@ from oracles.engine import rates
 
 from icmj.controller.trigger import EventTrigger
 from icmj.engine.open_loop import open_loop
-from icmj.simulation.settings import Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Step
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -17,8 +17,9 @@ from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import reading_error_of
-from icmj.simulation.settings import Bias, Gaussian, Noise, Settings, Source
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Bias, Gaussian, Noise, Source
 
 Kind = Callable[[float], tuple[Source, ...]]
 

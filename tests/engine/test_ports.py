@@ -19,7 +19,8 @@ from icmj.engine.run import simulate
 from icmj.errors import ModelError
 from icmj.plant.change import Change
 from icmj.plant.selection import Selection
-from icmj.simulation.settings import Impulse, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Impulse
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

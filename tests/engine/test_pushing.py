@@ -33,7 +33,8 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.push import Push
 from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 HOW = [{"tolerance": 1e-9}, {"timestep": 2e-4}]
 SHORT = 1e-6  # s: nothing moves meanwhile, so that an impulse is a change of momentum and nothing else

@@ -12,7 +12,8 @@ from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.callbacks import callbacks
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Noise, Settings, Source, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Noise, Source, Step
 
 INPUTS, OUTPUTS = ("ankle_torque", "knee_torque", "hip_torque"), ("shank", "thigh", "trunk")
 ACTING: tuple[Source, ...] = (

@@ -28,7 +28,8 @@ from icmj.controller.realisation import Guard, Mode
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 START = np.array([0.1, 0.03])
 DISTURBED = (

@@ -23,7 +23,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise
+from icmj.simulation.sources import Bias, Impulse, Noise
 
 
 def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
@@ -112,7 +112,7 @@ RUN = """
 import hashlib
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from icmj.linear.run import simulate
-from icmj.simulation.settings import Noise
+from icmj.simulation.sources import Noise
 chosen = settings(8.0, timestep={timestep}, disturbance=(
     Noise(input="torque", size=0.02, corner=0.5, seed=1, terms=200),
     Noise(output="angle", size=1e-3, bandwidth=3.0, seed=2)

@@ -15,7 +15,7 @@ from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise, Step
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 PUSHED = (
     Step("torque", 0.02, 0.31, on="command"),

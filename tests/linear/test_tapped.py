@@ -17,7 +17,8 @@ from icmj.controller.realisation import Guard, Mode
 from icmj.errors import SimulationError
 from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 START = np.array([0.01, 0.003])
 

@@ -14,8 +14,8 @@ from icmj.measurement.spectrum import spectrum
 from icmj.measurement.statistics import Statistics, statistics
 from icmj.series.even import evenly
 from icmj.simulation.ending import Outcome
-from icmj.simulation.settings import Noise
 from icmj.simulation.simulation import Events, Simulation
+from icmj.simulation.sources import Noise
 
 PHI = 0.9
 

@@ -18,7 +18,8 @@ from icmj.errors import AnalysisError
 from icmj.experiments.attractors import attractors
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import deviated, matched, picked
-from icmj.simulation.settings import Impulse, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Impulse
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

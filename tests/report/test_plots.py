@@ -17,7 +17,7 @@ from icmj.measurement.statistics import statistics
 from icmj.report.pairing import paired
 from icmj.report.panels import PANELS
 from icmj.simulation.pressure import Pressure
-from icmj.simulation.settings import Noise
+from icmj.simulation.sources import Noise
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.settings import Impulse, Noise
+from icmj.simulation.sources import Impulse, Noise
 from icmj.simulation.waves import Waves
 
 

@@ -1,0 +1,257 @@
+"""The tables of disturbances: each kind with its shape, and the place where it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from icmj.errors import RunFileError, SimulationError
+from icmj.plant.push import ZERO
+from icmj.runfile.messages import short
+from icmj.runfile.table import (
+    LARGEST,
+    Finite,
+    Line,
+    NonNegative,
+    Parameters,
+    Positive,
+    Reference,
+    TomlTable,
+)
+from icmj.simulation.sources import (
+    GRID,
+    MOST_TERMS,
+    NOISE_TERMS,
+    Bias,
+    Gaussian,
+    Impulse,
+    Noise,
+    On,
+    Sinusoids,
+    Source,
+    Step,
+)
+from icmj.work.own_code import Code, accepted, digest_of
+
+Vector = tuple[Finite, Finite, Finite]
+
+
+class PlaceTable(TomlTable):
+    """Where a disturbance acts: on an input, or at any point of any body of a model."""
+
+    input: str | None = None
+    """Name of the input that is disturbed; give either ``input`` or ``body``."""
+    on: On | None = None
+    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the
+    actuator has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to
+    the command and passes through all these (default of noise)."""
+    body: str | None = None
+    """Name of the body that is pushed; needs a model."""
+    force: Vector = ZERO
+    """Force on the body in world axes, multiplied by ``size`` [N]."""
+    torque: Vector = ZERO
+    """Torque on the body in world axes, multiplied by ``size`` [N m]."""
+    point: Vector | None = None
+    """Point of application in the frame of the body [m] (default: its centre of mass)."""
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The keys of the place that are given, as :class:`icmj.simulation.sources.Placed` takes them."""
+        keys = ("on", "body", "force", "torque", "point")
+        return {
+            key: getattr(self, key) for key in keys if key in self.model_fields_set and getattr(self, key) is not None
+        }
+
+    def sized(self, size: float | None) -> float:
+        """The size; 1 where force and torque are given and it is left out."""
+        if size is None and self.body is None:
+            raise SimulationError("size is required")
+        return 1.0 if size is None else size
+
+
+class ImpulseTable(PlaceTable):
+    """An impulse on an input or a body: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
+
+    kind: Literal["impulse"]
+    """Kind of the disturbance."""
+    size: Finite | None = None
+    """Size of the impulse [N m s, or the unit of the input times s]; for a body, a factor on force and torque (default:
+    1)."""
+    start: NonNegative = 0.0
+    """Start [s]."""
+    duration: Positive = 0.05
+    """Duration [s]."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Impulse(self.input, self.sized(self.size), self.start, self.duration, **self.placed)
+
+
+class StepTable(PlaceTable):
+    """A step on an input or a body: ``size`` [N m] from ``start`` [s] on."""
+
+    kind: Literal["step"]
+    """Kind of the disturbance."""
+    size: Finite | None = None
+    """Size of the step [N m, or the unit of the input]; for a body, a factor on force and torque (default: 1)."""
+    start: NonNegative = 0.0
+    """Start [s]."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Step(self.input, self.sized(self.size), self.start, **self.placed)
+
+
+class NoiseTable(PlaceTable):
+    """Coloured noise on one input or body, or on one output as the observer reads it.
+
+    Standard deviation ``size``, flat up to ``bandwidth`` [Hz] or a first-order low-pass with its ``corner`` [Hz], from
+    ``seed``; see :class:`icmj.simulation.sources.Noise`.
+    """
+
+    kind: Literal["noise"]
+    """Kind of the disturbance."""
+    size: Positive | None = None
+    """Standard deviation [unit of the input or output]; for a body, a factor on force and torque (default: 1)."""
+    bandwidth: Positive | None = None
+    """Upper end of a flat spectrum [Hz]; give either ``bandwidth`` or ``corner``."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    """Seed of frequencies and phases."""
+    start: NonNegative = 0.0
+    """Start [s]."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+    corner: Positive | None = None
+    """Frequency at which a low-pass spectrum has fallen to half [Hz]."""
+    terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
+    """Number of sinusoids of which the noise is the sum."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        size, edge = (
+            self.sized(self.size),
+            (self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms),
+        )
+        return Noise(self.input, size, *edge, **self.placed)
+
+
+class GaussianTable(PlaceTable):
+    """Gaussian noise on one input or body, or on one output as the observer reads it.
+
+    White, or a first-order low-pass with its ``corner`` [Hz], exact in law at the points of a grid; see
+    :class:`icmj.simulation.sources.Gaussian`.
+    """
+
+    kind: Literal["gaussian"]
+    """Of the disturbance."""
+    size: Positive | None = None
+    """Standard deviation [unit of the input or output]; of a body times its force and torque, 1 by default."""
+    corner: Positive | None = None
+    """Where a low-pass spectrum has fallen to half [Hz]; white noise by default."""
+    interval: Positive = GRID
+    """Between its values, which straight lines join [s]; of several, whole multiples of the shortest."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    """Of its values."""
+    start: NonNegative = 0.0
+    """From when on [s]."""
+    output: str | None = None
+    """The output that it acts on, by name, in place of an input or a body."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        keys = ("input", "output", "corner", "interval", "seed", "start")
+        return Gaussian(size=self.sized(self.size), **{key: getattr(self, key) for key in keys}, **self.placed)
+
+
+class BiasTable(TomlTable):
+    """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
+
+    kind: Literal["bias"]
+    """Kind of the disturbance."""
+    output: str
+    """Name of the output."""
+    size: Finite
+    """Size of the error [unit of the output]."""
+    start: NonNegative = 0.0
+    """Start [s]."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Bias(self.output, self.size, self.start)
+
+
+class SinusoidsTable(PlaceTable):
+    """A sum of sinusoids on one input or body, or on one output as the observer reads it.
+
+    See :class:`icmj.simulation.sources.Sinusoids`. It is also how noise of a user's own code is recorded.
+    """
+
+    kind: Literal["sinusoids"]
+    """Kind of the disturbance."""
+    terms: Annotated[list[Annotated[list[Finite], Field(min_length=3, max_length=5)]], Field(max_length=MOST_TERMS)]
+    """Terms [a, ω, φ] or [a, ω, φ, start, end] of a cos(ωt + φ) [unit; rad/s; rad; s]."""
+    output: str | None = None
+    """Name of the output, as the observer reads it."""
+    made_by: Line = ""
+    """Code that has drawn the terms, as module:name."""
+    sha256: str = ""
+    """Digest of its source file."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, self.terms)), **self.placed)
+
+
+class OwnNoiseTable(PlaceTable):
+    """Noise of one's own: the ``module:name`` of a function that draws the terms of its sum of sinusoids."""
+
+    tag: ClassVar[str] = "own"
+
+    kind: Reference
+    """The function; it is given the parameters, and ``duration`` [s] if it takes one."""
+    parameters: Parameters = {}
+    """Of the function, by name; its seed among them."""
+    output: str | None = None
+    """Name of the output, as the observer reads it."""
+
+    def source(self) -> None:
+        """Nothing before its code has drawn it (:meth:`drawn`)."""
+
+    def drawn(self, code: Code, duration: float) -> dict[str, Any]:
+        """The table of kind ``sinusoids`` for a run of ``duration`` [s], whose terms ``code`` draws.
+
+        Raises:
+            RunFileError: if the code may not be run, fails, or draws no terms.
+        """
+        make = code.named(self.kind)
+        told = code.made(self.kind, **{**accepted(make, {"duration": duration}), **self.parameters})
+        try:
+            terms = np.atleast_2d(np.asarray(told, dtype=float))
+        except (TypeError, ValueError):
+            terms = np.zeros((0, 0))
+        if terms.ndim != 2 or terms.shape[1] not in (3, 5) or not len(terms):
+            raise RunFileError(f"{self.kind}: expected rows (a, ω, φ) or (a, ω, φ, start, end), got {short(told)}")
+        kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
+        drawn = {"terms": np.clip(terms, -LARGEST, LARGEST).tolist(), "made_by": self.kind, "sha256": digest_of(make)}
+        return {**kept, "kind": "sinusoids", **drawn}
+
+
+def _kind(table: Any) -> str | None:
+    kind = table.get("kind") if isinstance(table, Mapping) else getattr(table, "kind", None)
+    return "own" if isinstance(kind, str) and ":" in kind else None if kind is None else str(kind)
+
+
+SourceTable = Annotated[
+    Annotated[ImpulseTable, Tag("impulse")]
+    | Annotated[StepTable, Tag("step")]
+    | Annotated[NoiseTable, Tag("noise")]
+    | Annotated[GaussianTable, Tag("gaussian")]
+    | Annotated[BiasTable, Tag("bias")]
+    | Annotated[SinusoidsTable, Tag("sinusoids")]
+    | Annotated[OwnNoiseTable, Tag("own")],
+    Discriminator(_kind),
+]
+"""A disturbance of a run file, by its ``kind``."""
