@@ -215,9 +215,10 @@ def test_refractory_durations_put_in_come_out_with_noise_and_a_continuous_person
     """Few of the people of ``docs/double_step.md``: of 3 × 4 intervals of 95 % two may miss, one in fifty times."""
     isi = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
     missed = 0
-    for person in range(4):
-        pairs = double_steps(isi, 20, recovery=(1.2, 1.7), seed=person)
-        for delta in (0.25, 0.35, 0.55, None):
+    for group in range(4):
+        for place, delta in enumerate((0.25, 0.35, 0.55, None)):
+            person = 4 * group + place  # all of another noise: those of one miss together
+            pairs = double_steps(isi, 20, recovery=(1.2, 1.7), seed=person)
             of = cases.controller("event" if delta else "continuous", pairs, delta=delta or 1.0, q_t=0.4)
             series = cases.recorded(of, pairs, interval=0.02, noise=0.2, seed=person)
             seen = reconstruct_steps(series, "joystick", pairs)

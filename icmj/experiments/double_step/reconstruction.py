@@ -15,7 +15,7 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown, amount
 from icmj.controller.step_pairs import StepPairs
 from icmj.errors import DataError
-from icmj.experiments.double_step.response import FittedResponse, StepResponse, fit_order, fit_response
+from icmj.experiments.double_step.response import FittedResponse, StepResponse, fit_order, fit_response, sampled
 from icmj.experiments.double_step.search import BEFORE, Windows, move
 from icmj.series.even import even_series
 from icmj.series.series import Series
@@ -110,14 +110,14 @@ def reconstruct_steps(
     _check(pairs, t, u, step, earliest, latest, control, fitted=response is None)
     window = Windows(t[0], step, len(t), pairs, earliest, latest)
     if response is not None:
-        moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+        moved, left, explained = move(u, pairs, window, sampled(response, step, window.memory))
     else:
         response = _first_guess(u, pairs, window, order)
-        moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+        moved, left, explained = move(u, pairs, window, sampled(response, step, window.memory))
         for _ in range(_PASSES):
             response = _refitted(u[:_MOST_ROWS], moved, pairs, step, order)
             before = moved
-            moved, left, explained = move(u, pairs, window, response.sampled(step, window.memory))
+            moved, left, explained = move(u, pairs, window, sampled(response, step, window.memory))
             if np.abs(moved - before).mean() < _SETTLED:
                 break
     rt = np.where((explained >= worth)[:, None], t[0] + step * moved - pairs.t, np.nan)
@@ -180,7 +180,9 @@ def _first_guess(u: Array, pairs: StepPairs, window: Windows, order: tuple[int, 
         found = [model for model in models if model is not None]
         if found:
             model = min(found, key=lambda model: model.residual)
-            share = float(np.median(move(u, pairs, window, model.sampled(window.step, window.memory), tried)[2][tried]))
+            share = float(
+                np.median(move(u, pairs, window, sampled(model, window.step, window.memory), tried)[2][tried])
+            )
             if best is None or share > best[0]:
                 best = share, model
     if best is None:

@@ -46,16 +46,6 @@ class StepResponse:
         gone = expm(self.A * np.maximum(t, 0.0)[:, None, None]) @ self.state
         return np.where(t > 0, self.rest + gone @ self.row, 0.0)
 
-    def sampled(self, step: float, n: int) -> Sampled:
-        """At n rows, ``step`` [s] apart."""
-        from scipy.linalg import expm
-
-        once, rows = expm(self.A * step), np.empty((n - 1, len(self.row)))
-        now = self.row
-        for j in range(n - 1):
-            rows[j], now = now, now @ once
-        return _Exact(self, step, rows)
-
 
 @dataclass(frozen=True, eq=False)
 class _Exact:
@@ -90,13 +80,6 @@ class FittedResponse:
     residual: float
     bic: float
 
-    def sampled(self, step: float, n: int) -> Sampled:
-        """At n rows; ``step`` is that of the record it was fitted to."""
-        from scipy.signal import lfilter
-
-        h = lfilter(self.b, np.append(1.0, -self.a), np.ones(n))
-        return _Straight(h, -np.diff(h, prepend=0.0))
-
 
 @dataclass(frozen=True, eq=False)
 class _Straight:
@@ -105,6 +88,22 @@ class _Straight:
 
     def after(self, f: float) -> tuple[Array, Array]:
         return self.h + f * self.slope, self.slope
+
+
+def sampled(response: StepResponse | FittedResponse, step: float, n: int) -> Sampled:
+    """A response at n rows, ``step`` [s] apart; that of a fitted one is the step of its record."""
+    if isinstance(response, FittedResponse):
+        from scipy.signal import lfilter
+
+        h = lfilter(response.b, np.append(1.0, -response.a), np.ones(n))
+        return _Straight(h, -np.diff(h, prepend=0.0))
+    from scipy.linalg import expm
+
+    once, rows = expm(response.A * step), np.empty((n - 1, len(response.row)))
+    now = response.row
+    for j in range(n - 1):
+        rows[j], now = now, now @ once
+    return _Exact(response, step, rows)
 
 
 def own_response(controller: Controller, channel: int = 0, input: int = 0) -> StepResponse:
