@@ -21,6 +21,7 @@ from .controller.hold import system_matched as system_matched
 from .controller.hold import zero_order as zero_order
 from .controller.law import Law as Law
 from .controller.law import RecordedLaw as RecordedLaw
+from .controller.predictor import PredictorController as PredictorController
 from .controller.realisation import Guard as Guard
 from .controller.realisation import Mode as Mode
 from .controller.realisation import Realisation as Realisation
@@ -148,6 +149,9 @@ from .theory.error_system import ErrorSystem as ErrorSystem
 from .theory.error_system import error_system as error_system
 from .theory.prediction import Prediction as Prediction
 from .theory.prediction import predict as predict
+from .theory.predictor_loop import PredictorLoop as PredictorLoop
+from .theory.predictor_loop import predictor_covariance as predictor_covariance
+from .theory.predictor_loop import predictor_loop as predictor_loop
 
 __version__: str
 __all__: list[str]

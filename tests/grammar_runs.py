@@ -113,7 +113,7 @@ def run_tables(rng: random.Random, names: Names, name: str = "case") -> dict[str
     if rng.random() < 0.12:
         duration = tables["simulation"]["duration"]
         tables["setpoint"] = [_setpoint(rng, names, duration) for _ in range(rng.choice((1, 1, 2)))]
-    if tables["controller"].get("kind") == "switching" and rng.random() < 0.9:
+    if tables["controller"].get("kind") in ("predictor", "switching") and rng.random() < 0.9:
         tables["assumed"]["delay"] = positive(rng, 0.2, 0.05)
     return tables
 
@@ -239,6 +239,8 @@ def _controller(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
         found |= {"P": number(rng, 1.0, 100.0), "D": number(rng, 0.1, 10.0)}
         keys = {"slope": lambda: number(rng, -0.4, 0.0), "dead_zone": lambda: positive(rng, 0.004, low=0.0)}
         return found | _some(rng, 0.6, keys | {"switches": lambda: rng.random() < 0.7})
+    if rng.random() < 0.06:
+        return {"kind": "predictor"}
     if rng.random() < 0.02:
         return {"kind": "os:system", "parameters": {"command": "touch wrong"}}
     found: dict[str, Any] = _some(rng, 0.7, {"delta_min": lambda: positive(rng, 0.01, 0.001, 0.1, low=0.0)})

@@ -9,11 +9,14 @@ from icmj.case.plants import AnyPlant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
+from icmj.controller.law import Law
+from icmj.controller.setpoint import setpoint
 from icmj.controller.trigger import EventRule
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.modes import uncontrollable
 from icmj.runfile.control_tables import Weights
+from icmj.runfile.law_tables import Predictor
 from icmj.runfile.schema import RunFile
 
 
@@ -26,6 +29,20 @@ def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) ->
     design = design or designed(assumed.linearisation.plant, run.design)
     rule = run.intermittent.trigger(design, run.code)
     return Controller(design, run.intermittent.made_hold(design, run.code), rule, delay_of(run)), rule
+
+
+def rival(run: RunFile, assumed: LinearPlant) -> Law:
+    """The controller of a run file that is not intermittent, for its assumed plant.
+
+    Raises:
+        DesignError, AnalysisError: if the weights give none, or delay or set-point do not fit.
+        RunFileError: if a controller of one's own may not be made, or cannot be.
+    """
+    table, delay = run.rival, delay_of(run)
+    if not isinstance(table, Predictor):
+        return table.law(assumed, delay.t_d, run.code)
+    targets = [target.target(run.simulation.duration) for target in run.setpoint]
+    return table.predictor(designed(assumed, run.design), delay, setpoint(assumed, targets))
 
 
 def designed(plant: LinearPlant, weights: Weights) -> Design:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from icmj.base.environment import single_threaded
 from icmj.case.case import PlantKind, check_names, simulate_plant
-from icmj.case.designs import delay_of
+from icmj.case.designs import rival
 from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
@@ -50,13 +50,14 @@ def prepare_trial(run: RunFile) -> Trial:
         RunFileError: if the run file's controller is intermittent, or it asks for what its models do not have.
         ModelError, AnalysisError: if a plant or the controller fails.
     """
-    table, run = run.rival, run.drawn()
+    run.rival  # noqa: B018, nothing is loaded for the intermittent one
+    run = run.drawn()
     assumed = assumed_plant(run)
     actual = actual_plant(run, assumed)
     check_names(run, assumed.linearisation.plant, actual)
     told = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
-        law = table.law(assumed.linearisation.plant, delay_of(run).t_d, run.code)
+        law = rival(run, assumed.linearisation.plant)
     except IcmjError as error:
         raise type(error)(f"{run.path}: {error}") from error
     settings = run.simulation.settings()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 from icmj.controller.realisation import Realisation
+from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant
 from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
@@ -16,7 +17,12 @@ class Law(ABC):
     """A controller; simulations use this interface and its :class:`icmj.controller.realisation.Realisation`.
 
     Your own controller is a frozen dataclass that inherits from ``Law``.
+
+    Attributes:
+        setpoint: r(t) that it follows; ``None`` if it has none.
     """
+
+    setpoint: Setpoint | None = None
 
     @property
     @abstractmethod

@@ -4,12 +4,13 @@ A controller has a state a and is always in one of its *modes*. In a mode
 
     ȧ = M a + N v + …,      u = −K a − S v
 
-where v are its *readings*: the current outputs, or delayed outputs (its taps). They are followed by *signals*, which
-are given functions of time that do not depend on the plant. Instantaneous changes are described by maps and by
-functions whose sign changes:
+where v are its *readings*: the current outputs, or delayed outputs (its taps), with its own commands of the same delays
+if it reads them. They are followed by *signals*, which are given functions of time that do not depend on the plant.
+Instantaneous changes are described by maps and by functions whose sign changes:
 
 * an *event* sets a := J a, and its *action*, one delay later, sets a := G a. An event occurs when the state reaches a
-  face |R_j a| = 1 of an event rule, or at a tick of a clock;
+  face |R_j a| = 1 of an event rule, or at a tick of a clock. With delayed taps a := J a happens at the multiples of a
+  *period* instead, and is no event;
 * *guards* g_j(v) = vᵀQ_j v + c_j select the mode: for each mode and each pattern of signs, a table gives the next mode.
 
 Observer, hold and event rule are one instance (:mod:`icmj.controller.controller`): a single mode that reads the current
@@ -88,20 +89,24 @@ class Realisation:
     Attributes:
         layout: the segments of a.
         modes: at least one; a run starts in the mode that :meth:`following` gives for mode 0.
-        J: a := J a at an event, shape (N_a, N_a) (eq. imp).
+        J: a := J a at an event, or every ``period``, shape (N_a, N_a) (eq. imp).
         G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
         cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
         delay: t_d from an event to its action [s].
         taps: delays of the readings [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), increasing; (0,) for the current
             outputs.
+        commands: whether it also reads its own delayed commands: v = (y(t − τ_1), u(t − τ_1), y(t − τ_2), …). They
+            enter its state only: S is zero.
+        period: interval between the resets a := J a of a controller with delayed taps [s]; infinity for none.
         guards: functions whose signs select the mode; they read delayed taps.
         table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
         signals: terms a cos(ωt + φ) on [start, end) of the last columns of N, (signal, a, ω, φ, start, end) of each,
             shape (M, 6). One that ends when it starts is an impulse of area a, which moves the state at once.
 
     Raises:
-        AnalysisError: on construction, if taps are invalid, or guards have no delayed tap to read.
+        AnalysisError: on construction, if taps or period are invalid, guards or commands have no delayed tap to read,
+            or a command is computed from another without a state between them.
     """
 
     layout: Layout
@@ -112,6 +117,8 @@ class Realisation:
     cuts: np.ndarray
     delay: float = 0.0
     taps: tuple[float, ...] = (0.0,)
+    commands: bool = False
+    period: float = np.inf
     guards: tuple[Guard, ...] = ()
     table: np.ndarray | None = None
     signals: Array = field(default_factory=lambda: np.zeros((0, 6)))
@@ -125,11 +132,24 @@ class Realisation:
             raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")
         if self.guards and not self.tapped:
             raise AnalysisError("guards choose a mode by delayed readings, and there is no delayed tap")
+        if (self.commands or self.period < np.inf) and not self.tapped:
+            raise AnalysisError("a controller that reads outputs as they are has neither own commands nor a period")
+        if self.commands and any(np.any(mode.S) for mode in self.modes):
+            raise AnalysisError("a controller that reads its own commands must have S = 0; let readings move a state")
+        if not self.period > 0:
+            raise AnalysisError(f"the period of a controller's resets must be positive, got {self.period} s")
 
     @property
     def tapped(self) -> bool:
         """Whether it only reads delayed outputs, so that its command is known one delay in advance."""
         return self.taps[0] > 0
+
+    def read(self, C: Array, mode: Mode) -> Array:
+        """What it would read in a mode of (x, a), were nothing delayed, by the plant's C; shape (readings, n + N_a)."""
+        here = np.hstack([C, np.zeros((len(C), len(mode.M)))])
+        if self.commands:
+            here = np.vstack([here, np.hstack([np.zeros((len(mode.K), C.shape[1])), -mode.K])])
+        return np.tile(here, (len(self.taps), 1))
 
     @property
     def M(self) -> Array:

@@ -19,9 +19,10 @@ def is_stiff(plant: LinearPlant, fastest: float) -> bool:
 def fastest_rate(plant: LinearPlant, controller: Law) -> float:
     """Largest |λ| of plant and controller between events, in any mode, as if nothing were delayed [rad/s]."""
     controls = controller.realisation
-    C, fastest = np.tile(plant.C, (len(controls.taps), 1)), 0.0
+    fastest = 0.0
     for mode in controls.modes:
-        A = plant.A - plant.B @ mode.S @ C if mode.S.any() else plant.A
-        closed = np.block([[A, -plant.B @ mode.K], [mode.N[:, : len(C)] @ C, mode.M]])
+        read = controls.read(plant.C, mode)
+        closed = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((len(mode.M), plant.n)), mode.M]])
+        closed += np.vstack([-plant.B @ mode.S[:, : len(read)], mode.N[:, : len(read)]]) @ read
         fastest = max(fastest, float(np.abs(np.linalg.eigvals(closed)).max()))
     return fastest

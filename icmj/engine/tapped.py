@@ -32,7 +32,7 @@ from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, entries
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
-from icmj.simulation.taps import History, Now, Taps, begun, taps_of, widened
+from icmj.simulation.taps import History, Now, Taps, begun, first_command, first_level, taps_of, widened
 
 if TYPE_CHECKING:
     from icmj.engine.native.loop import FixedLoop
@@ -93,8 +93,8 @@ class TappedLoop(ComposedLoop):
     @property
     def noise(self) -> float:
         """The fastest sinusoid that acts on it [rad/s]."""
-        acting = self.disturbance, self.errors, self.pushes.size
-        return max(float(terms.omega.max(initial=0.0)) for terms in acting)
+        acting = self.disturbance.omega, self.errors.omega, self.pushes.size.omega
+        return max(float(omega.max(initial=0.0)) for omega in (*acting, self.controller.realisation.signals[:, 2]))
 
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
         """The times of a run with these settings; see :meth:`icmj.engine.closed_loop.ComposedLoop.schedule`."""
@@ -186,19 +186,19 @@ class _Run:
         self.loop, self.data, self.schedule = loop, data, schedule
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
         own = 2 * max(fastest_rate(loop.plant.linearisation.plant, loop.controller), 1 / realisation.taps[0])
-        self.taps: Taps = taps_of(realisation, max(own, loop.noise / _SWING), exact=False)
+        n_y, rate = loop.controller.plant.n_y, max(own, loop.noise / _SWING)
+        self.taps: Taps = taps_of(realisation, n_y, rate, exact=False)
         mujoco.mj_forward(loop.model, data)
         here = np.concatenate([[data.time], data.qpos, data.qvel, data.act, data.sensordata])
         y = loop.y(data.sensordata)
         if stand is None:
             history, now = begun(self.taps, realisation, y + loop.errors(0.0))
-            stand = Stand(0.0, history, now, 0, 0, schedule.record_interval, (here[:0],) * 3)
+            stand = Stand(0.0, history, now, first_level(realisation), 0, schedule.record_interval, (here[:0],) * 3)
         self.stand = stand
         self.levels = np.where(np.isin(schedule.edges, loop.errors.edges), -1, 0)
         self.record = recording(CHUNK, loop.model.nsensordata, loop.width)
-        v = np.concatenate([stand.history.r[k, :, 0] for k in stand.history.at])
-        mode = stand.now.mode
-        self.rows, self.u, self.mode = [here[None, :]], [-self.taps.S[mode] @ v], [mode.copy()]
+        self.rows, self.mode = [here[None, :]], [stand.now.mode.copy()]
+        self.u = [first_command(self.taps, stand.history, stand.now)[None, :]]
         self.events: list[Array] = [np.empty((0, loop.width))]
         self.rough: list[float] = []
         points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
@@ -275,7 +275,9 @@ class _Run:
         kept = np.concatenate([[0], inside, [len(times) - 1]])
         degree = min(_DEGREE, len(kept) - 1)
         spline = make_interp_spline(times[kept] - times[0], y[kept], degree, check_finite=False)
-        return np.ascontiguousarray(spline(nodes) + self.loop.errors(times[0] + nodes))
+        u = np.polynomial.polynomial.polyval(nodes / self.taps.unit, self.stand.now.u.T).T
+        read = spline(nodes) + self.loop.errors(times[0] + nodes), u[:, : self.stand.now.values.shape[1] - y.shape[1]]
+        return np.ascontiguousarray(np.hstack(read))
 
     def _keep(self, rows: Array, u: Array, mode: np.ndarray) -> None:
         self.rows.append(rows)

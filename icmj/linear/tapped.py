@@ -15,17 +15,18 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of
 from icmj.linear.native.state import Status
-from icmj.linear.native.tapped import Body, Track, Waves, marching
+from icmj.linear.native.tapped import Body, Track, marching
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, acting_on
 from icmj.simulation.ending import EventPace
 from icmj.simulation.labels import labels_of
+from icmj.simulation.native.waves import Waves
 from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import plant_start
-from icmj.simulation.taps import POWERS, begun, expect_tapped, modes_of, taps_of, widened
+from icmj.simulation.taps import POWERS, begun, expect_tapped, first_command, first_level, modes_of, taps_of, widened
 
 _ROWS, _EVENTS = 4096, 512  # of the buffers
 
@@ -65,8 +66,8 @@ def simulate_tapped(
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
     limits = ending.limits_of(settings.limit, names, units)
-    fastest = float(everything.omega.max(initial=0.0))
-    taps = taps_of(realisation, max(_rate(plant, realisation), fastest), exact=True)
+    fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
+    taps = taps_of(realisation, n_y, max(_rate(plant, realisation), fastest), exact=True)
     history, now = begun(taps, realisation, plant.C @ x + errors(0.0))
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
     edges = everything.edges
@@ -81,14 +82,13 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(2), level=np.zeros(1, np.int64), counts=np.array([0, 1, 0, 0]), X=np.zeros((n, POWERS)),
-        y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
+        t=np.zeros(2), level=np.array([first_level(realisation)]), counts=np.array([0, 1, 0, 0]),
+        X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
         events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),
     )  # fmt: skip
     track.X[:, 0] = x
-    first = -taps.S[now.mode[0]] @ np.tile(history.r[0, :, 0], len(taps.tau))
-    rows = [np.concatenate([[0.0], x, first, now.mode])[None, :]]
+    rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode])[None, :]]
     events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, marching()
 
     def keep() -> Array:
@@ -155,11 +155,12 @@ def _rate(plant: LinearPlant, realisation: Realisation) -> float:
     """How fast the loop's series go: the norm of its matrices, as if its taps were not delayed and as if cut off."""
     from scipy.linalg import matrix_balance
 
-    read, norms = np.tile(plant.C, (len(realisation.taps), 1)), [0.0]
+    norms = [0.0]
     for mode in realisation.modes:
-        feedback, driven = np.block([[-plant.B @ mode.S @ read], [mode.N @ read]]), len(mode.M)
-        alone = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((driven, plant.n)), mode.M]])
-        closed = alone + np.hstack([feedback, np.zeros((len(alone), driven))])
+        read = realisation.read(plant.C, mode)
+        feedback = np.vstack([-plant.B @ mode.S[:, : len(read)], mode.N[:, : len(read)]]) @ read
+        alone = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((len(mode.M), plant.n)), mode.M]])
+        closed = alone + feedback
         norms += [float(np.linalg.norm(matrix_balance(M, permute=False)[0], 2)) for M in (alone, closed)]
     return max(norms)
 

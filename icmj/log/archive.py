@@ -22,6 +22,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.law import RecordedLaw, recorded_law
 from icmj.controller.layout import Layout
+from icmj.controller.predictor import PredictorController
 from icmj.controller.realisation import Guard, Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
@@ -57,7 +58,7 @@ _DATA: tuple[type, ...] = (
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result, Tried),
-    *(Layout, Rates, Mode, Guard, Realisation, SwitchingPD, RecordedLaw),
+    *(Layout, Rates, Mode, Guard, Realisation, SwitchingPD, PredictorController, RecordedLaw),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
 _LEFT_OUT = {("Result", "scene"), ("Tried", "scene")}  # stored as what it is for, the 3D entities

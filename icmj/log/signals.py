@@ -17,6 +17,7 @@ from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result.result import Result
 from icmj.result.tried import Tried
+from icmj.simulation.simulation import Simulation
 from icmj.view.acting import acting
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import modes, reduced
@@ -76,10 +77,7 @@ def _signals(result: Result) -> Iterator[Group]:
         grey = (palette.CONTINUOUS,) * len(names)
         yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
-    if simulation.setpoint:
-        names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
-        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
-        yield Group("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
+    yield from setpoint_groups(simulation)
     events, u_after = simulation.events, simulation.u_after(result.controller)
     yield Group("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
@@ -88,6 +86,14 @@ def _signals(result: Result) -> Iterator[Group]:
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
         yield Group(path, t, values, names, palette.series(len(names)))
+
+
+def setpoint_groups(simulation: Simulation) -> Iterator[Group]:
+    """The set-point that a run followed, if any."""
+    if simulation.setpoint:
+        names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
+        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
+        yield Group("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
 
 
 def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:

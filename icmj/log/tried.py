@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from icmj.log import palette
 from icmj.log.blueprint import arranged, body, plot, whole_run
-from icmj.log.signals import Group, acting_groups, pressure_groups
+from icmj.log.signals import Group, acting_groups, pressure_groups, setpoint_groups
 from icmj.log.summary import PLANTS, Properties, in_words
 from icmj.result.tried import Tried
 from icmj.view.quantity import in_brackets, shared_unit
@@ -78,6 +78,7 @@ def groups(result: Tried) -> Iterator[Group]:
         ("states/plant", run.x, plant.states),
     ):
         yield Group(path, run.t, values, names, palette.series(len(names)))
+    yield from setpoint_groups(run)
     yield from acting_groups(result)
     yield from pressure_groups(result)
     if run.mode.size:

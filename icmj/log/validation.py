@@ -80,7 +80,11 @@ def _simulation(result: Result | Tried, name: str, simulation: Simulation, m: in
     events, end = simulation.events, simulation.outcome.t
     _require(np.isfinite(end) and end >= 0, f"{name}.outcome.t", f"is {end}; expected a time")
     if (followed := simulation.setpoint) is not None:
-        for key, *shape in (("x_ss", m, len(followed.names)), ("u_ss", n_u, len(followed.names)), ("terms", None, 6)):
+        for key, *shape in (
+            ("x_ss", result.assumed.n, len(followed.names)),
+            ("u_ss", n_u, len(followed.names)),
+            ("terms", None, 6),
+        ):
             _shape(f"{name}.setpoint.{key}", getattr(followed, key), *shape)
     K = _rising(f"{name}.events.t", events.t, least=0)
     _require(K == 0 or events.t[-1] <= simulation.t[-1] * (1 + 1e-9), f"{name}.events.t", "ends after the run")

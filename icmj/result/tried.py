@@ -66,6 +66,8 @@ class Tried(Shown):
     def to_series(self, rate: float | None = None) -> Series:
         """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows pushes and taps."""
         edges = acting_on(self.actual, self.run.simulation.settings()).edges
+        if self.law.setpoint:
+            edges = np.concatenate([edges, self.law.setpoint.edges])
         # what jumps is read again, and answered with a kink, as long after as a tap says
         breaks = np.unique(np.concatenate([edges, *(edges + tap for tap in self.law.realisation.taps)]))
         return self.simulation.to_series(rate, breaks=breaks)

@@ -7,7 +7,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Tag
 
+from icmj.controller.delay import Delay
+from icmj.controller.design import Design
 from icmj.controller.law import Law
+from icmj.controller.predictor import PredictorController
+from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
@@ -50,6 +54,24 @@ class Switching(TomlTable):
         )
 
 
+class Predictor(TomlTable):
+    """The continuous predictor controller: observer, predictor over the delay and feedback, all the time.
+
+    Its gains are those of ``[design]``, its delay is that of the plant, and its predictor goes by the assumed one.
+    """
+
+    kind: Literal["predictor"]
+    """Says that this is the controller."""
+
+    def predictor(self, design: Design, delay: Delay, setpoint: Setpoint | None) -> PredictorController:
+        """The controller of a design.
+
+        Raises:
+            AnalysisError: if there is no delay, or one over which nothing can be predicted.
+        """
+        return PredictorController(design, delay, setpoint)
+
+
 class OwnController(TomlTable):
     """Your own controller: the ``module:name`` of a class that inherits from ``icmj.Law``."""
 
@@ -78,9 +100,10 @@ def _kind(table: Any) -> str:
     return "own" if isinstance(kind, str) and ":" in kind else str(kind)
 
 
-_KINDS = "kind must be 'intermittent', 'switching' or the module:name of a controller of your own"
+_KINDS = "kind must be 'intermittent', 'predictor', 'switching' or the module:name of a controller of your own"
 AnyController = Annotated[
     Annotated[Control, Tag("intermittent")]
+    | Annotated[Predictor, Tag("predictor")]
     | Annotated[Switching, Tag("switching")]
     | Annotated[OwnController, Tag("own")],
     Discriminator(_kind, custom_error_type="controller_kind", custom_error_message=_KINDS),

@@ -20,7 +20,7 @@ from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.kept import Kept
 from icmj.runfile.keys import put
-from icmj.runfile.law_tables import AnyController, OwnController, Switching
+from icmj.runfile.law_tables import AnyController, OwnController, Predictor, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable
@@ -186,10 +186,11 @@ class RunFile(TomlTable):
         return self
 
     @model_validator(mode="after")
-    def _only_the_intermittent_controller_follows(self) -> RunFile:
-        if self.setpoint and not isinstance(self.controller, Control):
+    def _only_a_controller_with_a_model_follows(self) -> RunFile:
+        if self.setpoint and not isinstance(self.controller, Control | Predictor):
             raise ValueError(
-                f"a set-point is for the intermittent controller; one of kind {self.controller.kind!r} has none"
+                "a set-point is for the intermittent or the predictor controller; one of kind "
+                f"{self.controller.kind!r} has none"
             )
         return self
 
@@ -219,7 +220,7 @@ class RunFile(TomlTable):
         return not isinstance(self.controller, Control)
 
     @property
-    def rival(self) -> Switching | OwnController:
+    def rival(self) -> Predictor | Switching | OwnController:
         """The controller where it is not intermittent.
 
         Raises:

@@ -36,4 +36,4 @@ def kept(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None)
 def driven(controller: Law, pushes: Pushes, t: Array) -> dict[str, Any]:
     """Fields of a run that not every one has, at its rows: the set-point, and what is pushed."""
     pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
-    return {"setpoint": controller.setpoint if isinstance(controller, Controller) else None, **pushed}
+    return {"setpoint": controller.setpoint, **pushed}

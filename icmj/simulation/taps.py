@@ -18,6 +18,7 @@ from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.native.taps import SMOOTH
+from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings
 
 POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
@@ -34,6 +35,9 @@ class Taps(NamedTuple):
         M, N, K, S: of the modes, shapes (modes, N_a, N_a), (modes, N_a, n_v), (modes, n_u, N_a), (modes, n_u, n_v).
         Q, c: of the guards, shapes (G, n_v, n_v) and (G,).
         table: the mode that follows by mode and signs, shape (modes, 2^G).
+        J, period: a := J a at multiples of the period [s], shape (N_a, N_a).
+        signals: the last columns of N, R of them.
+        edges: where one begins, ends or jumps, rising, then infinity.
         F: to Bernstein coefficients of a guard, degree 2p.
         exact: whether what is remembered are Taylor series, else polynomials through values at nodes.
         nodes, fit: nodes on (−1, 1), rising, and the matrix from values at them to coefficients; else empty.
@@ -48,6 +52,10 @@ class Taps(NamedTuple):
     Q: Array
     c: Array
     table: np.ndarray
+    J: Array
+    period: float
+    signals: Waves
+    edges: Array
     F: Array
     exact: bool
     nodes: Array
@@ -60,7 +68,7 @@ class History(NamedTuple):
     Attributes:
         start: where each stretch begins [s], shape (capacity,).
         level: of that instant, see :mod:`icmj.simulation.native.taps`.
-        r: polynomials of the outputs as they are read, shape (capacity, n_y, p + 1).
+        r: polynomials of the outputs as they are read, and of commands if they are read; shape (capacity, n_r, p + 1).
         count: of stretches, shape (1,); the last one goes on to the present.
         at: the stretch that each tap reads, shape (T,).
         ahead: the next one after it that begins roughly, as far as has been looked, shape (T,).
@@ -81,8 +89,9 @@ class Now(NamedTuple):
         mode: shape (1,).
         sign: whether each guard is positive, shape (G,).
         a: state, shape (N_a,).
+        due: number of the next reset, and of the next edge of a signal.
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
-        values: at nodes, shape (nodes, n_y).
+        values: at nodes, shape (nodes, n_r).
         g: of a guard.
         stack, spans: see :mod:`icmj.base.roots`.
     """
@@ -90,6 +99,7 @@ class Now(NamedTuple):
     mode: np.ndarray
     sign: np.ndarray
     a: Array
+    due: np.ndarray
     v: Array
     A: Array
     u: Array
@@ -99,8 +109,8 @@ class Now(NamedTuple):
     spans: Array
 
 
-def taps_of(realisation: Realisation, rate: float, *, exact: bool) -> Taps:
-    """The controller of a loop whose fastest rate is so many rad/s, with what disturbs it."""
+def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> Taps:
+    """The controller of a loop of ``n_y`` outputs whose fastest rate is so many rad/s, with what disturbs it."""
     modes, guards = realisation.modes, realisation.guards
     n_v, n_u = modes[0].S.shape[1], modes[0].S.shape[0]
     M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
@@ -108,7 +118,7 @@ def taps_of(realisation: Realisation, rate: float, *, exact: bool) -> Taps:
     number = 0 if exact else _NODES
     nodes = -np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
     fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
-    size = realisation.layout.size
+    size, R, signals = realisation.layout.size, signals_of(realisation, n_y), realisation.signals
     return Taps(
         unit=float(min(1 / max(rate, 1e-300), realisation.taps[0])),
         tau=np.array(realisation.taps, dtype=float),
@@ -116,26 +126,55 @@ def taps_of(realisation: Realisation, rate: float, *, exact: bool) -> Taps:
         Q=np.array([guard.Q for guard in guards], dtype=float).reshape(len(guards), n_v, n_v),
         c=np.array([guard.c for guard in guards], dtype=float),
         table=np.ascontiguousarray(table if realisation.table is None else realisation.table, dtype=np.int64),
-        F=from_powers(2 * POWERS - 2), exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
+        J=np.ascontiguousarray(realisation.J, dtype=float), period=float(realisation.period),
+        signals=Waves(np.eye(R)[signals[:, 0].astype(int)], np.ascontiguousarray(signals[:, 1:])),
+        edges=np.append(edges_of(realisation), np.inf), F=from_powers(2 * POWERS - 2),
+        exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
     )  # fmt: skip
 
 
 def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -> tuple[History, Now]:
     """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,)."""
-    count, n_y, n_v = len(taps.tau), len(r), taps.S.shape[2]
+    count, n_v, n_u = len(taps.tau), taps.S.shape[2], taps.S.shape[1]
+    if realisation.commands:  # of which there were none
+        r = np.append(r, np.zeros(n_u))
     history = History(
-        start=np.full(capacity, _BEGINNING), level=np.full(capacity, SMOOTH), r=np.zeros((capacity, n_y, POWERS)),
+        start=np.full(capacity, _BEGINNING), level=np.full(capacity, SMOOTH), r=np.zeros((capacity, len(r), POWERS)),
         count=np.ones(1, np.int64), at=np.zeros(count, np.int64), ahead=np.zeros(count, np.int64),
     )  # fmt: skip
     history.r[0, :, 0] = r
-    v = np.tile(r, count)
+    v = np.pad(np.tile(r, count), (0, n_v - count * len(r)))
     sign = np.array([float(guard(v)) > 0 for guard in realisation.guards], dtype=np.int64)
-    size, n_u = realisation.layout.size, taps.S.shape[1]
+    size = realisation.layout.size
     return history, Now(
-        mode=np.array([realisation.following(0, v)]), sign=sign, a=np.zeros(size), v=np.zeros((n_v, POWERS)),
-        A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), values=np.zeros((len(taps.nodes), n_y)),
+        mode=np.array([realisation.following(0, v)]), sign=sign, a=np.zeros(size),
+        due=np.array([1, 0]), v=np.zeros((n_v, POWERS)),
+        A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), values=np.zeros((len(taps.nodes), len(r))),
         g=np.zeros(2 * POWERS - 1), stack=np.zeros((DEEPEST, 2 * POWERS)), spans=np.zeros((DEEPEST, 3)),
     )  # fmt: skip
+
+
+def signals_of(realisation: Realisation, n_y: int) -> int:
+    """How many signals it is given, by how many readings it has of a plant of ``n_y`` outputs."""
+    n_u, n_v = realisation.modes[0].S.shape
+    return n_v - len(realisation.taps) * (n_y + (n_u if realisation.commands else 0))
+
+
+def edges_of(realisation: Realisation) -> Array:
+    """Where its signals begin, end or jump, rising [s]."""
+    times = np.unique(realisation.signals[:, 4:])
+    return np.asarray(times[np.isfinite(times)])
+
+
+def first_level(realisation: Realisation) -> int:
+    """The level of a run's begin: its commands may jump there."""
+    return -1 if realisation.commands else 0
+
+
+def first_command(taps: Taps, history: History, now: Now) -> Array:
+    """u at the begin of a run, shape (n_u,)."""
+    v = np.concatenate([history.r[k, :, 0] for k in history.at])
+    return np.asarray(-taps.S[now.mode[0]] @ np.pad(v, (0, taps.S.shape[2] - len(v))))
 
 
 def widened(history: History) -> History:
@@ -175,7 +214,9 @@ def expect_tapped(law: Law, plant: LinearPlant) -> Realisation:
             f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
             f"{assumed.n_u} and {assumed.n_y}; they must agree"
         )
-    wanted = (assumed.n_u, assumed.n_y * len(realisation.taps))
+    more = max(signals_of(realisation, assumed.n_y), 0) if len(realisation.signals) else 0
+    each = assumed.n_y + (assumed.n_u if realisation.commands else 0)
+    wanted = (assumed.n_u, each * len(realisation.taps) + more)
     for mode in realisation.modes:
         if mode.S.shape != wanted:
             raise SimulationError(

@@ -25,7 +25,7 @@ from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import matched
 
-_FEWEST, _MOST = 16, 256  # Chebyshev points
+_FEWEST, _MANY, _MOST = 16, 64, 256  # Chebyshev points: at first, to see all roots of a loop that has few, at last
 _SAME = 1e-7  # relative to the fastest root asked for: two roots that are one
 
 
@@ -62,6 +62,8 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
     real, plant = law.realisation, matched(plant, law.plant)
     if not real.tapped:
         raise AnalysisError(f"the {law.kind} controller reads outputs as they are; its loop has no delay of this kind")
+    if real.commands or real.period < np.inf:
+        raise AnalysisError(f"the {law.kind} controller reads its own commands or is reset; take predictor_loop of one")
     if not 0 <= mode < len(real.modes):
         raise AnalysisError(f"the {law.kind} controller has {len(real.modes)} modes, counted from 0; got {mode}")
     on, n, size, n_y = real.modes[mode], plant.n, real.layout.size, plant.n_y
@@ -77,7 +79,8 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
 def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     """At least the ``count`` rightmost characteristic roots, with complete pairs, by decreasing real part [rad/s].
 
-    Each is accurate to rounding, and no root between them or to their right is missing.
+    Each is accurate to rounding, and no root between them or to their right is missing. They are fewer if the loop has no
+    others, for at least one over the delay further to the left.
 
     Raises:
         AnalysisError: if they cannot be found, because the rates of the loop are too large for its delay.
@@ -86,17 +89,18 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     while points <= _MOST:
         guesses = np.linalg.eigvals(_generator(loop, points))
         order = falling(guesses.real.astype(np.float64), np.abs(guesses.imag).astype(np.float64))
-        guesses = guesses[order][: 2 * count + 4]
+        # what turns faster than these points can follow is none, and stands in crowds
+        guesses = guesses[order][np.abs(guesses[order]) * loop.tau.max() < points][: 2 * count + 4]
         found = _distinct([root for guess in guesses if (root := _polished(loop, complex(guess))) is not None])
-        if len(found) > count:
-            last = count
+        last = min(count, len(found))
+        if last:
             while last < len(found) and found[last - 1].real - found[last].real < _SAME * (1 + abs(found[last])):
                 last += 1
-            # a line between the last that is wanted and the next
-            if last < len(found):
-                line = (found[last - 1].real + found[last].real) / 2
-                if _number_right_of(loop, line) == last:
-                    return found[:last]
+            # a line between the last that is wanted and the next, or where there seems to be none
+            next = found[last].real if last < len(found) else found[-1].real - 2 / loop.tau.max()
+            line, seen = float(found[last - 1].real + next) / 2, last < len(found) or points >= _MANY
+            if seen and _number_right_of(loop, line) == last:
+                return found[:last]
         points *= 2
     raise AnalysisError(
         f"the {count} rightmost roots of the delayed loop cannot be told apart; its rates are out of proportion to its "
@@ -156,8 +160,9 @@ def _lagrange(nodes: Array, weights: Array, at: float) -> Array:
 
 def _polished(loop: DelayLoop, s: complex) -> complex | None:
     """The root near ``s`` by Newton's method on (v, s); ``None`` where it goes elsewhere."""
-    start, N = s, len(loop.F)
+    start = s
     *_, right = np.linalg.svd(loop.characteristic(s))
+    N = len(right)
     v = right[-1].conj()
     fixed = v.conj()
     for _ in range(30):

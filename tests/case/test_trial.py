@@ -175,7 +175,7 @@ def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
     ("change", "words"),
     [
         ({"controller.P": None}, "controller.P: is required"),
-        ({"controller.kind": "switched"}, "kind must be 'intermittent', 'switching' or the module:name"),
+        ({"controller.kind": "switched"}, "kind must be 'intermittent', 'predictor', 'switching' or the module:name"),
         ({"controller.q_t": 0.1}, "controller.q_t"),
         ({"controller.position": "knee"}, "the plant's outputs are angle, speed"),
         ({"assumed.delay": None}, "the delay of the switching controller must be positive"),

@@ -18,24 +18,13 @@ from icmj.base.compilation import compiled, contents, entry
 from icmj.base.roots import evaluate, first_root, largest
 from icmj.linear.native.state import Status
 from icmj.simulation.native.taps import SAME, SMOOTH, leave, remember, room, sources, stretch
+from icmj.simulation.native.waves import Waves, add_waves
 
 _DIVERGED = 1e12
 _MORE, _ENDED = int(Status.MORE), int(Status.ENDED)
 _FELL, _GONE = int(Status.FELL), int(Status.DIVERGED)
 _FULL = -1  # there is no room in the history
 _CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
-
-
-class Waves(NamedTuple):
-    """Sinusoids a cos(ωt + φ) in windows.
-
-    Attributes:
-        effect: what each does, per unit of its size, shape (K, rows).
-        terms: (a, ω, φ, start, end) of each, shape (K, 5).
-    """
-
-    effect: Array
-    terms: Array
 
 
 class Body(NamedTuple):
@@ -91,33 +80,13 @@ class Track(NamedTuple):
 
 
 @compiled
-def _add(waves, t, end, unit, out):  # type: ignore[no-untyped-def]
-    """Add to ``out``, shape (rows, p + 1), what these sinusoids do from ``t`` to ``end``."""
-    middle = (t + end) / 2
-    for k in range(len(waves.terms)):
-        a, omega, phase = waves.terms[k, 0], waves.terms[k, 1], waves.terms[k, 2]
-        if not waves.terms[k, 3] <= middle < waves.terms[k, 4]:
-            continue
-        turn, size = omega * unit, a
-        cos, sin = np.cos(omega * t + phase), np.sin(omega * t + phase)
-        for j in range(out.shape[1]):
-            value = size * cos
-            for i in range(len(out)):
-                out[i, j] += waves.effect[k, i] * value
-            if turn == 0:
-                break
-            size *= turn / (j + 1)
-            cos, sin = -sin, cos
-
-
-@compiled
 def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     """The plant's Taylor series on the stretch, from its state in the first column, and its outputs."""
     X, n = track.X, len(track.X)
     X[:, 1:] = 0.0
     start = X[:, 0].copy()
     X[:, 0] = 0.0
-    _add(body.acting, t, end, taps.unit, X)
+    add_waves(body.acting, t, end, taps.unit, X)
     # what acts goes into the next power's place: X[:, j] holds it until its turn comes
     for i in range(n):
         carried, X[i, 0] = X[i, 0], start[i]
@@ -222,7 +191,9 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         for i in range(n_y):
             for j in range(p + 1):
                 rows[i, j] = track.y[i, j]
-        _add(body.errors, t, end, taps.unit, rows)
+        add_waves(body.errors, t, end, taps.unit, rows[:n_y])
+        if len(rows) > n_y:  # commands, which it reads, too
+            rows[n_y:] = now.u
         ended = end >= body.end - SAME
         mode = now.mode[0]
         changed = leave(taps, now, length, guard)

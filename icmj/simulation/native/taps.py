@@ -20,6 +20,7 @@ import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry
 from icmj.base.roots import evaluate, first_root
+from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
@@ -107,6 +108,35 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
                 r = history.r[k, row]
                 now.values[node, row] = evaluate(r, len(r) - 1, (s - history.start[k]) / unit)
         settle(taps, now.values, (end - t) / unit, rows)
+    signals = now.v[len(taps.tau) * n_y :]
+    if len(signals) > 0:
+        signals[:] = 0.0
+        add_waves(taps.signals, t, end, unit, signals)
+
+
+@compiled
+def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
+    """What resets and signals do at ``t``: the level of it, and how far it is to the next, at most to ``longest``."""
+    mode, size = now.mode[0], len(now.a)
+    while now.due[0] * taps.period <= t + SAME:
+        before = now.a.copy()
+        for i in range(size):
+            now.a[i] = 0.0
+            for k in range(size):
+                now.a[i] += taps.J[i, k] * before[k]
+        now.due[0] += 1
+        level = -1
+    while taps.edges[now.due[1]] <= t + SAME:
+        for k in range(len(taps.signals.terms)):
+            start = taps.signals.terms[k, 3]
+            if start == taps.edges[now.due[1]] and taps.signals.terms[k, 4] == start:
+                for i in range(size):
+                    for j in range(taps.signals.effect.shape[1]):
+                        by = taps.signals.effect[k, j] * taps.signals.terms[k, 0]
+                        now.a[i] += taps.N[mode, i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
+        now.due[1] += 1
+        level = -1
+    return level, min(longest, now.due[0] * taps.period, taps.edges[now.due[1]])
 
 
 @compiled
@@ -187,6 +217,7 @@ def stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-d
     ``now.v``, ``now.A`` and ``now.u`` are readings, state and command on it; ``level`` is that of what else begins
     there.
     """
+    level, longest = _jump(taps, now, t, level, longest)
     level, next = reached(taps, history, t, level)
     end = min(t + taps.unit, next, longest)
     _read(taps, history, now, t, end)

@@ -1,0 +1,73 @@
+"""
+The masquerade
+==============
+
+A sum of sinusoids as set-point, followed under the continuous predictor controller, under a clock and under an event
+rule with a small threshold: three frequency responses that are hard to tell apart, but for the lag that sampling costs.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import icmj
+from icmj.controller.setpoint import sines
+
+parser = argparse.ArgumentParser(description="Frequency responses of continuous and intermittent control.")
+parser.add_argument("--picture", default="", help="file to write the figure to")
+picture = parser.parse_known_args()[0].picture
+
+plant = icmj.LinearPlant(
+    [[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("angle", "rate"), ("torque",), ("angle",), ("rad", "rad/s")
+)
+design = icmj.design_lq(plant, R_c=0.1, R_o=0.01)
+delay, interval, period = icmj.Delay(0.1), 0.2, 51.3  # [s]; no line of the sum is a multiple of another's image
+
+# %%
+# Lines at multiples of 1/period. What sampling folds back into the band falls between them.
+lines = np.unique(np.round(np.geomspace(0.04, 1.6, 22) * period)) / period
+phases = 2 * np.pi * np.random.default_rng(1).random(len(lines))
+sizes = 0.02 / (1 + lines)
+followed = icmj.setpoint(plant, [icmj.Target({"angle": 1.0}, sines(sizes, lines, phases))])
+continuous = icmj.PredictorController(design, delay, followed)
+hold, Q_t = icmj.system_matched(design), np.eye(2)
+rivals = {
+    "continuous predictor": continuous,
+    f"clock of {interval:g} s": icmj.Controller(design, hold, icmj.ClockTrigger(interval), delay, followed),
+    f"events, at least {interval:g} s apart": icmj.Controller(
+        design, hold, icmj.EventTrigger(Q_t, 1e-3, interval), delay, followed
+    ),
+}
+
+# %%
+# One period each, after the motion has settled, correlated with the set-point's own sinusoids.
+settings = icmj.Settings(duration=2 * period, record_interval=period / 4096)
+responses = {}
+for name, law in rivals.items():
+    run = icmj.simulate_plant(plant, law, settings, x0=[0.0, 0.0])
+    t = period + period / 4096 * np.arange(4096)
+    y = np.interp(t, run.t, run.y[:, 0])
+    there = 2 / len(t) * np.exp(-2j * np.pi * np.outer(lines, t)) @ y
+    responses[name] = there / (sizes * np.exp(1j * (phases - np.pi / 2)))
+
+# %%
+# The continuous one has a closed form, too; half an interval more is the lag of sampling.
+omega = 2 * np.pi * np.geomspace(lines[0], lines[-1], 200)
+exact = icmj.predictor_loop(plant, continuous).response(omega)[2][:, 0, 0]
+figure, (gain, phase) = plt.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")
+gain.loglog(omega / 2 / np.pi, np.abs(exact), "k-", lw=1, label="continuous predictor, exact")
+phase.semilogx(omega / 2 / np.pi, np.degrees(np.unwrap(np.angle(exact))), "k-", lw=1)
+lagging = np.unwrap(np.angle(exact)) - omega * interval / 2
+phase.semilogx(omega / 2 / np.pi, np.degrees(lagging), "k:", label="half an interval later")
+for (name, found), marker in zip(responses.items(), "o^x", strict=True):
+    gain.loglog(lines, np.abs(found), marker, mfc="none", label=name)
+    phase.semilogx(lines, np.degrees(np.unwrap(np.angle(found))), marker, mfc="none")
+gain.set(ylabel="gain angle / set-point")
+phase.set(ylabel="phase [°]", xlabel="frequency [Hz]")
+gain.legend(frameon=False)
+phase.legend(frameon=False)
+if picture:
+    figure.savefig(picture, dpi=130)
