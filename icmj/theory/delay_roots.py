@@ -79,8 +79,8 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
 def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     """At least the ``count`` rightmost characteristic roots, with complete pairs, by decreasing real part [rad/s].
 
-    Each is accurate to rounding, and no root between them or to their right is missing. They are fewer if the loop has no
-    others, for at least one over the delay further to the left.
+    Each is accurate to rounding, and no root between them or to their right is missing. They are fewer if the loop has
+    no others, for at least one over the delay further to the left.
 
     Raises:
         AnalysisError: if they cannot be found, because the rates of the loop are too large for its delay.

@@ -113,6 +113,7 @@ def test_it_is_what_the_method_of_steps_gives(t_d: float, assumed: float, b: flo
     assert apart(run, by_method_of_steps(plant, law, START, 2.5, DISTURBED)) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_set_point_that_does_everything() -> None:
     targets = [
         Target({"angle": 1.0}, part)
