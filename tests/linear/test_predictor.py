@@ -18,7 +18,8 @@ from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger, EventTrigger, output_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 from icmj.theory.delay_roots import rightmost_roots
 from icmj.theory.predictor_loop import predictor_loop
 
