@@ -61,7 +61,10 @@ def _tell_where(gallery_conf: dict, script: dict) -> list[str]:
 class ByQuestion:
     """The order of the gallery: what a researcher asks first, then models from elsewhere."""
 
-    ORDER = ("disturbed_stance", "sway", "backpack", "delay", "lean", "own_plant", "muscle", "ball_joint")
+    ORDER = (
+        "disturbed_stance", "sway", "backpack", "delay", "lean", "attraction", "masquerade", "own_plant", "muscle",
+        "ball_joint",
+    )  # fmt: skip
 
     def __init__(self, folder: str) -> None:
         self.folder = folder

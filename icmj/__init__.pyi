@@ -84,6 +84,11 @@ from .experiments.multisine import multisine as multisine
 from .experiments.quiet_standing import Standing as Standing
 from .experiments.quiet_standing import quiet_standing as quiet_standing
 from .experiments.recording import Recording as Recording
+from .experiments.rounds import Attraction as Attraction
+from .experiments.rounds import Rounds as Rounds
+from .experiments.rounds import attraction as attraction
+from .experiments.rounds import rounds as rounds
+from .experiments.rounds import rounds_of as rounds_of
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed

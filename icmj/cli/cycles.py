@@ -14,10 +14,13 @@ from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 
 if TYPE_CHECKING:
+    from icmj.base.array import Array
     from icmj.case.case import Case
     from icmj.cycle.branch import Branch
     from icmj.cycle.cycle import Cycle
     from icmj.cycle.return_map import PlantKind
+    from icmj.runfile.schema import RunFile
+    from icmj.simulation.simulation import Simulation
 
 
 @execute.register
@@ -31,6 +34,9 @@ def cycle(command: arguments.Cycle) -> None:
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     plant = command.plant or plants_of(run)[-1]
+    if run.tries:
+        _rounds(run, plant, command.json)
+        return
     with Working(f"cycle of {run.case.name}", ERR) as working:
         case = prepare(run)
         found = find_cycle(
@@ -43,6 +49,50 @@ def cycle(command: arguments.Cycle) -> None:
     for notice in case.notices:
         if not (command.set and notice.kind == "paper"):
             OUT.note(notice)
+
+
+def _rounds(run: RunFile, plant: PlantKind, json: bool) -> None:
+    """What a run under a switched controller settles on: rounds that shrink, grow, or are a cycle."""
+    from dataclasses import asdict
+
+    from icmj.errors import CycleError
+    from icmj.experiments.rounds import rounds_of
+    from icmj.study.study import admitted, carried_out, made
+
+    with Working(f"cycle of {run.case.name}", ERR) as working:
+        trial = made(run)
+        if not trial.law.realisation.guards:  # type: ignore[union-attr]
+            raise CycleError(
+                f"{run.path}: a controller that never switches has no cycle of its own: the motion dies out or grows; "
+                "icmj run shows it"
+            )
+        admitted(trial, plant, None)
+        done = carried_out(trial, plant, lambda part: working.tell(f"cycle of {run.case.name}", part))
+        found = rounds_of(done.simulation)
+    simulation = done.simulation
+    reach = {
+        name: (float(high), float(low))
+        for name, high, low in zip(
+            simulation.labels.outputs, *_reach(simulation, found.period), strict=True
+        )
+    }  # fmt: skip
+    if json:
+        OUT.show(plain(asdict(found) | {"verdict": found.verdict, "words": found.words, "reach": reach}))
+        return
+    OUT.say(f"{run.case.title} ({plant}): {found.words}")
+    if found.switches and found.verdict == "on the edge":
+        OUT.say("Only the cycle that this run settles on is found; repelling ones are not looked for.")
+    if not np.isnan(found.multiplier):
+        OUT.say(f"A departure from the settled motion is multiplied by {found.multiplier:.4g} in a round.")
+    for name, (high, low) in reach.items():
+        OUT.say(f"{name}: {low:.6g} to {high:.6g} in the last round")
+
+
+def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
+    """Largest and smallest of the outputs in the last period, or in all where there is none."""
+    since = 0.0 if np.isnan(period) else max(simulation.t[-1] - period, 0.0)
+    y = simulation.y[simulation.t >= since]
+    return y.max(axis=0), y.min(axis=0)
 
 
 @execute.register

@@ -28,6 +28,20 @@ from icmj.plant.linear_plant import LinearPlant
 ON, OFF = 0, 1
 
 
+def slope_of(share: float) -> float:
+    """The slope a [1/s] of the line with which feedback is on in this share ρ of the plane: a = −tan(π(ρ − ½)).
+
+    Args:
+        share: between 0 and 1; at 1 it is on throughout, which no slope says.
+
+    Raises:
+        AnalysisError: if it is not between them.
+    """
+    if not 0 < share < 1:
+        raise AnalysisError(f"the share of the plane in which feedback is on must be between 0 and 1, got {share}")
+    return float(-np.tan(np.pi * (share - 0.5)))
+
+
 @dataclass(frozen=True, eq=False)
 class SwitchingPD(Law):
     """Delayed proportional and derivative feedback, switched by regions in the plane of the delayed outputs.

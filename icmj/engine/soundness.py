@@ -32,6 +32,7 @@ MOST_STATES, MOST_PORTS = 200, 200  # of a plant; eigenvalues of pairs are what 
 RESERVED = ("icmj_controller", "icmj_controller_joint")
 
 OURS = (
+    "b88537bb72b8948703a043b9c5282638e51f4f0f62d428ad705df229cedee8aa",
     "8dcc9d7d9d6732123aefd60918886c5558246826b3d3c212fecd1a2940266c3c",
     "63e54dd25e54e10d477ff28c3d72bc2afdc987c3fe1d25fa3f5997505ff9ad2f",
     "8126e451cb77a40a46381a441c2b294d32f558a81ae4c0b84d6f988a75280b86",

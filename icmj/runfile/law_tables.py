@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
 from icmj.controller.setpoint import Setpoint
-from icmj.controller.switching import SwitchingPD
+from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.control_tables import Control
@@ -38,6 +38,8 @@ class Switching(TomlTable):
     """Gain of the rate, likewise."""
     slope: Finite = 0.0
     """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
+    share: Annotated[float, Field(gt=0, le=1)] | None = None
+    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 is throughout."""
     dead_zone: NonNegative = 0.0
     """Size of (θ, θ') within which feedback is off."""
     switches: bool = True
@@ -49,9 +51,17 @@ class Switching(TomlTable):
         Raises:
             AnalysisError: if it does not fit the plant.
         """
+        whole = self.share == 1
+        slope = self.slope if self.share is None or whole else slope_of(self.share)
         return SwitchingPD(
-            assumed, self.position, self.rate, self.P, self.D, delay, self.slope, self.dead_zone, self.switches
+            assumed, self.position, self.rate, self.P, self.D, delay, slope, self.dead_zone, self.switches and not whole
         )
+
+    @model_validator(mode="after")
+    def _says_it_once(self) -> Switching:
+        if self.share is not None and "slope" in self.model_fields_set:
+            raise ValueError("give slope or share, not both")
+        return self
 
 
 class Predictor(TomlTable):

@@ -35,8 +35,9 @@ class Shelf:
 
     @property
     def files(self) -> Mapping[str, Path]:
-        """The files by their bare names."""
-        return {path.name.removesuffix(self.suffix): path for path in sorted(self.folder.glob(f"*{self.suffix}"))}
+        """The files by their bare names; those under other controllers, in ``rivals``, are not of the study."""
+        found = (*self.folder.glob(f"*{self.suffix}"), *self.folder.glob(f"rivals/*{self.suffix}"))
+        return {path.name.removesuffix(self.suffix): path for path in sorted(found)}
 
     def meant(self, path: Path) -> Path:
         """The file that somebody means by ``path``: what is there, else the shipped one of this name, else ``path``."""

@@ -46,7 +46,7 @@ def test_a_name_that_is_none_is_told_the_shipped_ones(capsys):
         ("analyse", "shipped cases: neglected-0.1, "),
         ("sweep", "shipped sweeps: basins, "),
         ("experiment", "shipped experiments: double-step"),
-        ("new", "shipped models: pendulum, "),
+        ("new", "shipped models: one_link, pendulum, "),
     ):
         assert main([command, "nosuch"]) == 2
         assert listed in capsys.readouterr().err

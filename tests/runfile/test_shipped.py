@@ -21,7 +21,8 @@ def elsewhere(tmp_path, monkeypatch):
 def test_in_a_checkout_they_are_the_checkout_s(root):
     assert RUNS.folder == root / "runs"
     assert MODELS.folder == root / "models"
-    assert {path.name for path in (root / "runs").glob("*.toml")} == {path.name for path in RUNS.files.values()}
+    there = [*(root / "runs").glob("*.toml"), *(root / "runs" / "rivals").glob("*.toml")]
+    assert {path.name for path in there} == {path.name for path in RUNS.files.values()}
 
 
 def test_a_bare_name_is_the_shipped_case(root):
@@ -72,9 +73,10 @@ def test_what_is_like_nothing_is_only_missing_and_a_bare_name_is_told_all_shippe
 
 
 def test_a_study_of_nothing_named_is_of_the_folder_runs_or_of_all_shipped(elsewhere, root):
-    assert [run.case.name for run in find_runs([])] == list(RUNS.files)
+    ours = [name for name, path in RUNS.files.items() if path.parent.name == "runs"]  # rivals are not of the study
+    assert [run.case.name for run in find_runs([])] == ours
     (elsewhere / "runs" / "out").mkdir(parents=True)  # what an earlier study left
-    assert len(find_runs([])) == len(RUNS.files)
+    assert len(find_runs([])) == len(ours)
     (elsewhere / "runs" / "mine.toml").write_text((root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8"))
     assert [run.path for run in find_runs([])] == [Path("runs/mine.toml")]
     assert [run.case.name for run in find_runs([Path("simple-0.8"), Path("simple-1.2")])] == [
