@@ -75,7 +75,7 @@ class FoundDoubleStep:
         one = self.refractory.fixed
         refractory = (
             f"refractory for {one.value:.3g} s ({one.low:.3g} to {one.high:.3g} s)"
-            if one.low > 0
+            if one.low > 0 and self.told.kind != "continuous"
             else "not refractory for as long as the shortest interval"
         )
         return f"Told to be {self.told.kind}, {refractory}, from {int(self.refractory.count.sum())} pairs of steps."
