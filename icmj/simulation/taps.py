@@ -23,6 +23,7 @@ from icmj.simulation.settings import Settings
 
 POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
 _NODES = 13
+ROOM = 5e8  # bytes of what a controller remembers of its readings
 _BEGINNING = -1e30  # of the history that is held before t = 0
 
 
@@ -178,7 +179,16 @@ def first_command(taps: Taps, history: History, now: Now) -> Array:
 
 
 def widened(history: History) -> History:
-    """The same with twice the room."""
+    """The same with twice the room.
+
+    Raises:
+        SimulationError: if that would be more than :data:`ROOM`.
+    """
+    if 2 * history.r.nbytes > ROOM:
+        raise SimulationError(
+            f"{len(history.start)} stretches of motion would have to be remembered within the controller's delay; look "
+            "for gains or rates of the wrong size, or shorten the delay"
+        )
     start, level, r = (np.concatenate([part, np.zeros_like(part)]) for part in history[:3])
     return history._replace(start=start, level=level, r=r)
 

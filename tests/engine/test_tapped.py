@@ -27,6 +27,7 @@ import icmj
 from icmj.controller.realisation import Guard, Mode
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
+from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Bias, Impulse, Noise, Step
@@ -217,6 +218,15 @@ def test_a_run_before_or_after_leaves_no_trace() -> None:
     one, two = (simulate(person(), SWITCHING, settings, x0=START) for _ in range(2))
     assert (one.x == two.x).all()
     assert (one.events.t == two.events.t).all()
+
+
+def test_from_rest_a_guard_that_is_zero_throughout_the_delay_does_not_change() -> None:
+    """See the test of the same name of the linear plant."""
+    law, settings = replace(HOMOGENEOUS, slope=0.0), Settings(duration=3.0, record_interval=0.05)
+    run = simulate(person(), law, settings, x0=[1e-4, 0.0])
+    linear = simulate_linear(BODY, law, settings, x0=[1e-4, 0.0])
+    assert run.events.t[0] == pytest.approx(0.2, abs=1e-9)
+    np.testing.assert_allclose(run.events.t, linear.events.t, atol=1e-6)
 
 
 def test_a_gain_that_the_controller_does_not_know_acts() -> None:

@@ -230,6 +230,25 @@ def test_a_long_way_back_is_remembered() -> None:
     agrees(run, of_law(BODY, law, START * 0.1, disturbance_of(noise, BODY.inputs)).run(9.0), 1e-10)
 
 
+def test_what_would_take_too_much_to_remember_is_refused(monkeypatch) -> None:
+    monkeypatch.setattr("icmj.simulation.taps.ROOM", 1e6)
+    law, fast = replace(CONTINUOUS, delay=3.0), (Noise("ankle", 0.1, bandwidth=3000.0, seed=3),)
+    with pytest.raises(SimulationError, match="would have to be remembered within the controller's delay"):
+        simulate_tapped(BODY, law, Settings(duration=9.0, record_interval=0.5, disturbance=fast), x0=START)
+
+
+def test_from_rest_a_guard_that_is_zero_throughout_the_delay_does_not_change() -> None:
+    """θ θ' > 0 with θ' = 0: off until a rate is read, which is a delay later. It switched for ever at t = 0."""
+    settings = Settings(duration=6.0, record_interval=0.05)
+    run = simulate_tapped(BODY, replace(HOMOGENEOUS, slope=0.0), settings, x0=[0.01, 0.0])
+    assert run.events.t[0] == pytest.approx(0.2, abs=1e-12)
+    assert len(run.events) > 3
+    # a line that leaves the start on its off side reads the same, and comes but so much later
+    beside = simulate_tapped(BODY, replace(HOMOGENEOUS, slope=1e-9), settings, x0=[0.01, 0.0])
+    np.testing.assert_allclose(run.events.t, beside.events.t, atol=1e-7)
+    np.testing.assert_allclose(run.x[-1], beside.x[-1], atol=1e-8)
+
+
 def test_outputs_are_matched_by_name_and_what_does_not_fit_is_refused() -> None:
     turned = LinearPlant(
         BODY.A, BODY.B, BODY.C[::-1], BODY.states, BODY.inputs, ("omega", "theta"),

@@ -24,6 +24,7 @@ from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
+_NOTHING = 1e-300  # less than the square of any reading
 SAME = 1e-12  # instants this close [s] are one
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
@@ -173,7 +174,7 @@ def _turn(taps, now, length):  # type: ignore[no-untyped-def]
             g[j] *= scale
             scale *= length
             rest += abs(g[j]) if j > 0 else 0.0
-        margin = _ROUNDING * size
+        margin = max(_ROUNDING * size, _NOTHING)  # a guard that stays zero has not changed its sign
         if 0 < g[0] < _SEAM * size:
             margin = max(margin, 2 * g[0])
         g[0] -= margin
