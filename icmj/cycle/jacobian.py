@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array, falling
-from icmj.cycle.return_map import Lost, ReturnMap
+from icmj.cycle.return_map import Flights, Lost
 from icmj.errors import CycleError
 
 # first step, relative to the scale of each state; shortened by tens where the map bends so much that it errs more by
@@ -35,7 +35,7 @@ class Jacobian:
 
 
 def jacobian(
-    loop: ReturnMap, z: Array, scale: Array, p: int = 1, *, threads: int = 1, rounding: float = ROUNDING
+    loop: Flights, z: Array, scale: Array, p: int = 1, *, threads: int = 1, rounding: float = ROUNDING
 ) -> Jacobian:
     """DP^p at ``z`` by centred differences of fourth order, each column with a step that is right for it.
 
@@ -78,14 +78,14 @@ def jacobian(
 
 
 def _differences(
-    loops: list[ReturnMap], z: Array, scale: Array, p: int, columns: NDArray[np.intp], step: float
+    loops: list[Flights], z: Array, scale: Array, p: int, columns: NDArray[np.intp], step: float
 ) -> tuple[Array, Array]:
     """d P^p / d(z/scale) over ± step and over ± 2 step, shapes (len(columns), N)."""
     offsets = np.array([-2.0, -1.0, 1.0, 2.0])
     tasks = [(i, k) for i in range(len(columns)) for k in range(4)]
     ends, exact = np.zeros((len(columns), 4, len(z))), np.zeros((len(columns), 4))
 
-    def fly(own: ReturnMap, part: list[tuple[int, int]]) -> None:
+    def fly(own: Flights, part: list[tuple[int, int]]) -> None:
         for i, k in part:
             j, there = columns[i], z.copy()
             there[j] += offsets[k] * step * scale[j]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.cycle.return_map import Lost, ReturnMap, Turn
+from icmj.cycle.return_map import Flights, Lost, Turn
 from icmj.errors import CycleError
 
 CLOSED = 1e-10  # relative closure that counts
@@ -40,7 +40,7 @@ class Closed:
 
 
 def newton(
-    loop: ReturnMap,
+    loop: Flights,
     z: Array,
     scale: Array,
     derivative: Callable[[Turn], Array],
@@ -151,7 +151,7 @@ def _jump(
     return float(turn.intervals[worst]), float(there.intervals[worst])
 
 
-def _stuck(loop: ReturnMap, turn: Turn, history: list[float], jump: tuple[float, float] | None = None) -> str:
+def _stuck(loop: Flights, turn: Turn, history: list[float], jump: tuple[float, float] | None = None) -> str:
     where = f"Newton's iterates stop at a closure of {min(history):.1e} after {len(history) - 1} steps"
     if jump is not None:
         early, late = sorted(jump)
@@ -160,6 +160,6 @@ def _stuck(loop: ReturnMap, turn: Turn, history: list[float], jump: tuple[float,
             f"{late:.6g} s short; {where}"
         )
     if any(loop.collapsed(interval) for interval in turn.intervals):
-        return f"no cycle: {where}, with an interval at the least one, {loop.controller.least:g} s"
+        return f"no cycle: {where}, with an interval at the least one, {loop.least:g} s"
     last = ", ".join(f"{interval:.4g}" for interval in turn.intervals)
     return f"no cycle: {where}, intervals {last} s; start nearer to one, or from a simulation"

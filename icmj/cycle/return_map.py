@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol, Self
 
 import numpy as np
 
@@ -63,6 +63,23 @@ class Turn:
     y_max: Array
     y_min: Array
     rows: tuple[Array, ...] = ()
+
+
+class Flights(Protocol):
+    """What a search for cycles asks of a map: :class:`ReturnMap`, or that of another kind of controller."""
+
+    def turn(self, z: Array, p: int = 1) -> Turn:
+        """Fly p intervals from z; :class:`Lost` if one does not end."""
+
+    def another(self) -> Self:
+        """The same for another thread."""
+
+    def collapsed(self, interval: float) -> bool:
+        """Whether an interval is as short as intervals can be."""
+
+    @property
+    def least(self) -> float:
+        """How short that is [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,10 +176,14 @@ class ReturnMap:
         recorded: tuple[OpenLoopInterval, Array] = self.fly.recorded(x, x_o, x_h)  # type: ignore[attr-defined]
         return recorded
 
+    @property
+    def least(self) -> float:
+        """The shortest interval that the controller allows [s]."""
+        return self.controller.least
+
     def collapsed(self, interval: float) -> bool:
         """Whether an interval ended as soon as Δ_min or the delay allowed."""
-        least = self.controller.least
-        return bool(interval <= least * (1 + COLLAPSED) + 1e-12)
+        return bool(interval <= self.least * (1 + COLLAPSED) + 1e-12)
 
     def refined(self, factor: float) -> ReturnMap:
         """The same at another timestep, or tolerance; the linear plant has none."""
