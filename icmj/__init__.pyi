@@ -11,9 +11,12 @@ from .case.trial import prepare_trial as prepare_trial
 from .case.trial import simulate_trial as simulate_trial
 from .comparison.comparison import Comparison as Comparison
 from .comparison.comparison import compare as compare
+from .controller.channels import Channel as Channel
+from .controller.channels import SwitchingChannels as SwitchingChannels
 from .controller.controller import Controller as Controller
 from .controller.controller import continuous_limit as continuous_limit
 from .controller.delay import Delay as Delay
+from .controller.delayed_pid import DelayedPID as DelayedPID
 from .controller.design import Design as Design
 from .controller.design import design_lq as design_lq
 from .controller.hold import Hold as Hold

@@ -237,8 +237,18 @@ def _controller(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
         outputs = list(names.outputs)
         found = {"kind": "switching", "position": rng.choice(outputs), "rate": rng.choice(outputs)}
         found |= {"P": number(rng, 1.0, 100.0), "D": number(rng, 0.1, 10.0)}
+        if rng.random() < 0.3:
+            pid = {"I": lambda: number(rng, 0.0, 10.0), "weight": lambda: number(rng, 0.5, 1.0)}
+            pid |= {"force": lambda: rng.choice(outputs), "force_gain": lambda: number(rng, 0.0, 1e-3)}
+            pid |= {"force_time": lambda: positive(rng, 10.0), "input": lambda: rng.choice(list(names.inputs))}
+            return found | {"kind": "delayed-pid"} | _some(rng, 0.5, pid)
         keys = {"slope": lambda: number(rng, -0.4, 0.0), "dead_zone": lambda: positive(rng, 0.004, low=0.0)}
-        return found | _some(rng, 0.6, keys | {"switches": lambda: rng.random() < 0.7})
+        found |= _some(rng, 0.6, keys | {"switches": lambda: rng.random() < 0.7})
+        if rng.random() < 0.3:
+            channel = {key: value for key, value in found.items() if key != "kind"}
+            channels = [channel | {"input": rng.choice(list(names.inputs))} for _ in range(rng.randint(1, 3))]
+            return {"kind": "switching", "channel": channels}
+        return found
     if rng.random() < 0.06:
         return {"kind": "predictor"}
     if rng.random() < 0.02:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 def cycle(command: arguments.Cycle) -> None:
     """Find the cycle of one case and print it beside the prediction."""
     from icmj.case.case import prepare
+    from icmj.case.trial import prepare_trial
+    from icmj.cli.switched import show_cycle, with_cycle
     from icmj.cycle.cycle import find_cycle
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
@@ -35,7 +37,10 @@ def cycle(command: arguments.Cycle) -> None:
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     plant = command.plant or plants_of(run)[-1]
     if run.tries:
-        _rounds(run, plant, command.json)
+        if plant == "linear" and with_cycle(trial := prepare_trial(run)):
+            show_cycle(trial, command.json)
+        else:
+            _rounds(run, plant, command.json)
         return
     with Working(f"cycle of {run.case.name}", ERR) as working:
         case = prepare(run)
@@ -100,6 +105,7 @@ def continue_(command: arguments.Continue) -> None:
     """Follow a branch, and what branches off; store and list them."""
     from icmj.base.files import replaceable, write_bytes
     from icmj.case.doubts import followed
+    from icmj.cli.switched import show_branch
     from icmj.cycle.follow import BRANCHING, branch_off, follow
     from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
@@ -111,6 +117,9 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.study.study import open_folder, plants_of
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    if run.tries:
+        show_branch(command, run)
+        return
     main_plant = command.plant or plants_of(run)[-1]
     name = f"{run.case.name}.{command.parameter.replace(':', '-')}"
     kinds = ("parquet", "rrd", "pdf", "svg")

@@ -30,6 +30,7 @@ MOST = 12  # rounds in a cycle
 LONGEST = 100.0  # times the delay: rounds that are flown before they are given up, at first
 _PATIENCE = 6  # times this is doubled
 _AHEAD = 0.01  # delays before ξ at which a flight begins, in the region where feedback is off
+_SAME = 1e-7  # relative: ξ that are one
 _CLOSE = 1e-3  # relative: a simulation that comes as near to an earlier ξ is near a cycle
 _LIMIT = 1e9  # of positions, in units of the dead zone's size: beyond, the motion has left
 _WARM = 300.0  # delays of a simulation that a first guess is taken from, at first
@@ -209,6 +210,7 @@ def find_switched_cycle(
     z, p, sign = guess
     scale = np.maximum(np.abs(z), SAME * np.abs(z).max())
     found = newton(loop, z, scale, lambda turn: jacobian(loop, turn.states[0], scale, p).J, p=p, sign=sign)
+    p, sign = _shortest(found.turn.states, p, sign)
     J = jacobian(loop, found.z, scale, p, rounding=found.closure)
     values, errors = multipliers(J, scale)
     turn, switches = loop.flight(found.z, p)
@@ -247,3 +249,13 @@ def _guess(loop: SwitchedMap, x0: Array) -> tuple[Array, int, int]:
     if len(found.at) < 2:
         raise CycleError(f"no cycle: in {duration / 2:g} s feedback was not switched off for as long as its delay")
     raise CycleError(f"no cycle: the motion does not repeat after {MOST} rounds or fewer in {duration / 2:g} s")
+
+
+def _shortest(states: Array, p: int, sign: int) -> tuple[int, int]:
+    """After how many rounds, and with which sign, it closes first; its ξ are ``states``, shape (p, n)."""
+    for q in range(1, p):
+        for s in (1, -1):
+            again = s * states[q] - states[0]
+            if p % q == 0 and s ** (p // q) == sign and np.abs(again).max() < _SAME * np.abs(states[0]).max():
+                return q, s
+    return p, sign

@@ -57,7 +57,7 @@ def follow_switched(
     Raises:
         CycleError: if there is no cycle to begin with, or no such parameter.
     """
-    at, first = _varied(law, parameter)
+    at, first = varied(law, parameter)
     if not np.isfinite(to) or to == first:
         raise CycleError(f"a branch runs between two different values, got {first:g} and {to:g}")
     cycles, values = [find_switched_cycle(plant, law, x0)], [first]
@@ -114,7 +114,7 @@ def _change(there: Callable[[float], SwitchedCycle], between: list[float], attra
     return (left + right) / 2
 
 
-def _varied(law: SwitchingPD, parameter: str) -> tuple[Callable[[float], SwitchingPD], float]:
+def varied(law: SwitchingPD, parameter: str) -> tuple[Callable[[float], SwitchingPD], float]:
     """The controller at a value of a parameter, and its own value."""
     if parameter == "share":
         own = 0.5 - np.arctan(law.slope) / np.pi

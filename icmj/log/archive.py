@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.text import one_line
+from icmj.controller.channels import Channel, SwitchingChannels
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
+from icmj.controller.delayed_pid import DelayedPID
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.law import RecordedLaw, recorded_law
@@ -58,7 +60,8 @@ _DATA: tuple[type, ...] = (
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result, Tried),
-    *(Layout, Rates, Mode, Guard, Realisation, SwitchingPD, PredictorController, RecordedLaw),
+    *(Layout, Rates, Mode, Guard, Realisation, RecordedLaw),
+    *(SwitchingPD, Channel, SwitchingChannels, DelayedPID, PredictorController),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
 _LEFT_OUT = {("Result", "scene"), ("Tried", "scene")}  # stored as what it is for, the 3D entities

@@ -62,7 +62,8 @@ class Control(TomlTable):
     """
 
     kind: Literal["intermittent"] = "intermittent"
-    """Which controller: this one, ``"predictor"``, ``"switching"``, or the ``module:name`` of your own."""
+    """Which controller: this one, ``"predictor"``, ``"switching"``, ``"delayed-pid"``, or your own, by its
+    ``module:name``."""
     hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
     """What drives the plant between events: the assumed closed loop (system-matched), the last control (zero-order), or
     A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the design."""

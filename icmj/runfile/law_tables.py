@@ -7,7 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from icmj.controller.channels import Channel, SwitchingChannels
 from icmj.controller.delay import Delay
+from icmj.controller.delayed_pid import DelayedPID
 from icmj.controller.design import Design
 from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
@@ -16,8 +18,59 @@ from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.control_tables import Control
-from icmj.runfile.table import Finite, NonNegative, Numbers, Parameters, Reference, TomlTable
+from icmj.runfile.table import MOST, Finite, NonNegative, Numbers, Parameters, Positive, Reference, TomlTable
 from icmj.work.own_code import Code, accepted
+
+Share = Annotated[float, Field(gt=0, le=1)]
+Combination = str | Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)]
+
+
+class SwitchingChannel(TomlTable):
+    """One channel of a switching controller of several joints: of a joint, or of the virtual pendulum."""
+
+    position: Combination
+    """What it feeds back: an output θ, or weights of several by name, ``{ ankle = 0.6, hip = 0.3 }``."""
+    rate: Combination
+    """The rate θ', likewise."""
+    P: Finite
+    """Gain of the position [input per output]."""
+    D: Finite
+    """Gain of the rate [input per output]."""
+    input: str = ""
+    """The input that it commands; may be left out where there is one alone."""
+    slope: Finite = 0.0
+    """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
+    share: Share | None = None
+    """Share ρ of the plane in which feedback is on, instead of ``slope``; 1 is throughout."""
+    dead_zone: NonNegative = 0.0
+    """Size of (θ, θ') within which feedback is off."""
+    switches: bool = True
+    """Whether it is switched at all."""
+
+    @property
+    def channel(self) -> Channel:
+        """The channel."""
+        slope, switches = _line(self)
+        return Channel(
+            self.position, self.rate, self.P, self.D, self.input, slope, self.dead_zone, self.switches and switches
+        )
+
+    @model_validator(mode="after")
+    def _says_it_once(self) -> SwitchingChannel:
+        _once(self)
+        return self
+
+
+def _line(table: Switching | SwitchingChannel) -> tuple[float, bool]:
+    """The slope that slope or share says, and whether there is a line at all."""
+    if table.share == 1:
+        return 0.0, False
+    return (table.slope if table.share is None else slope_of(table.share)), True
+
+
+def _once(table: Switching | SwitchingChannel) -> None:
+    if table.share is not None and "slope" in table.model_fields_set:
+        raise ValueError("give slope or share, not both")
 
 
 class Switching(TomlTable):
@@ -38,7 +91,7 @@ class Switching(TomlTable):
     """Gain of the rate, likewise."""
     slope: Finite = 0.0
     """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
-    share: Annotated[float, Field(gt=0, le=1)] | None = None
+    share: Share | None = None
     """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 is throughout."""
     dead_zone: NonNegative = 0.0
     """Size of (θ, θ') within which feedback is off."""
@@ -51,17 +104,76 @@ class Switching(TomlTable):
         Raises:
             AnalysisError: if it does not fit the plant.
         """
-        whole = self.share == 1
-        slope = self.slope if self.share is None or whole else slope_of(self.share)
+        slope, switches = _line(self)
         return SwitchingPD(
-            assumed, self.position, self.rate, self.P, self.D, delay, slope, self.dead_zone, self.switches and not whole
+            assumed, self.position, self.rate, self.P, self.D, delay, slope, self.dead_zone, self.switches and switches
         )
 
     @model_validator(mode="after")
     def _says_it_once(self) -> Switching:
-        if self.share is not None and "slope" in self.model_fields_set:
-            raise ValueError("give slope or share, not both")
+        _once(self)
         return self
+
+
+class Channelled(TomlTable):
+    """Switched feedback of a body with several joints: channels, each switched in its own plane.
+
+    Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
+    """
+
+    tag: ClassVar[str] = "channels"
+
+    kind: Literal["switching"]
+    """Says that this is the controller, with channels instead of one position and rate."""
+    channel: Annotated[list[SwitchingChannel], Field(min_length=1, max_length=MOST)]
+    """The channels, one ``[[controller.channel]]`` each."""
+
+    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
+        """The controller for a plant and a delay [s].
+
+        Raises:
+            AnalysisError: if it does not fit the plant.
+        """
+        return SwitchingChannels(assumed, tuple(each.channel for each in self.channel), delay)
+
+
+class DelayedPIDTable(TomlTable):
+    """Continuous feedback of delayed outputs: proportional, integral, derivative, and of the torque (Peterka's family).
+
+    Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
+    """
+
+    kind: Literal["delayed-pid"]
+    """Says that this is the controller."""
+    position: str
+    """The output θ that it feeds back."""
+    rate: str
+    """The output θ' that it feeds back."""
+    P: Finite
+    """Gain K_P of the position [input per output]."""
+    D: Finite
+    """Gain K_D of the rate [input per output]."""
+    I: Finite = 0.0
+    """Gain K_I of the integral [input per output and second]."""
+    weight: Finite = 1.0
+    """Sensory weight w of position and rate."""
+    input: str = ""
+    """The input that it commands; may be left out where there is one alone."""
+    force: str = ""
+    """The output T that force feedback G/(τs + 1) reads, delayed; the command itself by default."""
+    force_gain: Finite = 0.0
+    """Gain G of the force feedback [position per unit of T]; 0 is none."""
+    force_time: Positive = 1.0
+    """Time constant τ of the force feedback [s]."""
+
+    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
+        """The controller for a plant and a delay [s].
+
+        Raises:
+            AnalysisError: if it does not fit the plant.
+        """
+        given = self.model_dump(exclude={"kind"})
+        return DelayedPID(assumed, **given, delay=delay)
 
 
 class Predictor(TomlTable):
@@ -107,14 +219,21 @@ class OwnController(TomlTable):
 
 def _kind(table: Any) -> str:
     kind = table.get("kind", "intermittent") if isinstance(table, Mapping) else getattr(table, "kind", "intermittent")
+    if kind == "switching" and (isinstance(table, Channelled) or (isinstance(table, Mapping) and "channel" in table)):
+        return "channels"
     return "own" if isinstance(kind, str) and ":" in kind else str(kind)
 
 
-_KINDS = "kind must be 'intermittent', 'predictor', 'switching' or the module:name of a controller of your own"
+_KINDS = (
+    "kind must be 'intermittent', 'predictor', 'switching', 'delayed-pid' or the module:name of a controller of your "
+    "own"
+)
 AnyController = Annotated[
     Annotated[Control, Tag("intermittent")]
     | Annotated[Predictor, Tag("predictor")]
     | Annotated[Switching, Tag("switching")]
+    | Annotated[Channelled, Tag("channels")]
+    | Annotated[DelayedPIDTable, Tag("delayed-pid")]
     | Annotated[OwnController, Tag("own")],
     Discriminator(_kind, custom_error_type="controller_kind", custom_error_message=_KINDS),
 ]

@@ -20,7 +20,7 @@ from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.kept import Kept
 from icmj.runfile.keys import put
-from icmj.runfile.law_tables import AnyController, OwnController, Predictor, Switching
+from icmj.runfile.law_tables import AnyController, Channelled, DelayedPIDTable, OwnController, Predictor, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable
@@ -220,7 +220,7 @@ class RunFile(TomlTable):
         return not isinstance(self.controller, Control)
 
     @property
-    def rival(self) -> Predictor | Switching | OwnController:
+    def rival(self) -> Predictor | Switching | Channelled | DelayedPIDTable | OwnController:
         """The controller where it is not intermittent.
 
         Raises:

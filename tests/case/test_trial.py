@@ -145,12 +145,33 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
     assert main(["measure", str(log), "--since", "2"]) == 0
 
 
-@pytest.mark.parametrize("command", ["analyse", "cycle"])
-def test_what_makes_no_sense_is_one_line(run_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, str(run_path)]) == 2
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (["analyse"], "the controller is of kind 'switching', which has no event rule and no critical interval"),
+        (["continue", "--parameter", "q_t", "--to", "1"], "no parameter 'q_t'; expected P, D, slope"),
+        (["continue", "--parameter", "P", "--to", "9", "--plant", "mujoco"], "on the linear plant (--plant linear)"),
+        (["cycle", "--plant", "linear", "--set", "controller.P=900"], "no cycle: the motion fell"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line(
+    run_path: Path, command: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command[0], str(run_path), *command[1:]]) == 2
     said = told(capsys.readouterr().err)
     assert len(said) == 1
-    assert "the controller is of kind 'switching', which has no event rule and no critical interval" in said[0]
+    assert words in said[0]
+
+
+def test_its_cycle_is_found_and_followed(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cycle", str(run_path), "--plant", "linear", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["period"] == pytest.approx(4.131031, rel=2e-5)  # this body has 1e-3 of 60 kg m² of its own
+    assert (found["switches"], found["mirrored"], found["attracting"]) == (4, False, True)
+    assert main(["continue", str(run_path), "--parameter", "P", "--to", "142.4", "--points", "5"]) == 0
+    said = capsys.readouterr().out
+    assert "Stability changes at P = 142.80" in said
+    assert "reached P = 142.4" in said
 
 
 def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(
@@ -175,7 +196,7 @@ def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
     ("change", "words"),
     [
         ({"controller.P": None}, "controller.P: is required"),
-        ({"controller.kind": "switched"}, "kind must be 'intermittent', 'predictor', 'switching' or the module:name"),
+        ({"controller.kind": "switched"}, "'predictor', 'switching', 'delayed-pid' or the module:name"),
         ({"controller.q_t": 0.1}, "controller.q_t"),
         ({"controller.position": "knee"}, "the plant's outputs are angle, speed"),
         ({"assumed.delay": None}, "the delay of the switching controller must be positive"),

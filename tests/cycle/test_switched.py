@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles.delay import of_law
 from scipy.linalg import expm
+from tapped_cases import BODY, DELAY, HOMOGENEOUS, MGH, SWITCHING
 
 from icmj.cycle.switched import SwitchedMap, find_switched_cycle
 from icmj.cycle.switched_branch import follow_switched
 from icmj.errors import CycleError
-from tests.oracles.delay import of_law
-from tests.tapped_cases import BODY, DELAY, HOMOGENEOUS, MGH, SWITCHING
 
 BEFORE = 0.01  # s before ξ at which the method of steps begins
 
@@ -52,6 +52,21 @@ def test_it_is_in_proportion_to_the_dead_zone(asai) -> None:
     assert larger.states == pytest.approx(5 * asai.states, rel=1e-9)
     assert larger.period == pytest.approx(asai.period, rel=1e-9)
     assert larger.multipliers[0] == pytest.approx(asai.multipliers[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("x0", [[0.01, 0.0], [0.03, -0.01], [-0.01, 0.0]])
+def test_it_is_told_with_its_shortest_period_from_wherever_it_is_come_to(asai, x0) -> None:
+    found = find_switched_cycle(BODY, SWITCHING, x0)
+    assert found.period == pytest.approx(asai.period, rel=1e-9)
+    assert len(found.switches) == 4
+
+
+def test_a_mirrored_cycle_is_told_by_its_half() -> None:
+    found = find_switched_cycle(BODY, replace(SWITCHING, P=0.7 * MGH, D=60.0))
+    doubled = find_switched_cycle(BODY, found.law, found.states[0], rounds=2 * len(found.states), sign=1)
+    assert found.mirrored
+    assert doubled.mirrored
+    assert doubled.period == pytest.approx(found.period, rel=1e-9)
 
 
 def test_a_branch_changes_its_stability_where_a_multiplier_is_one() -> None:

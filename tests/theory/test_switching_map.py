@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles.delay import of_law
+from tapped_cases import BODY, DELAY, HOMOGENEOUS, MGH
 
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
@@ -13,8 +15,6 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 from icmj.theory.switching_map import AXIS, EDGE, LINE, STAYS, switching_map
-from tests.oracles.delay import of_law
-from tests.tapped_cases import BODY, DELAY, HOMOGENEOUS, MGH
 
 SLOPE = -0.4
 OSCILLATING = LinearPlant(
