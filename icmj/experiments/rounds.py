@@ -54,7 +54,9 @@ class Rounds:
 
     @property
     def verdict(self) -> str:
-        """``stands``, ``falls`` or ``on the edge``."""
+        """``stands``, ``falls``, ``on the edge``, or ``not settled`` of a motion that switches without rounds so far."""
+        if np.isfinite(self.closure) and self.switches == 0:
+            return "not settled"
         size = self.growth if np.isnan(self.period) else self.factor - 1
         return "on the edge" if abs(size) <= EDGE else "stands" if size < 0 else "falls"
 

@@ -24,8 +24,7 @@ from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
-_NOTHING = 1e-300  # less than the square of any reading
-SAME = 1e-12  # instants this close [s] are one
+SAME, _NOTHING = 1e-12, 1e-300  # instants this close [s] are one; less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
