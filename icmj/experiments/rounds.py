@@ -54,7 +54,7 @@ class Rounds:
 
     @property
     def verdict(self) -> str:
-        """``stands``, ``falls``, ``on the edge``, or ``not settled`` of a motion that switches without rounds so far."""
+        """``stands``, ``falls``, ``on the edge``; ``not settled`` of a motion that switches without rounds so far."""
         if np.isfinite(self.closure) and self.switches == 0:
             return "not settled"
         size = self.growth if np.isnan(self.period) else self.factor - 1
