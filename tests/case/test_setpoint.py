@@ -111,7 +111,7 @@ def test_too_fine_a_sequence_is_refused_and_a_fast_sine_is_reckoned_with(case):
 
 def test_other_controllers_have_none(case):
     other = {"kind": "switching", "position": "shank", "rate": "thigh", "P": 1.0, "D": 1.0}
-    with pytest.raises(RunFileError, match="a set-point is for the intermittent controller"):
+    with pytest.raises(RunFileError, match="a set-point is for the intermittent or the predictor controller"):
         case.run.with_(controller=other)
 
 
