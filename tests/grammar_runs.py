@@ -327,7 +327,7 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
 
 
 def _setpoint(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
-    kind = rng.choice(("step", "pulse", "ramp", "sines", "ternary", "double-steps"))
+    kind = rng.choice(("step", "pulse", "ramp", "sines", "ternary", "double-steps", "file"))
     found: dict[str, Any] = {"kind": kind, "size": number(rng, 0.01, 0.1)}
     if rng.random() < 0.8:
         found["output"] = rng.choice((*names.outputs, *names.states))
@@ -348,7 +348,9 @@ def _setpoint(rng: random.Random, names: Names, duration: float) -> dict[str, An
             "seed": lambda: rng.choice((0, 1, 2**63 - 1)),
         }
         found |= _some(rng, 0.5, keys)
-    if kind == "ternary" and rng.random() < 0.5:
+    if kind == "file":
+        found |= {"file": rng.choice(("run.toml", "none.csv", "/dev/zero", "")), "column": rng.choice(("y", "t", ""))}
+    if kind in ("ternary", "file") and rng.random() < 0.5:
         found["interval"] = positive(rng, 0.25, 0.01)
     return found
 

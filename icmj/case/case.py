@@ -27,6 +27,7 @@ from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
+from icmj.runfile.setpoint_tables import targets
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
@@ -71,8 +72,7 @@ class Case(Shown):
     @cached_property
     def setpoint(self) -> Setpoint | None:
         """The set-point r(t) of its runs, ``None`` if there is none; theory, cycles and growth apply to r = 0."""
-        end = self.run.simulation.duration
-        return setpoint(self.controller.plant, [table.target(end) for table in self.run.setpoint])
+        return setpoint(self.controller.plant, targets(self.run.setpoint, self.run.simulation.duration, self.run.path))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""

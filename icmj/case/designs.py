@@ -18,6 +18,7 @@ from icmj.plant.modes import uncontrollable
 from icmj.runfile.control_tables import Weights
 from icmj.runfile.law_tables import Predictor
 from icmj.runfile.schema import RunFile
+from icmj.runfile.setpoint_tables import targets
 
 
 def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
@@ -41,8 +42,8 @@ def rival(run: RunFile, assumed: LinearPlant) -> Law:
     table, delay = run.rival, delay_of(run)
     if not isinstance(table, Predictor):
         return table.law(assumed, delay.t_d, run.code)
-    targets = [target.target(run.simulation.duration) for target in run.setpoint]
-    return table.predictor(designed(assumed, run.design), delay, setpoint(assumed, targets))
+    followed = setpoint(assumed, targets(run.setpoint, run.simulation.duration, run.path))
+    return table.predictor(designed(assumed, run.design), delay, followed)
 
 
 def designed(plant: LinearPlant, weights: Weights) -> Design:

@@ -158,6 +158,15 @@ def ramp(size: float, start: float, duration: float) -> Array:
     return np.array([[size / duration, 0.0, 0.0, start, start + duration]])
 
 
+def polygon(times: ArrayLike, values: ArrayLike) -> Array:
+    """r = 0 before the first of ``times`` [s], linear between them, constant after the last; both shape (N,)."""
+    t, r = np.atleast_1d(np.asarray(times, float)), np.atleast_1d(np.asarray(values, float))
+    slopes = np.diff(r) / np.diff(t)
+    none = np.zeros(len(slopes))
+    pieces = np.column_stack([slopes, none, none, t[:-1], t[1:]])
+    return np.concatenate([step(float(r[0]), float(t[0])), pieces[slopes != 0]])
+
+
 def sines(sizes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, start: float = 0.0) -> Array:
     """r = Σ a sin(2π f (t − start) + φ) from ``start`` on, of frequencies [Hz] and phases [rad]."""
     f, phi = np.atleast_1d(np.asarray(frequencies, float)), np.atleast_1d(np.asarray(phases, float))

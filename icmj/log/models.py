@@ -10,16 +10,18 @@ from icmj.engine.soundness import files_of
 from icmj.errors import IcmjError
 from icmj.runfile.kept import MOST_BYTES, Kept
 from icmj.runfile.schema import RunFile
+from icmj.runfile.setpoint_tables import followed_files
 
 
 def kept_of(run: RunFile) -> Kept:
     """The files of a run file: as they are on disk, else as the log had them that it was read from; or none."""
+    home = run.path.absolute()
     try:
         paths = [path.absolute() for path in (run.assumed_path, run.actual_path)]
         files = dict.fromkeys(found.resolve() for path in dict.fromkeys(paths) for found in _files(path))
+        files |= dict.fromkeys(path.resolve() for path in followed_files(run.setpoint, home))
         if not files or sum(path.stat().st_size for path in files) > MOST_BYTES:
             return run.kept
-        home = run.path.absolute()
         root = Path(os.path.commonpath([home.parent, *(path.parent for path in files)]))
         contents = {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
     except (OSError, ValueError, IcmjError):

@@ -23,7 +23,7 @@ from icmj.runfile.keys import put
 from icmj.runfile.law_tables import AnyController, Channelled, DelayedPIDTable, OwnController, Predictor, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
-from icmj.runfile.setpoint_tables import SetpointTable
+from icmj.runfile.setpoint_tables import SetpointTable, followed_files
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
 from icmj.runfile.source_tables import OwnNoiseTable
 from icmj.runfile.table import (
@@ -262,12 +262,13 @@ class RunFile(TomlTable):
 
     @contextmanager
     def at_hand(self) -> Iterator[RunFile]:
-        """Itself, if its models are where it says; else itself in a temporary folder with those that its log kept.
+        """Itself, if its files are where it says; else itself in a temporary folder with those that its log kept.
 
         Raises:
             RunFileError: if the files cannot be written.
         """
-        if not self._kept.files or (self.assumed_path.exists() and self.actual_path.exists()):
+        files = (self.assumed_path, self.actual_path, *followed_files(self.setpoint, self._path))
+        if not self._kept.files or all(file.exists() for file in files):
             yield self
             return
         with self._kept.written() as (place, changes):

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from icmj.base.array import Array
-from icmj.controller.setpoint import Target, pulse, ramp, sines, step, ternary
+from icmj.controller.setpoint import Target, polygon, pulse, ramp, sines, step, ternary
 from icmj.controller.step_pairs import StepPairs, double_steps
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, DataError, RunFileError
 from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
 
 MOST_STEPS = 10_000  # of pairs of steps
-MOST_INTERVALS = 5_000  # of a ternary sequence: each is a term that a run carries
+MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a run carries
+_SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 0.01), "mm": ("m", 0.001)}
 
 
 class TargetTable(TomlTable):
@@ -34,8 +37,8 @@ class TargetTable(TomlTable):
     def terms(self, end: float) -> Array:
         """How it moves until ``end`` [s], as :class:`icmj.controller.setpoint.Target` takes it."""
 
-    def target(self, end: float) -> Target:
-        """The target that it stands for, of a run until ``end`` [s]."""
+    def target(self, end: float, folder: Path = Path()) -> Target:
+        """The target that it stands for, of a run until ``end`` [s] whose run file lies in ``folder``."""
         combination = self.combination or {str(self.output): 1.0}
         return Target(combination, self.terms(end), self.name, unit=self.unit)
 
@@ -191,7 +194,78 @@ class DoubleStepsSetpoint(TargetTable):
         return self.pairs().terms
 
 
+class FileSetpoint(TargetTable):
+    """A column of a file, with straight lines between its rows; before the first, r is 0, after the last as there."""
+
+    kind: Literal["file"]
+    """How it moves."""
+    file: Annotated[Line, Field(min_length=1)]
+    """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
+    column: Annotated[Line, Field(min_length=1)]
+    """Name of the column in it; degrees become radians, millimetres and centimetres metres."""
+    size: Finite = 1.0
+    """Factor on the column."""
+    start: NonNegative = 0.0
+    """Time of the run at which the file begins [s]."""
+    interval: Positive | None = None
+    """Time between the values that are taken from the column [s]; by default every row."""
+
+    def target(self, end: float, folder: Path = Path()) -> Target:
+        times, values, unit = self._read(folder / self.file)
+        combination = self.combination or {str(self.output): 1.0}
+        keep = np.searchsorted(times, end) + 1  # rows after the end of the run move nothing
+        terms = polygon(times[:keep], values[:keep])
+        if len(terms) > MOST_INTERVALS:
+            raise AnalysisError(
+                f"setpoint: {self.file} has {len(terms)} pieces in this run; expected at most {MOST_INTERVALS}; set "
+                "its interval"
+            )
+        return Target(combination, terms, self.name, unit=self.unit or unit)
+
+    def terms(self, end: float) -> Array:
+        return self.target(end).terms
+
+    def _read(self, path: Path) -> tuple[Array, Array, str]:
+        """Times in the run [s], values, and their unit."""
+        from icmj.series.reading import read_series
+
+        try:
+            series = read_series(path, columns=(self.column,))
+        except DataError as error:
+            raise RunFileError(f"setpoint: {error}") from error
+        unit, scale = _SCALES.get(series.units[0].lower(), (series.units[0], 1.0))
+        t, values = series.t - series.t[0], scale * self.size * series.values[:, 0]
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RunFileError(f"setpoint: {path}: {self.column} has no number in row {row + 1}; fill its gaps")
+        if self.interval is not None:
+            count = t[-1] / self.interval
+            if count > MOST_INTERVALS:
+                raise RunFileError(
+                    f"setpoint: interval {self.interval:g} s makes {count:.3g} pieces of {path}; expected at most "
+                    f"{MOST_INTERVALS}"
+                )
+            at = np.append(np.arange(int(count) + 1) * self.interval, t[-1:])
+            at = at[np.diff(at, prepend=-1.0) > 1e-9]
+            t, values = at, np.interp(at, t, values)
+        return t + self.start, values, unit
+
+
 SetpointTable = Annotated[
-    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint | DoubleStepsSetpoint,
+    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint | DoubleStepsSetpoint | FileSetpoint,
     Field(discriminator="kind"),
 ]
+
+
+def targets(tables: Sequence[SetpointTable], end: float, path: Path) -> list[Target]:
+    """The targets of a set-point in a run until ``end`` [s] of the run file ``path``.
+
+    Raises:
+        RunFileError, AnalysisError: if a file of one cannot be read, or it has too many pieces.
+    """
+    return [table.target(end, path.parent) for table in tables]
+
+
+def followed_files(tables: Sequence[SetpointTable], path: Path) -> list[Path]:
+    """The files of a set-point of the run file ``path``."""
+    return [path.parent / table.file for table in tables if isinstance(table, FileSetpoint)]

@@ -152,3 +152,58 @@ def test_pairs_of_steps_are_those_of_the_function(case):
         with pytest.raises((RunFileError, AnalysisError), match=words) as refused:
             _ = prepare(case.run.with_(setpoint=[{**pairs, **wrong}]), like=case).setpoint
         assert "\n" not in str(refused.value)
+
+
+@pytest.fixture
+def recorded(root, tmp_path):
+    """A run that follows a column in degrees, from 0.5 s on, and the folder of its file."""
+    (tmp_path / "target.csv").write_text("t [s],other [N],head [deg]\n0,9,0.2\n0.5,9,0.2\n1.0,9,-0.3\n1.6,9,0.1\n")
+    text = (root / "runs" / "three-link-0.9.toml").read_text().replace("../models", (root / "models").as_posix())
+    (tmp_path / "followed.toml").write_text(text)
+    follows = {"output": "trunk", "kind": "file", "file": "target.csv", "column": "head", "size": 2.0, "start": 0.5}
+    run = load_run(tmp_path / "followed.toml").with_(**{"controller.q_t": 1e-3, **SHORT, "setpoint": [follows]})
+    return run, tmp_path
+
+
+def test_a_column_of_a_file_is_followed(recorded):
+    run, _ = recorded
+    corners, values = np.array([0.5, 1.0, 1.5, 2.1]), np.radians([0.4, 0.4, -0.6, 0.2])
+    for plant in ("linear", "mujoco"):
+        found = simulate(prepare(run), plant)
+        expected = np.interp(found.t, corners, values) * (found.t >= 0.5)
+        np.testing.assert_allclose(found.r[:, 0], expected, atol=1e-15)
+        assert found.setpoint.units == ("rad",)
+        assert len(found.events) > 2
+    coarse = prepare(run.with_(**{"setpoint[0].interval": 0.8})).setpoint
+    at = np.array([0.0, 0.5, 1.3, 1.7, 2.1])
+    np.testing.assert_allclose(coarse(at)[:, 0], [0, values[0], *np.interp([1.3, 1.7, 2.1], [0.5, 1.3, 2.1],
+                               np.interp([0.5, 1.3, 2.1], corners, values))], atol=1e-15)  # fmt: skip
+
+
+def test_a_log_carries_the_file_that_was_followed(recorded, tmp_path_factory):
+    run, folder = recorded
+    path = tmp_path_factory.mktemp("elsewhere") / "followed.rrd"
+    icmj.write_log(icmj.run_case(run, "linear"), path)
+    (folder / "target.csv").unlink()
+    with icmj.read_log(path).run.at_hand() as again:
+        assert again.path.parent != folder
+        assert prepare(again).setpoint(1.5) == pytest.approx(np.radians(-0.6), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("content", "changes", "words"),
+    [
+        (None, {"file": "none.csv"}, "none.csv"),
+        (None, {"column": "neck"}, "neck"),
+        ("t [s],head [deg]\n0,0.1\n1,\n2,0.2\n", {}, "no number in row 2; fill its gaps"),
+        ("t [s],head [deg]\n" + "".join(f"{i * 1e-4},{i * i % 7}\n" for i in range(12_000)), {}, "set its interval"),
+        (None, {"interval": 1e-7}, "expected at most 5000"),
+    ],
+)
+def test_a_file_that_cannot_be_followed_is_told_in_one_line(recorded, content, changes, words):
+    run, folder = recorded
+    if content is not None:
+        (folder / "target.csv").write_text(content)
+    with pytest.raises((RunFileError, AnalysisError), match=words) as told:
+        prepare(run.with_(**{f"setpoint[0].{key}": value for key, value in changes.items()}))
+    assert "\n" not in str(told.value)
