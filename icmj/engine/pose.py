@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 
@@ -48,7 +50,11 @@ def scene(
                 f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the plant {len(ports.states)}"
             )
         departure = ports.whole(simulation.x[shown])[:, :nv]
-    return scene_of(plant, simulation.t[shown], departure, magnification)
+    found, followed = scene_of(plant, simulation.t[shown], departure, magnification), simulation.setpoint
+    if followed is None or len(followed.x_ss) != len(plant.linearisation.ports.states):
+        return found
+    wanted = plant.linearisation.ports.whole(simulation.r[shown] @ followed.x_ss.T)[:, :nv]
+    return replace(found, target=_skeleton(plant, wanted), magnified_target=_skeleton(plant, magnification * wanted))
 
 
 def scene_of(plant: MujocoPlant, t: Array, departure: Array, magnification: float = 10.0) -> Scene:
@@ -87,6 +93,24 @@ def _poses(model: mujoco.MjModel, qpos_0: Array, departure: Array) -> tuple[Arra
         mujoco.mj_comPos(model, data)
         xpos[i], xquat[i], com[i] = data.xpos, data.xquat, data.subtree_com[0]
     return xpos, xquat, com
+
+
+def _skeleton(plant: MujocoPlant, departure: Array) -> Array:
+    """Lines from each moving body to its children, and from one without children through its centre of mass, twice as
+    far as that is; shape (N, M, 2, 3)."""
+    model, data = plant.model, mujoco.MjData(plant.model)
+    moving = [body for body in range(1, model.nbody) if model.body_weldid[body] != 0]
+    bones = [(int(model.body_parentid[body]), body) for body in moving if model.body_parentid[body] in moving]
+    tips = [body for body in moving if body not in {parent for parent, _ in bones}]
+    lines = np.zeros((len(departure), len(bones) + len(tips), 2, 3))
+    for line, dq in zip(lines, departure, strict=True):
+        data.qpos[:] = plant.linearisation.point.qpos
+        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
+        mujoco.mj_kinematics(model, data)
+        line[: len(bones)] = data.xpos[np.array(bones, dtype=int).reshape(-1, 2)]
+        line[len(bones) :, 0] = data.xpos[tips]
+        line[len(bones) :, 1] = 2 * data.xipos[tips] - data.xpos[tips]
+    return lines
 
 
 def _geoms(model: mujoco.MjModel) -> tuple[Geom, ...]:

@@ -24,7 +24,7 @@ def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)
     figures = (
-        ("true", "true sway", -apart, scene.xpos, scene.xquat, scene.com),
+        ("true", "true sway", -apart, scene.xpos, scene.xquat, scene.com, scene.target),
         (
             "magnified",
             f"sway × {scene.magnification:g}",
@@ -32,13 +32,16 @@ def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
             scene.magnified_xpos,
             scene.magnified_xquat,
             scene.magnified_com,
+            scene.magnified_target,
         ),
     )
-    for name, label, x, xpos, xquat, com in figures:
+    for name, label, x, xpos, xquat, com, target in figures:
         root = f"{ROOT}/{name}"
         recording.log(root, rr.Transform3D(translation=[x, 0.0, 0.0]), static=True)
         _write_bodies(recording, root, scene, xpos[shown], xquat[shown], time)
         _write_com(recording, root, x, scene, com[shown], time)
+        if target is not None:
+            _write_target(recording, f"{root}/centre_of_mass/target", target[shown], time)
         recording.log(
             f"{root}/label",
             rr.Points3D(
@@ -117,6 +120,13 @@ def _write_com(
     recording.log(f"{root}/path", rr.LineStrips3D([com], colors=[palette.VERMILION], radii=[-2.0]), static=True)
     plumb = [[[0, 0, _floor(scene)], [0, 0, _top(scene)]]]
     recording.log(f"{root}/vertical", rr.LineStrips3D(plumb, colors=[palette.WHITE], radii=[-0.75]), static=True)
+
+
+def _write_target(recording: rr.RecordingStream, path: str, target: Array, time: rr.TimeColumn) -> None:
+    """The posture that the set-point asks for, as lines, which are drawn as near to the eye as the centre of mass."""
+    recording.log(path, rr.LineStrips3D.from_fields(colors=[palette.PURPLE], radii=[-2.5]), static=True)
+    strips = rr.LineStrips3D.columns(strips=target.reshape(-1, 2, 3)).partition([target.shape[1]] * len(target))
+    recording.send_columns(path, [time], strips)
 
 
 def _half_width(scene: Scene) -> float:

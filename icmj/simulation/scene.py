@@ -36,6 +36,8 @@ class Scene:
         com: whole-body centre of mass [m], shape (N, 3).
         magnified_xpos, magnified_xquat, magnified_com: the same with the sway magnified.
         magnification: the factor.
+        target, magnified_target: the skeleton of the posture that the set-point asks for, as line segments from body to
+            body [m], shape (N, M, 2, 3); ``None`` without a set-point.
     """
 
     t: Array
@@ -48,6 +50,8 @@ class Scene:
     magnified_xquat: Array
     magnified_com: Array
     magnification: float
+    target: Array | None = None
+    magnified_target: Array | None = None
 
 
 def frames(t: Array) -> np.ndarray:

@@ -8,6 +8,7 @@ import pytest
 import icmj
 from icmj.case.case import open_loop, prepare, simulate
 from icmj.cli.main import main
+from icmj.engine.pose import scene
 from icmj.errors import AnalysisError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.signals import groups
@@ -207,3 +208,15 @@ def test_a_file_that_cannot_be_followed_is_told_in_one_line(recorded, content, c
     with pytest.raises((RunFileError, AnalysisError), match=words) as told:
         prepare(run.with_(**{f"setpoint[0].{key}": value for key, value in changes.items()}))
     assert "\n" not in str(told.value)
+
+
+def test_the_scene_shows_the_posture_that_is_asked_for(case):
+    """The outputs are absolute angles: the lines of the target lean as the set-point and its steady state say."""
+    run = simulate(case, "linear")
+    rows = np.arange(0, len(run.t), 37)
+    found = scene(case.actual, run, 10.0, rows)
+    of_outputs = run.r[rows] @ (case.controller.plant.C @ case.setpoint.x_ss).T
+    for lines, factor in ((found.target, 1.0), (found.magnified_target, 10.0)):
+        dx, dz = np.moveaxis(np.diff(lines, axis=2)[:, :, 0, [0, 2]], -1, 0)
+        np.testing.assert_allclose(np.arctan2(dx, dz), factor * of_outputs, atol=1e-9)
+    assert scene(case.actual, simulate(replace(case, run=case.run.with_(setpoint=[])), "linear"), 10.0).target is None
