@@ -125,7 +125,7 @@ def _write_com(
 def _write_target(recording: rr.RecordingStream, path: str, target: Array, time: rr.TimeColumn) -> None:
     """The posture that the set-point asks for, as lines, which are drawn as near to the eye as the centre of mass."""
     recording.log(path, rr.LineStrips3D.from_fields(colors=[palette.PURPLE], radii=[-2.5]), static=True)
-    strips = rr.LineStrips3D.columns(strips=target.reshape(-1, 2, 3)).partition([target.shape[1]] * len(target))
+    strips = rr.LineStrips3D.columns(strips=list(target.reshape(-1, 2, 3))).partition([target.shape[1]] * len(target))
     recording.send_columns(path, [time], strips)
 
 
