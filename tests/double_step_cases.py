@@ -25,16 +25,18 @@ PLANTS = {
 
 
 def controller(kind: str, pairs: StepPairs, plant: str = "zero", delta: float = D_OL, q_t: float = 0.05) -> Controller:
-    """One of the kinds of van de Kamp et al. 2013, figure 8; a sampling delay is not among icmj's triggers."""
+    """One of the kinds of van de Kamp et al. 2013, figure 8."""
     design = design_lq(PLANTS[plant], R_c=1.0, R_o=0.1)
     followed = setpoint(PLANTS[plant], [pairs.target("dot")])
     trigger = {
         "event": EventTrigger(output_weight(design), q_t, delta_min=delta),
+        "sampling": EventTrigger(output_weight(design), q_t, delta_min=delta),
         "clock": ClockTrigger(delta),
         "continuous": ClockTrigger(T_D / 20),  # the continuous predictor controller in the limit
         "no delay": Continuous(),
     }[kind]
-    return Controller(design, system_matched(design), trigger, Delay(T_D * (kind != "no delay")), followed)
+    delay, late = Delay(T_D * (kind != "no delay")), D_S * (kind == "sampling")
+    return Controller(design, system_matched(design), trigger, delay, followed, sampling_delay=late)
 
 
 def recorded(of: Controller, pairs: StepPairs, interval: float = 0.01, noise: float = 0.0, seed: int = 0) -> Series:
@@ -50,7 +52,7 @@ def recorded(of: Controller, pairs: StepPairs, interval: float = 0.01, noise: fl
     return Series(run.t[even], np.column_stack([run.r, joystick])[even], ("target", "joystick"), ("m", "m"))
 
 
-def sampled_late(pairs: StepPairs) -> Series:
+def sampled_late(pairs: StepPairs, plant: str = "zero") -> Series:
     """The joystick of a controller that samples d_s after the event, by definition: its steps stand where it samples.
 
     Both steps are in one sample where the second comes before it; else the second is sampled when it comes, and d_s
@@ -59,8 +61,8 @@ def sampled_late(pairs: StepPairs) -> Series:
     first = pairs.t[:, 0] + D_S
     second = np.where(pairs.isi < D_S, first, np.maximum(pairs.t[:, 1], pairs.t[:, 0] + D_OL) + D_S)
     moved = np.column_stack([first, second + 1e-9]) + T_D
-    series = recorded(controller("no delay", StepPairs(moved, pairs.sizes)), StepPairs(moved, pairs.sizes))
-    return series
+    meant = StepPairs(moved, pairs.sizes)
+    return recorded(controller("no delay", meant, plant), meant)
 
 
 def expected(kind: str, pairs: StepPairs) -> np.ndarray:

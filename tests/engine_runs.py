@@ -93,7 +93,9 @@ def by_steps(integrator: str = "RK4", **more: object) -> Settings:
     return Settings(**{"duration": 1.5, "timestep": 4e-3, "integrator": integrator, **more})  # type: ignore[arg-type]
 
 
-def following(settings: Settings, trigger: Trigger | None = None, delay: Delay | None = None) -> Recorded:
+def following(
+    settings: Settings, trigger: Trigger | None = None, delay: Delay | None = None, late: float = 0.0
+) -> Recorded:
     """A shipped body whose set-point moves in every way."""
     control = controller("three_link", 0.003)
     first, last = control.design.plant.outputs[::2]
@@ -106,6 +108,7 @@ def following(settings: Settings, trigger: Trigger | None = None, delay: Delay |
         delay=delay or Delay(),
         trigger=trigger or control.trigger,
         setpoint=setpoint(control.design.plant, moves),
+        sampling_delay=late,
     )
     return recorded(simulate(plant("three_link", 0.9), control, settings, error_estimate=False))
 
@@ -265,12 +268,14 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     "tapped and pushed": partial(tapped, SWITCHING, by_steps(disturbance=SWAYED)),
     "set-point": partial(following, by_steps()),
     "set-point under a fast clock": partial(following, by_steps(), ClockTrigger(0.031), TICK),
+    "set-point, sampled late": partial(following, by_steps(), None, TICK, 0.07),
     "touching": touching,
     "diverging": diverging,
 }
 ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted set-point": partial(following, adapted(1e-9)),
     "adapted set-point with a delay": partial(following, adapted(1e-9), None, TICK),
+    "adapted set-point, sampled late": partial(following, adapted(1e-9), None, None, 0.07),
     "adapted, muscles": partial(lagging, adapted(1e-8, duration=0.8)),
     "RK23": partial(leaning, *THREE, adapted(1e-4)),
     "RK34": partial(leaning, *THREE, adapted(1e-5)),

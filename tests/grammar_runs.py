@@ -254,6 +254,7 @@ def _controller(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
     if rng.random() < 0.02:
         return {"kind": "os:system", "parameters": {"command": "touch wrong"}}
     found: dict[str, Any] = _some(rng, 0.7, {"delta_min": lambda: positive(rng, 0.01, 0.001, 0.1, low=0.0)})
+    found |= _some(rng, 0.1, {"sampling_delay": lambda: positive(rng, 0.1, 0.01, low=0.0)})
     if rng.random() < 0.3:
         found["hold"] = rng.choice((*HOLDS, "own"))
         if found["hold"] == "own":

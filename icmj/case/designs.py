@@ -29,7 +29,8 @@ def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) ->
     """
     design = design or designed(assumed.linearisation.plant, run.design)
     rule = run.intermittent.trigger(design, run.code)
-    return Controller(design, run.intermittent.made_hold(design, run.code), rule, delay_of(run)), rule
+    hold, late = run.intermittent.made_hold(design, run.code), run.intermittent.sampling_delay
+    return Controller(design, hold, rule, delay_of(run), sampling_delay=late), rule
 
 
 def rival(run: RunFile, assumed: LinearPlant) -> Law:

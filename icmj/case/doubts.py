@@ -77,13 +77,19 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
 
 
 def followed(run: RunFile) -> Iterator[Notice]:
-    """A set-point, of which the theory knows nothing."""
+    """A set-point and a sampling delay, of which the theory knows nothing."""
     if run.setpoint:
         words = (
             "the prediction is that of r = 0; intervals and peaks measured in a run include the motion that the "
             "set-point asks for"
         )
         yield Notice("set-point", "warning", words)
+    if late := run.intermittent.sampling_delay:
+        words = (
+            f"the prediction is that of a controller that samples at its threshold, and this one samples {late:g} s "
+            "later; intervals and peaks of a run are others"
+        )
+        yield Notice("sampling delay", "warning", words)
 
 
 def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:

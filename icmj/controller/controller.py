@@ -3,6 +3,7 @@
 u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs continuously. An *event* is
 an instant at which the controller takes new feedback; an event rule or a clock determines it. With a delay
 (:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* follows later: x_h := the prediction.
+With a sampling delay the event comes so long after the rule has reached its threshold; Δ_min counts between thresholds.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.delay import NO_DELAY, Delay, predictor
+from icmj.controller.delay import LEAST, NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.law import Law
@@ -33,9 +34,13 @@ from icmj.plant.linear_plant import LinearPlant
 class Controller(Law):
     """The intermittent controller: everything that the closed loop needs besides the plant.
 
+    Attributes:
+        sampling_delay: d_s from when the event rule reaches its threshold to the event, which samples [s]; Δ_min counts
+            from threshold to threshold, and the rule is watched again once the feedback has acted.
+
     Raises:
-        AnalysisError: on construction, if a part has the wrong class, the sizes of hold and design differ, or
-            continuous control is combined with a delay.
+        AnalysisError: on construction, if a part has the wrong class, the sizes of hold and design differ, continuous
+            control is combined with a delay, or a sampling delay is negative, not finite, or not of an event rule.
     """
 
     design: Design
@@ -43,6 +48,7 @@ class Controller(Law):
     trigger: Trigger
     delay: Delay = NO_DELAY
     setpoint: Setpoint | None = None
+    sampling_delay: float = 0.0
 
     def __post_init__(self) -> None:
         for part, kind, words in (
@@ -64,6 +70,14 @@ class Controller(Law):
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "
                 "interval, which is the continuous predictor controller in the limit"
             )
+        d_s = self.sampling_delay
+        if d_s and not (isinstance(d_s, int | float) and (LEAST <= d_s < np.inf)):
+            raise AnalysisError(f"the sampling delay must be 0 or at least {LEAST:g} s, and finite, got {d_s}")
+        if d_s and self.kind != "event":
+            raise AnalysisError(
+                f"a sampling delay of {d_s:g} s follows the threshold of an event rule, and a trigger of kind "
+                f"{self.kind!r} has none; leave it out"
+            )
 
     @property
     def plant(self) -> LinearPlant:
@@ -77,12 +91,18 @@ class Controller(Law):
 
     def facts(self) -> Mapping[str, Any]:
         """The facts of its trigger, and the delay."""
-        return {**self.trigger.facts(), "delay": self.delay.t_d}
+        sampling = {"sampling_delay": self.sampling_delay} if self.sampling_delay else {}
+        return {**self.trigger.facts(), "delay": self.delay.t_d, **sampling}
 
     @property
     def least(self) -> float:
-        """The least time between two events [s]: Δ_min, the refractory period, or a longer delay; 0 of a clock."""
-        return 0.0 if np.isfinite(self.trigger.clock) else max(self.trigger.delta_min, self.delay.t_d)
+        """The least time between two events [s]: Δ_min, the refractory period, or longer delays; 0 of a clock."""
+        return 0.0 if np.isfinite(self.trigger.clock) else self.sampling_delay + self.wait
+
+    @property
+    def wait(self) -> float:
+        """From an event until its rule is watched again [s]; t_d to the bit where that is the longer."""
+        return max(self.trigger.delta_min - self.sampling_delay, self.delay.t_d)
 
     @cached_property
     def faces(self) -> Faces:
@@ -101,8 +121,8 @@ class Controller(Law):
         return _realised(self)
 
     def triggered_by(self, trigger: Trigger) -> Controller:
-        """The same controller with another trigger."""
-        return replace(self, trigger=trigger)
+        """The same controller with another trigger; only an event rule is followed by a sampling delay."""
+        return replace(self, trigger=trigger, sampling_delay=self.sampling_delay if trigger.kind == "event" else 0.0)
 
 
 def layout_of(controller: Controller) -> Layout:

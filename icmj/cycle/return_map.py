@@ -109,6 +109,11 @@ class ReturnMap:
                 f"a cycle is sought of a loop that does not change in time, but {type(changing[0]).__name__.lower()} "
                 "acts; take simulation.disturbance out of the run file"
             )
+        if self.controller.sampling_delay:
+            raise CycleError(
+                "a cycle is sought of a loop whose events are where its rule reaches the threshold; this one samples "
+                f"{self.controller.sampling_delay:g} s later: take controller.sampling_delay out of the run file"
+            )
 
     @property
     def kind(self) -> PlantKind:

@@ -138,7 +138,7 @@ class ComposedLoop:
             timestep=timestep,
             tolerance=tolerance,
             t_end=settings.duration,
-            delta_min=trigger.delta_min,
+            delta_min=max(trigger.delta_min - self.controller.sampling_delay, 0.0),
             clock=trigger.clock,
             delay=self.controller.delay.t_d,
             edges=edges,
@@ -147,6 +147,7 @@ class ComposedLoop:
             limits=self.plant.limits(settings.limit),
             rate=max(own, float(acting.omega.max(initial=0.0))),
             stiff=is_stiff(plant, own),
+            sampling=self.controller.sampling_delay,
         )
 
     def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedLoop:

@@ -22,7 +22,7 @@ class Schedule:
     Attributes:
         timestep: h [s]; of adaptive steps a length to begin with.
         t_end: where the run ends [s].
-        delta_min: Δ_min of the event trigger [s].
+        delta_min: Δ_min of the event trigger, counted from the event [s].
         clock: interval of the clock trigger [s]; infinite for others.
         delay: t_d from an event to its action [s].
         edges: times at which the disturbance may jump [s], rising; steps end on them.
@@ -33,6 +33,7 @@ class Schedule:
         events: number of events after which to stop.
         tolerance: relative error of an open-loop interval that adaptive steps keep to; 0 where the timestep is given.
         stiff: whether the loop's fast modes, rather than accuracy, would bound long steps.
+        sampling: d_s from when the event rule reaches its threshold to the event [s].
     """
 
     timestep: float
@@ -48,6 +49,7 @@ class Schedule:
     events: int = NO_END
     tolerance: float = 0.0
     stiff: bool = False
+    sampling: float = 0.0
 
     @property
     def method(self) -> Tableau:

@@ -101,12 +101,12 @@ def event_loop(plant: LinearPlant, controller: Controller, dt: float) -> Nonline
 
 
 def undelayed(controller: Controller) -> None:
-    """See that there is no delay.
+    """See that there is no delay, nor one of sampling.
 
     Raises:
         AnalysisError: if there is one.
     """
-    if controller.delay:
+    if controller.delay or controller.sampling_delay:
         raise AnalysisError("a loop with a delay has no such form; simulate it, and take to_timeresponse() of the run")
 
 

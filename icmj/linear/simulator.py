@@ -102,7 +102,7 @@ class Simulator:
         clock, delay, counts = controller.trigger.clock, controller.delay.t_d, run.counts
         run.w[:] = w
         run.now[:] = 0.0
-        run.now[[Now.TIME, Now.ROW, Now.READY]] = t, t, t + controller.least
+        run.now[[Now.TIME, Now.ROW, Now.READY]] = t, t, t + controller.wait
         run.now[[Now.TICK, Now.ACTION]] = np.inf
         run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
         counts[:] = 0

@@ -11,7 +11,7 @@ from icmj.errors import ModelError
 Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
     "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "saturation", "joint limit", "not linear",
-    "large step", "not smooth", "paper", "slow noise", "set-point",
+    "large step", "not smooth", "paper", "slow noise", "set-point", "sampling delay",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 

@@ -45,7 +45,8 @@ def compose_run(
         "actual": _plant(actual) | ({"delay": delay.t_d} if delay else {}),
         "design": {"k": design.k, "L": design.L},
         "controller": {"hold": "own", "A_h": controller.hold.A_h, "rule": "box" if "threshold" in rule else "quadratic"}
-        | rule,
+        | rule
+        | ({"sampling_delay": controller.sampling_delay} if controller.sampling_delay else {}),
         "simulation": _settings(settings or Settings()),
     }
     return parse_run(FIRST + to_toml(_plain(data)), Path(f"{name}.toml"))

@@ -85,6 +85,10 @@ class Control(TomlTable):
     """Threshold of the box rule, required for it: one for all, or a list with one for each [unit of each]."""
     delta_min: NonNegative = 1e-3
     """Least interval between two events [s]: the refractory period."""
+    sampling_delay: NonNegative = 0.0
+    """Time from when the rule reaches its threshold to the event, which samples observer and set-point [s].
+    ``delta_min`` then counts from threshold to threshold, and the rule is watched again once the feedback has acted.
+    The prediction is that without it."""
 
     def trigger(self, design: Design, code: Code) -> EventRule:
         """The event rule for a controller of this design; ``code`` creates a user-defined rule.

@@ -14,7 +14,7 @@ from icmj.case.trial import Trial
 from icmj.controller.step_pairs import find_step_pairs
 from icmj.experiments.double_step.explanation import KINDS, Explanation, explain_reactions
 from icmj.experiments.double_step.reconstruction import Reconstruction, reconstruct_steps
-from icmj.experiments.double_step.refractoriness import Refractoriness, refractoriness
+from icmj.experiments.double_step.refractoriness import FEWEST_INTERVALS, Refractoriness, grouped, refractoriness
 from icmj.experiments.recording import Recording, completed
 from icmj.runfile.schema import RunFile
 from icmj.runfile.setpoint_tables import DoubleStepsSetpoint
@@ -131,8 +131,12 @@ class DoubleStepKind(Kind):
             seen.append(reconstruct_steps(one.series, CONTROL, pairs, latest=table.latest))
         isi, rt = np.concatenate([one.pairs.isi for one in seen]), np.concatenate([one.rt for one in seen])
         step = max(one.step for one in seen)
-        found = refractoriness(isi, rt, alike=1.5 * step, shortest=table.shortest)
-        return FoundDoubleStep(found, explain_reactions(isi, rt, step), seen[0])
+        told, shortest = explain_reactions(isi, rt, step), table.shortest
+        if told.kind == "sampling":  # what falls into one sample is no refractoriness
+            late = told.parameters["sampling"]["d_s"]
+            beyond = grouped(isi[isi >= late], 1.5 * step)[0]
+            shortest = max(shortest, late) if len(beyond) >= FEWEST_INTERVALS else shortest
+        return FoundDoubleStep(refractoriness(isi, rt, alike=1.5 * step, shortest=shortest), told, seen[0])
 
     def drawn(self, found: Sequence[Told]) -> Figure:
         from icmj.report.double_step import double_step_figure

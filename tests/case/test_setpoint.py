@@ -9,9 +9,10 @@ import icmj
 from icmj.case.case import open_loop, prepare, simulate
 from icmj.cli.main import main
 from icmj.engine.pose import scene
-from icmj.errors import AnalysisError, LogError, RunFileError
+from icmj.errors import AnalysisError, CycleError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.signals import groups
+from icmj.runfile.composing import compose_run
 from icmj.runfile.reading import load_run
 from icmj.study.estimate import estimate
 
@@ -220,3 +221,20 @@ def test_the_scene_shows_the_posture_that_is_asked_for(case):
         dx, dz = np.moveaxis(np.diff(lines, axis=2)[:, :, 0, [0, 2]], -1, 0)
         np.testing.assert_allclose(np.arctan2(dx, dz), factor * of_outputs, atol=1e-9)
     assert scene(case.actual, simulate(replace(case, run=case.run.with_(setpoint=[])), "linear"), 10.0).target is None
+
+
+def test_a_sampling_delay_is_logged_told_of_and_no_cycle_is_sought_with_it(root, tmp_path) -> None:
+    late = {"controller.sampling_delay": 0.05, **SHORT}
+    run = load_run(root / "runs" / "simple-0.8.toml").with_(**late)
+    made = prepare(run)
+    assert [notice.kind for notice in made.notices if notice.kind == "sampling delay"]
+    with pytest.raises(CycleError, match=r"samples 0.05 s later: take controller.sampling_delay out"):
+        icmj.find_cycle(made, "linear")
+    with pytest.raises(AnalysisError, match="has no such form"):
+        icmj.to_iosystem(made.actual.linearisation.plant, made.controller, dt=0.01)
+    result = icmj.run_case(run, "linear")
+    again = unpack(*pack(result))
+    assert again.controller.sampling_delay == 0.05
+    text = compose_run(made.actual.linearisation.plant, made.controller, name="again").text
+    assert "sampling_delay = 0.05" in text
+    assert prepare(icmj.parse_run(text, tmp_path / "again.toml")).controller.sampling_delay == 0.05

@@ -437,3 +437,31 @@ def test_realisation_without_a_delay_has_no_further_state() -> None:
     assert found.layout.size == 4
     assert found.delay == 0
     np.testing.assert_array_equal(found.G, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("late", "trigger", "words"),
+    [
+        (-0.1, None, "at least 1e-09 s"),
+        (1e-12, None, "at least 1e-09 s"),
+        (np.inf, None, "finite"),
+        ("0.1", None, "finite"),
+        (0.1, ClockTrigger(0.2), "kind 'clock' has none"),
+        (0.1, Continuous(), "kind 'continuous' has none"),
+    ],
+)
+def test_a_sampling_delay_that_cannot_be_is_refused_in_one_line(late, trigger, words) -> None:
+    of = event_controller(pendulum_design(), q_t=0.01)
+    with pytest.raises(AnalysisError, match=words) as refused:
+        replace(of, trigger=trigger or of.trigger, sampling_delay=late)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_sampling_delay_is_of_the_event_rule_alone_and_part_of_the_least_interval() -> None:
+    of = replace(event_controller(pendulum_design(), q_t=0.01), delay=Delay(0.1), sampling_delay=0.05)
+    assert of.triggered_by(ClockTrigger(0.2)).sampling_delay == 0
+    assert of.triggered_by(of.trigger).sampling_delay == 0.05
+    assert of.least == pytest.approx(0.15)
+    assert of.wait == 0.1
+    seldom = of.triggered_by(replace(of.trigger, delta_min=0.4))
+    assert (seldom.least, seldom.wait) == pytest.approx((0.4, 0.35))

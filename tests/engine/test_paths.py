@@ -146,6 +146,30 @@ def test_chains_with_several_predictions_under_way_move_the_same_whatever_steps_
     assert departures[1] < departures[0] / 30 + 1e-6
 
 
+@pytest.mark.parametrize("shape", [(0.0, 0.02), (0.1, 0.02), (0.1, 0.17), (0.1, 0.3)], ids=str)
+@pytest.mark.parametrize("name", ["simple-0.8", "three-link-1.1"])
+def test_what_is_sampled_late_has_the_same_events_whatever_steps_it(root: Path, name: str, shape) -> None:
+    """Δ_min below, at and above the delays of sampling and action together."""
+    delay, delta_min = shape
+    control = {"controller.delta_min": delta_min, "controller.sampling_delay": 0.07, "assumed.delay": delay or None}
+    plain = {"simulation.timestep": None, "simulation.duration": DURATION}
+    case = icmj.prepare(icmj.load_run(root / "runs" / f"{name}.toml").with_(**control, **plain))
+
+    def found(plant: str = "mujoco", **settings: object):
+        tables = {f"simulation.{key}": value for key, value in settings.items()}
+        return icmj.simulate(revised(case, case.run.with_(**tables)), plant)
+
+    adapted, fixed, half, linear = found(), found(timestep=1e-3), found(timestep=5e-4), found("linear")
+    t = fixed.events.t
+    assert len(t) >= 2
+    assert len(adapted.events) == len(t)
+    stated = np.exp(3.2 * t) * (1e-8 * t + 1e-12) + 2 * np.abs(t - half.events.t)
+    assert (np.abs(adapted.events.t - t) <= 10 * stated).all()
+    assert abs(adapted.events.t[0] - linear.events.t[0]) < 0.02 * linear.events.t[0]
+    for run in (adapted, fixed, linear):
+        assert np.diff(run.events.t, prepend=-0.07).min() >= max(delta_min, 0.07 + delay) - 1e-9
+
+
 SHIPPED = sorted(Path(__file__).parents[2].glob("runs/*.toml"))
 # (delay, Δ_min) [s]: none, Δ_min below, at, above the delay; at it in numbers that no float holds exactly
 SHAPES = ((0.0, 0.01), (0.1, 0.01), (0.1, 0.1), (0.1, 0.25), (0.07, 0.07))

@@ -16,7 +16,7 @@ from icmj.simulation.settings import Settings
 TIGHT = {"tolerance": 1e-11}
 
 
-def following(model, size, trigger=None, t_d=0.0, steps_only=False):
+def following(model, size, trigger=None, t_d=0.0, steps_only=False, late=0.0):
     """A controller with a threshold in proportion to its set-point's size."""
     control = engine_cases.controller(model, q_t=0.2 * size, delta_min=0.1)
     plant = control.design.plant
@@ -33,6 +33,7 @@ def following(model, size, trigger=None, t_d=0.0, steps_only=False):
         trigger=trigger or control.trigger,
         delay=Delay(t_d) if t_d else NO_DELAY,
         setpoint=setpoint(plant, moves),
+        sampling_delay=late,
     )
 
 
@@ -65,6 +66,13 @@ def test_a_step_departs_from_the_linear_plant_by_the_square_of_its_size(model) -
 def test_whatever_moves_it_departs_by_the_square_of_its_size(model, trigger, t_d) -> None:
     (large, *_), (small, _, events) = (apart(model, size, trigger=trigger, t_d=t_d) for size in (0.01, 0.005))
     assert events >= 3 or isinstance(trigger, Continuous)
+    assert np.log2(large / small) == pytest.approx(2, abs=0.15)
+
+
+@pytest.mark.parametrize("t_d", [0.0, 0.15])
+def test_what_is_sampled_late_departs_by_the_square_of_its_size(t_d) -> None:
+    (large, *_), (small, _, events) = (apart("pendulum", size, t_d=t_d, late=0.12) for size in (0.01, 0.005))
+    assert events >= 3
     assert np.log2(large / small) == pytest.approx(2, abs=0.15)
 
 

@@ -25,8 +25,7 @@ def pairs():
 @pytest.fixture(scope="module")
 def found(pairs):
     """What the loop's own model finds in records of each kind without noise."""
-    records = {kind: cases.recorded(cases.controller(kind, pairs), pairs) for kind in ("continuous", "event", "clock")}
-    records["sampling"] = cases.sampled_late(pairs)
+    records = {kind: cases.recorded(cases.controller(kind, pairs), pairs) for kind in KINDS}
     own = own_response(cases.controller("event", pairs))
     return {kind: reconstruct_steps(series, "joystick", pairs, response=own) for kind, series in records.items()}
 
@@ -34,6 +33,15 @@ def found(pairs):
 @pytest.mark.parametrize("kind", KINDS)
 def test_reaction_times_of_each_kind_are_those_of_its_definition(kind, pairs, found) -> None:
     assert np.abs(found[kind].rt - cases.expected(kind, pairs)).max() < ROWS
+
+
+@pytest.mark.parametrize("plant", cases.PLANTS)
+def test_a_sampling_delay_makes_the_control_that_its_definition_makes(plant) -> None:
+    pairs = double_steps((0.05, 0.2, 0.3, 0.5), 2, recovery=(1.5, 2.0), seed=9)
+    of = cases.controller("sampling", pairs, plant)
+    found, expected = cases.recorded(of, pairs)["joystick"], cases.sampled_late(pairs, plant)["joystick"]
+    # between the definition's two steps in one sample are 1e-9 s; commands are of some 10, and 100/s fast
+    np.testing.assert_allclose(found, expected[: len(found)], rtol=0, atol=1e-6)
 
 
 def test_a_continuous_loop_without_delay_reacts_at_once_and_leaves_nothing(pairs) -> None:

@@ -108,7 +108,9 @@ def moving(names):
 
 
 @pytest.mark.parametrize("t_d", [0.0, 0.13])
-@pytest.mark.parametrize("kind", ["event", "box", "clock", "continuous", "zero-order", "own"])
+@pytest.mark.parametrize(
+    "kind", ["event", "box", "clock", "continuous", "zero-order", "own", "late", "late and seldom"]
+)
 @pytest.mark.parametrize("inputs", [1, 2])
 def test_whatever_it_does_with_a_wrong_model_is_what_dop853_finds(inputs, kind, t_d) -> None:
     if kind == "continuous" and t_d:
@@ -127,11 +129,14 @@ def test_whatever_it_does_with_a_wrong_model_is_what_dop853_finds(inputs, kind, 
     }.get(kind, system_matched(design))  # fmt: skip
     parts, r, edges = moving(design.plant.outputs)
     followed = setpoint(design.plant, parts)
-    controller = Controller(design, hold, trigger, Delay(t_d), followed)
+    if kind == "late and seldom":
+        trigger = replace(trigger, delta_min=0.3)
+    controller = Controller(design, hold, trigger, Delay(t_d), followed, 0.09 * kind.startswith("late"))
     x, x_o = 0.02 * np.arange(1, plant.n + 1), 0.01 * np.ones(design.plant.n)
     run = simulate(plant, controller, linear_cases.settings(2.5), x0=x, x_o0=x_o)
     times, states, end = follow(plant, controller, (followed.x_ss, followed.u_ss), r, edges, 2.5, x, x_o)
     assert kind == "continuous" or len(times) >= 4
+    assert not kind.startswith("late") or np.diff(times).min() >= controller.least - 1e-9
     ticks = run.events.t if kind != "clock" else run.events.t[: len(times)]
     np.testing.assert_allclose(ticks, times, rtol=0, atol=1e-9)
     scale = max(1.0, np.abs(states).max(initial=0.0))

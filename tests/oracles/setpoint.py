@@ -29,7 +29,7 @@ def follow(
     d, trigger, delay = controller.design, controller.trigger, controller.delay
     P, k, (x_ss, u_ss), A_h = d.plant, d.k, steady, controller.hold.A_h
     n, m = plant.n, d.plant.n
-    faces, least = trigger.faces(d), max(trigger.delta_min, delay.t_d)
+    faces, least = trigger.faces(d), max(trigger.delta_min, controller.sampling_delay + delay.t_d)
     continuous = trigger.kind == "continuous"
     r_h = r(0.0, 1)
 
@@ -58,6 +58,7 @@ def follow(
         return end[:m], end[m:-1]
 
     under_way, times, states = [], [], []
+    late, sample = controller.sampling_delay, np.inf
     t, z, tick = 0.0, np.concatenate([x, x_o, x_o]), 1
 
     def taken_up():
@@ -76,11 +77,11 @@ def follow(
 
     if not continuous:
         taken_up()
-    ready = least
+    ready = least - late  # as if the threshold had been reached so long before
     while t < duration - 1e-12:
-        clock, act = tick * trigger.clock, under_way[0][0] if under_way else np.inf
+        clock, act = min(tick * trigger.clock, sample), under_way[0][0] if under_way else np.inf
         edge = min([at for at in edges if at > t + 1e-13], default=np.inf)
-        watched = len(faces) and t >= ready - 1e-12
+        watched = len(faces) and t >= ready - 1e-12 and sample == np.inf
         fired = watched and E(t, z) >= 0
         stop = min(duration, clock, act, edge, np.inf if watched or not len(faces) else ready)
         if not fired and stop > t + 1e-13:
@@ -91,16 +92,19 @@ def follow(
                 (t, stop), z, **OPTIONS, **({"events": events} if watched else {}),
             )  # fmt: skip
             t, z, fired = part.t[-1], part.y[:, -1].copy(), part.status == 1
-            watched = len(faces) and t >= ready - 1e-12
+            watched = len(faces) and t >= ready - 1e-12 and sample == np.inf
             fired = fired or (bool(watched) and t < duration and E(t, z) >= 0)
         if abs(t - act) < 1e-12:
             _, _, z[n + m :], r_h = under_way.pop(0)
             fired = bool(watched) and t < duration - 1e-12 and E(t, z) >= 0
-        if abs(t - clock) < 1e-12:
-            fired, tick = True, tick + 1
+        sampled = abs(t - clock) < 1e-12
+        if fired and late:
+            sample, ready, fired = t + late, t + least, False
+        if sampled:
+            fired, tick, sample = True, tick + 1, np.inf
         if fired:
             times.append(t)
             states.append(z.copy())
             taken_up()
-            ready = t + least
+            ready = ready if late else t + least
     return np.array(times), np.array(states).reshape(-1, n + 2 * m), z

@@ -51,6 +51,20 @@ def test_an_event_rule_is_told_from_two_trials_and_again_from_their_recordings(t
         icmj.analyse_recordings(done.file, [tmp_path / "half.csv"])
 
 
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_a_sampling_delay_is_told_on_both_plants(tmp_path, plant):
+    text = TEXT.replace('["linear"]', f'["{plant}"]').replace("isi = [0.1, 0.25, 0.5]", "isi = [0.05, 0.2, 0.3, 0.6]")
+    text = text.replace("repetitions = 2\n[double_step]", "repetitions = 1\n[double_step]")
+    done = icmj.run_experiment(file_of(text + "set.controller.sampling_delay = 0.12\n", tmp_path), jobs=1)
+    found = done["simple-exact"].finding
+    assert found.told.kind == "sampling"
+    assert 0.05 <= found.told.parameters["sampling"]["d_s"] <= 0.2
+    assert found.numbers["slope −1 (s)"] == pytest.approx(0.35, abs=0.01)
+    # both steps of the shortest pairs are seen at once, d_s after the first
+    np.testing.assert_allclose(found.curves["RT1 (s)"], 0.26, atol=0.02)
+    np.testing.assert_allclose(found.curves["RT2 (s)"], [0.21, 0.41, 0.31, 0.26], atol=0.02)
+
+
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [

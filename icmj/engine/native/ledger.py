@@ -110,7 +110,8 @@ def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
 class Planned(NamedTuple):
     """The next times of a schedule [s]; infinite if nothing is due.
 
-    ``rule`` is when the event function counts from, ``action`` when the oldest event acts that has not acted yet.
+    ``rule`` is when the event function counts from, ``clock`` when an event comes of itself: that of the clock, or the
+    sample for which the rule has reached its threshold; ``action`` when the oldest event acts that has not acted yet.
     """
 
     rule: float
@@ -122,8 +123,9 @@ class Planned(NamedTuple):
 @exact
 def planned(plan, progress, watched):  # type: ignore[no-untyped-def]
     """The next due time; ``watched`` says whether there is an event rule."""
-    rule = progress[0].last_event + max(plan.delta_min, plan.delay) if watched else np.inf
-    clock = progress[0].clock * plan.clock if np.isfinite(plan.clock) else np.inf
+    waits = not watched or progress[0].sample < np.inf
+    rule = np.inf if waits else progress[0].last_event + max(plan.delta_min, plan.delay)
+    clock = progress[0].clock * plan.clock if np.isfinite(plan.clock) else progress[0].sample
     edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
     return Planned(rule, clock, edge, _next_action(plan, progress))
 
@@ -145,15 +147,21 @@ def _next_action(plan, progress):  # type: ignore[no-untyped-def]
 def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
     """What ends a step: the clock and the end of the run if it ``lands`` on them, a row, a reset, an edge.
 
-    ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has.
+    ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has. Where the
+    sample is taken later, the rule only sets its time.
 
     Returns:
         whether there is an event; whether the rates have jumped since; the status.
     """
     time = engine.time[0]
+    crossed = fired and plan.sampling > 0
+    if crossed:
+        progress[0].sample = time + plan.sampling
+        fired = False
     if status == _RUNNING and lands:
         if time >= due.clock:
             progress[0].clock += 1
+            progress[0].sample = np.inf
             fired = True
         if time >= plan.t_end:
             status = _COMPLETED
@@ -171,4 +179,4 @@ def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, stat
     if passed:
         progress[0].edge += 1
         engine.phase[0] = plan.phases[progress[0].edge]
-    return fired, fired or passed, status
+    return fired, fired or passed or crossed, status

@@ -100,6 +100,8 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
         fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
         if fired:
             armed = watched and max(plan.delta_min, plan.delay) == 0
+        if progress[0].sample < np.inf:
+            armed = False
         if jumped:
             refresh(engine)
             _levels(rule)

@@ -31,6 +31,7 @@ PROGRESS = np.dtype([
     ("last_event", float),   # [s]
     ("armed", np.int64),     # whether the event function is watched
     ("clock", np.int64),     # number of the clock's next event
+    ("sample", float),       # when the sample is taken for which the rule has reached its threshold [s]
     ("acted", np.int64),     # number of the event that acts next: the clock's, or counted from the run's start
     ("edge", np.int64),      # number of the next edge of the disturbance
     ("events", np.int64),    # so far
@@ -106,6 +107,7 @@ class Plan(NamedTuple):
     delta_min: float
     clock: float
     delay: float
+    sampling: float
     ticks: int
     edges: Array
     phases: Array
@@ -197,6 +199,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         delta_min=float(schedule.delta_min),
         clock=float(schedule.clock),
         delay=float(schedule.delay),
+        sampling=float(schedule.sampling),
         ticks=_ticks(schedule),
         edges=np.array(schedule.edges, dtype=float),
         phases=np.array(schedule.phases, dtype=float),
@@ -241,6 +244,7 @@ def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
         **dict.fromkeys(("grid", "last_event", "begin", "end"), t),
         "clock": clock,
+        "sample": np.inf,
         "acted": clock - 1 if np.isfinite(schedule.clock) else 0,
         "edge": schedule.first_edge(t),
         "next_row": t + schedule.record_interval,

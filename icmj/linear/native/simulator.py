@@ -224,7 +224,9 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
     counts[Count.EVENTS] += 1
     _apply(T.J, run, scratch)
     _extend(T, run, z, True)
-    now[Now.READY] = t + T.least
+    now[Now.READY] = t + T.wait
+    if T.sampling > 0:
+        now[Now.TICK] = np.inf
     if T.clock < np.inf:
         counts[Count.TICK] += 1
         now[Now.TICK] = counts[Count.TICK] * T.clock
@@ -269,7 +271,9 @@ def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
             _apply(T.G, run, scratch)
             counts[Count.ACTED] += 1
             now[Now.ACTION] = np.inf if T.clock == np.inf else _next_action(T, run)
-        if kind == EVENT or t == now[Now.TICK]:
+        if kind == EVENT and T.sampling > 0:
+            now[Now.TICK], now[Now.READY] = t + T.sampling, np.inf
+        elif kind == EVENT or t == now[Now.TICK]:
             _event(T, run, scratch)
             if counts[Count.EVENTS] >= most_events:
                 return _REACHED

@@ -36,7 +36,8 @@ class Tables(NamedTuple):
         end: of the run [s].
         interval: between two recorded rows [s]; infinite if none are asked for.
         clock: its interval [s]; infinite if there is none.
-        least: the least time between two events of a rule [s].
+        wait: from an event until the rule is watched again [s].
+        sampling: from where the rule reaches its threshold to the event [s].
         delay: t_d [s].
         ticks: the delay in intervals of the clock where it is a multiple of that, else −1.
         coarse: degree of the polynomials that bound a step.
@@ -67,7 +68,8 @@ class Tables(NamedTuple):
     end: float
     interval: float
     clock: float
-    least: float
+    wait: float
+    sampling: float
     delay: float
     ticks: int
     coarse: int
@@ -144,7 +146,7 @@ class Now(IntEnum):
     READY = auto()
     """When the event function is watched from."""
     TICK = auto()
-    """When the clock ticks next."""
+    """When the clock ticks next, or the sample is taken for which the rule has reached its threshold."""
     ACTION = auto()
     """When the oldest prediction under way acts; infinite if none is."""
     EDGE = auto()
