@@ -4,6 +4,12 @@ Each message says what was wrong, where, and what to do; the command line prints
 exits with status 2.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class IcmjError(Exception):
     """Base of all errors raised on purpose by icmj."""
@@ -71,3 +77,14 @@ class SweepError(IcmjError):
 
 class IdentificationError(IcmjError):
     """Nothing can be identified from the given motion."""
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Errors within the block begin with the path of the run file that they are about."""
+    try:
+        yield
+    except IcmjError as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        raise type(error)(f"{path}: {error}") from error

@@ -148,6 +148,19 @@ def ready(folder: Path, *names: str) -> None:
         (inside / "probe").write_bytes(b"icmj")
 
 
+@contextmanager
+def emptied(folder: Path) -> Iterator[None]:
+    """A folder that is made within the block is taken away again if the block fails before anything is in it."""
+    there = folder.exists()
+    try:
+        yield
+    except Exception:
+        if not there:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
+
+
 def clear_leftovers(folder: Path) -> None:
     """Remove what writers in ``folder`` left that ended before it was complete; those still alive keep theirs.
 

@@ -15,7 +15,7 @@ from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
 from icmj.engine.plant import MujocoPlant
-from icmj.errors import IcmjError, SimulationError
+from icmj.errors import SimulationError, named
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings
@@ -56,10 +56,8 @@ def prepare_trial(run: RunFile) -> Trial:
     actual = actual_plant(run, assumed)
     check_names(run, assumed.linearisation.plant, actual)
     told = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
-    try:
+    with named(run.path):
         law = rival(run, assumed.linearisation.plant)
-    except IcmjError as error:
-        raise type(error)(f"{run.path}: {error}") from error
     settings = run.simulation.settings()
     return Trial(run, assumed, actual, law, settings, (*told, *slow_noise(settings)))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.files import replaceable, write_text
+from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
 from icmj.base.plain import plain
 from icmj.base.signals import heard_once
@@ -143,9 +143,9 @@ def run(command: arguments.Run) -> None:
         if seconds > TOLD:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{name}.{plant}.rrd"
-        open_folder(command.out, log.name)
         meanwhile("icmj.log.writer")
-        with heard_once() as heard:
+        with emptied(command.out), heard_once() as heard:
+            open_folder(command.out, log.name)
             result = carried_out(case, plant, lambda done: working.tell(name, done))
             working.tell("writing the log", 0.95)
             from icmj.log.writer import write_log  # by now it has been imported meanwhile

@@ -11,6 +11,7 @@ from icmj.base.plain import plain
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
+from icmj.errors import named
 
 if TYPE_CHECKING:
     from icmj.case.trial import Trial
@@ -42,7 +43,8 @@ def show_cycle(trial: Trial, json: bool) -> None:
     run = trial.run
     with Working(f"cycle of {run.case.name}", ERR):
         plant, law, x0 = _loop(trial)
-        found = _named(run, lambda: find_switched_cycle(plant, law, x0))
+        with named(run.path):
+            found = find_switched_cycle(plant, law, x0)
     if json:
         OUT.show(_plain(found))
         return
@@ -72,9 +74,10 @@ def show_branch(command: Continue, run: RunFile) -> None:
                 "with a dead zone on the linear plant (--plant linear); icmj cycle tells what other runs settle on"
             )
         plant, law, x0 = _loop(trial)
-        if command.from_ is not None:
-            law = _named(run, lambda: varied(law, name)[0](command.from_))
-        branch = _named(run, lambda: follow_switched(plant, law, name, command.to, points=command.points, x0=x0))
+        with named(run.path):
+            if command.from_ is not None:
+                law = varied(law, name)[0](command.from_)
+            branch = follow_switched(plant, law, name, command.to, points=command.points, x0=x0)
     columns = (
         Column(name, "right"), Column("period (s)", "right"), Column("switches", "right"),
         Column(f"peak of {law.position} / r", "right"), Column("|μ|", "right"), Column(""),
@@ -103,16 +106,6 @@ def _loop(trial: Trial) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     plant = matched(linear_plant(trial.actual, trial.settings), trial.law.plant, "position")
     x0 = plant_start(plant, trial.settings, None)
     return plant, trial.law, (x0 if x0.any() else None)  # type: ignore[return-value]
-
-
-def _named(run: RunFile, make: Any) -> Any:
-    """What it makes, its errors with the name of the run file."""
-    from icmj.errors import IcmjError
-
-    try:
-        return make()
-    except IcmjError as error:
-        raise type(error)(f"{run.path}: {error}") from error
 
 
 def _plain(found: SwitchedCycle) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.files import clear_leftovers, ready
-from icmj.errors import LogError, RunFileError, SimulationError
+from icmj.errors import LogError, RunFileError, SimulationError, named
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
@@ -214,7 +214,8 @@ def carried_out(case: Case | Trial, plant: PlantKind, progress: Tell | None = No
     from icmj.case.case import Case
     from icmj.study.trial import try_law
 
-    return run_case(case, plant, progress) if isinstance(case, Case) else try_law(case, plant, progress)
+    with named(case.run.path):
+        return run_case(case, plant, progress) if isinstance(case, Case) else try_law(case, plant, progress)
 
 
 def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from icmj.base.text import one_line
-from icmj.errors import IcmjError, RunFileError
+from icmj.errors import RunFileError, named
 from icmj.runfile.schema import RunFile
 
 if TYPE_CHECKING:
@@ -67,15 +67,13 @@ def startable_trial(trial: Trial, plant: PlantKind) -> None:
 
     settings, actual = trial.settings, trial.actual
     there = linear_plant(actual, settings)
-    try:
+    with named(trial.run.path):
         expect_tapped(trial.law, there)
         expect_no_observer(trial.law, settings)
         plant_start(there, settings, None)
         if plant == "mujoco" and isinstance(actual, MujocoPlant):
             fitting = actual.matched(trial.law.plant, "position")
             stepping_of(close_tapped(fitting, trial.law, settings), settings)
-    except IcmjError as error:
-        raise type(error)(f"{trial.run.path}: {error}") from error
 
 
 def estimate_trial(trial: Trial, plant: PlantKind) -> float:

@@ -13,6 +13,7 @@ import icmj
 from icmj.case.case import revised
 from icmj.cli.comparison_table import noted
 from icmj.cli.main import main
+from icmj.errors import SimulationError
 from icmj.simulation.disturbance import disturbance_of
 
 COMMANDS = (
@@ -247,3 +248,21 @@ def test_what_libraries_do_when_the_interpreter_ends_changes_no_status(tmp_path)
         done = subprocess.run([sys.executable, "-c", script, *command], capture_output=True, text=True, check=False)
         assert done.returncode == status
         assert (done.stdout + done.stderr).count("\n") == 1
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(
+    there, root, tmp_path, monkeypatch, capsys
+) -> None:
+    """524288 stretches of motion to be remembered are found only while the run goes on."""
+
+    def fail(*args: object, **kwargs: object) -> None:
+        raise SimulationError("too much is to be remembered")
+
+    monkeypatch.setattr("icmj.case.trial.simulate_trial", fail)
+    out, run = tmp_path / "out", root / "runs" / "rivals" / "one-link-switching.toml"
+    if there:
+        out.mkdir()
+    assert main(["run", str(run), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == f"icmj: {run}: too much is to be remembered"
+    assert out.exists() == there
