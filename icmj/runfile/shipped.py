@@ -35,9 +35,10 @@ class Shelf:
 
     @property
     def files(self) -> Mapping[str, Path]:
-        """The files by their bare names; those under other controllers, in ``rivals``, are not of the study."""
-        found = (*self.folder.glob(f"*{self.suffix}"), *self.folder.glob(f"rivals/*{self.suffix}"))
-        return {path.name.removesuffix(self.suffix): path for path in sorted(found)}
+        """The files by their bare names; those in ``rivals`` and ``joystick`` are not of the study."""
+        found = (path for place in ("", "rivals/", "joystick/") for path in self.folder.glob(f"{place}*{self.suffix}"))
+        ordered = sorted(found, key=lambda path: (path.parent != self.folder, path))  # the study's first
+        return {path.name.removesuffix(self.suffix): path for path in ordered}
 
     def meant(self, path: Path) -> Path:
         """The file that somebody means by ``path``: what is there, else the shipped one of this name, else ``path``."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from icmj.runfile.table import MOST, Line, NonNegative, Positive, Positives, TomlTable
+from icmj.runfile.table import MOST, Finite, Line, NonNegative, Positive, Positives, TomlTable
 
 _Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]
 _Text = Annotated[Line, Field(min_length=1)]
@@ -109,8 +109,12 @@ class MultisineTable(TomlTable):
 class DoubleStepTable(TomlTable):
     """Double steps: pairs of steps of a set-point, in random order from the seed."""
 
-    output: _Text
-    """Output, or state, of the assumed plant that is to follow the steps."""
+    output: _Text | None = None
+    """Output, or state, of the assumed plant that is to follow the steps; or"""
+    combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
+    """several with a weight for each, such as ``{ shank = 0.44, thigh = 0.44, trunk = 0.69 }`` for the head [m]."""
+    unit: Line = ""
+    """Of a combination."""
     size: Positive
     """Of the first step of each pair [unit of the output]."""
     isi: Annotated[Positives, Field(min_length=3, max_length=MOST)]
@@ -134,6 +138,8 @@ class DoubleStepTable(TomlTable):
 
     @model_validator(mode="after")
     def _responses_end_before_the_next_pair(self) -> DoubleStepTable:
+        if (self.output is None) == (not self.combination):
+            raise ValueError("give one of output and combination")
         if self.latest > self.recovery[0]:
             raise ValueError(
                 f"latest of {self.latest:g} s is longer than the least recovery, {self.recovery[0]:g} s; lengthen that"

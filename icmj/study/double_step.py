@@ -27,7 +27,7 @@ from icmj.study.timing import sampled, timed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TARGET, CONTROL = "target", "control"
+TARGET, CONTROL, COMBINED = "target", "control", "followed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,8 @@ class DoubleStepKind(Kind):
         table = self.settings
         steps = DoubleStepsSetpoint(
             kind="double-steps",
-            output=table.output,
+            **({"combination": table.combination, "name": COMBINED} if table.combination else {"output": table.output}),
+            unit=table.unit,
             size=table.size,
             isi=table.isi,
             repetitions=table.repetitions,
@@ -109,7 +110,7 @@ class DoubleStepKind(Kind):
         one = sampled(simulation.to_series().chosen([name]), simulation, self.settings.rate)
         r = simulation.setpoint
         assert r is not None
-        at = r.names.index(self.settings.output)
+        at = r.names.index(self.settings.output or COMBINED)
         return replace(
             one,
             values=np.column_stack([r(one.t)[:, at], one.values]),

@@ -22,6 +22,7 @@ def test_in_a_checkout_they_are_the_checkout_s(root):
     assert RUNS.folder == root / "runs"
     assert MODELS.folder == root / "models"
     there = [*(root / "runs").glob("*.toml"), *(root / "runs" / "rivals").glob("*.toml")]
+    there += (root / "runs" / "joystick").glob("*.toml")
     assert {path.name for path in there} == {path.name for path in RUNS.files.values()}
 
 
@@ -65,7 +66,7 @@ def test_what_is_like_nothing_is_only_missing_and_a_bare_name_is_told_all_shippe
     with pytest.raises(RunFileError, match=r"cannot be read: No such file or directory$"):
         load_run("quite/another thing.toml")
     with pytest.raises(
-        RunFileError, match=r"No such file or directory; shipped cases: neglected-0.1, .*three-link-1.1$"
+        RunFileError, match=r"No such file or directory; shipped cases: neglected-0.1, .*three-link-1.1, joystick-0, "
     ):
         load_run("quite another thing")
     with pytest.raises(ModelError, match=r"thre_link.xml: no such model file; did you mean three_link\?"):

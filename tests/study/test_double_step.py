@@ -79,3 +79,50 @@ def test_a_table_that_is_wrong_is_refused_in_one_line(before, after, words, tmp_
     with pytest.raises(RunFileError, match=words) as refused:
         file_of(TEXT.replace(before, after), tmp_path)
     assert "\n" not in str(refused.value)
+
+
+HEAD = """
+[experiment]
+name = "head"
+plants = ["linear"]
+[double_step]
+combination = { shank = 0.4428, thigh = 0.4410, trunk = 0.685 }
+unit = "m"
+size = 0.01
+isi = [0.1, 0.3, 0.6]
+repetitions = 3
+recovery = [2.5, 3.0]
+[[case]]
+run = "quiet-standing"
+set.actual.gain = 1.0
+set.controller.delta_min = 0.45
+set.simulation.initial.ankle = 0.0
+set.simulation.disturbance = []
+"""
+
+
+def test_a_head_follows_a_combination_of_angles(tmp_path):
+    done = icmj.run_experiment(file_of(HEAD, tmp_path), tmp_path / "out", jobs=1)
+    found = done["quiet-standing"].finding
+    assert found.told.kind == "event"
+    assert found.numbers["slope −1 (s)"] == pytest.approx(0.45, abs=0.01)
+    trial = icmj.read_series(tmp_path / "out" / "trials" / "quiet-standing.linear.0000.parquet")
+    assert trial.units == ("m", "N m")
+    assert np.abs(np.diff(trial["target"])).max() == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("more", ['output = "shank"\n', None])
+def test_one_of_output_and_combination_says_what_follows(more, tmp_path):
+    line = HEAD.splitlines(keepends=True)[5]
+    text = HEAD.replace(line, line + more) if more else HEAD.replace(line, "")
+    with pytest.raises(RunFileError, match="give one of output and combination"):
+        file_of(text, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["joystick-0", "joystick-1-unstable", "joystick-2", "joystick-2-unstable"])
+def test_a_joystick_is_refractory_for_what_its_file_says(name, tmp_path):
+    text = TEXT.replace('"angle"', '"dot"').replace("size = 0.02", "size = 1.0").split("[[case]]")[0]
+    text = text.replace("repetitions = 2\n[double_step]", "repetitions = 1\n[double_step]")
+    done = icmj.run_experiment(file_of(f'{text}[[case]]\nrun = "{name}"\n', tmp_path), jobs=1)
+    found = done[name].finding
+    np.testing.assert_allclose(found.refractory.fixed.value, done.file.runs[0].controller.delta_min, atol=0.005)
