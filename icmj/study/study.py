@@ -195,12 +195,13 @@ def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> flo
     from icmj.study.estimate import estimate, refuse_long, startable
     from icmj.study.trial import estimate_trial, startable_trial
 
-    if isinstance(case, Case):
-        startable(case, plant)
-        seconds = estimate(case, plant)
-    else:
-        startable_trial(case, plant)
-        seconds = estimate_trial(case, plant)
+    with named(case.run.path):
+        if isinstance(case, Case):
+            startable(case, plant)
+            seconds = estimate(case, plant)
+        else:
+            startable_trial(case, plant)
+            seconds = estimate_trial(case, plant)
     refuse_long(case, plant, seconds, longest)
     return seconds
 
