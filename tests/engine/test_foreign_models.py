@@ -192,7 +192,8 @@ def test_the_pose_found_is_the_same_whatever_the_processor_and_its_threads(packa
     """To rounding times what stiff contacts make of it; before, the last bit decided between poses."""
     pytest.importorskip(package)
     program = POSE.format(package=package, folder=FOLDERS[package], name=name)
-    ways = [(kernel, 1) for kernel in kernels()] + [(kernels()[-1], 2)]
+    known = kernels() if "humanoid" not in name else (kernels()[0], kernels()[-1])  # each search takes its time
+    ways = [(kernel, 1) for kernel in known] + [(known[-1], 2)]
     (verdict, pose), *others = (computed(program, *way).splitlines() for way in ways)
     assert verdict.startswith("True True True True True ")
     for said, other in others:

@@ -123,12 +123,14 @@ print(*run.events.t, *run.x[-1])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", kernels())
 def test_one_seed_gives_the_same_bits_whatever_step_and_threads(kernel: str) -> None:
     ways = ((1, 1e-3), (1, 5e-3), (2, 1e-3), (4, 1e-3))
     assert len({computed(RUN.format(timestep=step), kernel, threads) for threads, step in ways}) == 1
 
 
+@pytest.mark.slow
 def test_one_seed_gives_the_same_motion_to_nine_digits_on_other_processors() -> None:
     """For some seconds: later rounding has grown until it decides when events are, and motions are equal in law."""
     runs = [computed(RUN.format(timestep=1e-3), kernel).splitlines()[1] for kernel in kernels()]
