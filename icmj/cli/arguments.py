@@ -11,7 +11,7 @@ import tyro
 from icmj.cli.experiment_arguments import Experiment
 from icmj.cli.overrides import Overrides, Shared
 from icmj.cli.series_arguments import Export, Measure
-from icmj.cli.starting_arguments import Linearise, New, Person, Schema
+from icmj.cli.starting_arguments import Cases, Linearise, New, Person, Schema
 from icmj.cli.sweep_arguments import Identify, Sweep
 
 
@@ -148,7 +148,8 @@ class Replay(Shared):
 
 
 Command = (
-    Annotated[New, tyro.conf.subcommand("new")]
+    Annotated[Cases, tyro.conf.subcommand("cases")]
+    | Annotated[New, tyro.conf.subcommand("new")]
     | Annotated[Person, tyro.conf.subcommand("person")]
     | Annotated[Linearise, tyro.conf.subcommand("linearise")]
     | Annotated[Schema, tyro.conf.subcommand("schema")]
@@ -167,7 +168,7 @@ Command = (
 )
 
 GROUPS = {
-    "Begin": ("new", "person", "linearise", "schema"),
+    "Begin": ("cases", "new", "person", "linearise", "schema"),
     "Predict": ("analyse", "cycle", "continue"),
     "Simulate": ("run", "study", "sweep", "experiment"),
     "Use the logs": ("report", "replay", "export", "measure", "identify"),

@@ -34,6 +34,7 @@ CROSSINGS = (
     Column("direction", rank=1),
     Column("largest other |λ|"),
 )
+STABLE = {True: "stable", False: "unstable"}
 TOLD = 10.0  # s of estimated work that is announced
 
 
@@ -43,6 +44,7 @@ def execute(command: object) -> None:
     raise TypeError(f"no command {type(command).__name__}")
 
 
+execute.register(starting.cases)
 execute.register(starting.new)
 execute.register(starting.schema)
 execute.register(series_commands.export)
@@ -106,8 +108,8 @@ def analyse(command: arguments.Analyse) -> None:
         rows.append(("largest multiplier of the event-driven orbit", f"{abs(prediction.multipliers[0]):.4g}"))
     rows += [
         ("verdict on the orbit", prediction.verdict),
-        ("continuous state feedback on the actual plant", _stable(prediction.state_feedback_stable)),
-        ("continuous observer feedback on the actual plant", _stable(prediction.observer_feedback_stable)),
+        ("continuous state feedback on the actual plant", STABLE[prediction.state_feedback_stable]),
+        ("continuous observer feedback on the actual plant", STABLE[prediction.observer_feedback_stable]),
     ]
     show_table((Column(""), Column("")), rows, OUT, title=run.case.title)
     found = [
@@ -304,7 +306,3 @@ def _complex(value: complex) -> str:
     if abs(value.imag) < 1e-12 * max(1.0, abs(value)):
         return f"{value.real:.4g}"
     return f"{value.real:.4g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j"
-
-
-def _stable(stable: bool) -> str:
-    return "stable" if stable else "unstable"

@@ -1,20 +1,56 @@
-"""``icmj new``: a run file to begin with, of a model, or of a shipped case."""
+"""The commands to begin with: ``icmj cases``, ``icmj new`` and ``icmj schema``."""
 
 from __future__ import annotations
 
 import json
 import os
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.text import one_line
-from icmj.cli.starting_arguments import New, Schema
+from icmj.cli.starting_arguments import Cases, New, Schema
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 from icmj.errors import RunFileError
 
 if TYPE_CHECKING:
     from icmj.case.drafting import Drafted
+
+
+LISTED = {
+    "cases": "Cases of the study: icmj run NAME, icmj analyse NAME",
+    "rivals": "Cases under other controllers: icmj run NAME",
+    "joystick": "Plants that a person controls by a joystick, for experiments: icmj run NAME",
+    "sweeps": "Sweeps: icmj sweep NAME",
+    "experiments": "Experiments: icmj experiment NAME",
+}
+
+
+def cases(command: Cases) -> None:
+    """List what comes with icmj, by name, with title and one sentence each."""
+    from icmj.runfile.shipped import described
+
+    found = described()
+    if command.json:
+        keys = ("name", "title", "about", "file")
+        OUT.show(
+            {kind: [{key: str(getattr(one, key)) for key in keys} for one in ones] for kind, ones in found.items()}
+        )
+        return
+    for kind, ones in found.items():
+        OUT.say(LISTED.get(kind, kind), style="bold")
+        for one in ones:
+            _paragraph(f"{one.name}: {one.title}", "  ")
+            _paragraph(one.about, "      ", style="dim")
+        OUT.say("")
+
+
+def _paragraph(words: str, indent: str, style: str | None = None) -> None:
+    """Wrapped to the terminal, and to a line that is easily read."""
+    width = min(OUT.width, 100)
+    for line in textwrap.wrap(words, width, initial_indent=indent, subsequent_indent=" " * 6, break_on_hyphens=False):
+        OUT.say(line, style=style, wrap=False)
 
 
 def new(command: New) -> None:

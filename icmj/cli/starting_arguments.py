@@ -12,6 +12,17 @@ from icmj.cli.overrides import Shared
 
 
 @dataclass(frozen=True)
+class Cases(Shared):
+    """List the cases, rival controllers, sweeps and experiments that come with icmj.
+
+    Example: icmj cases
+    """
+
+    json: bool = False
+    """Print JSON instead of a list."""
+
+
+@dataclass(frozen=True)
 class New(Shared):
     """Write a commented run file for a model, or copy a shipped case and its models.
 

@@ -6,6 +6,8 @@ holds them. What lies in the user's folder comes before them.
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,18 +51,65 @@ class Shelf:
     def near(self, path: Path) -> str:
         """``; did you mean three-link-0.9?`` for a file that is not there: one beside it, or a shipped one.
 
-        Where none is near, and what was given may be a name, the names of all shipped ones.
+        Where none is near and ``path`` may be a name: the names of all shipped ones, and the command that describes
+        them.
         """
         beside = [str(other) for other in path.parent.glob(f"*{self.suffix}")]
         near = nearest(str(path), beside) or nearest(path.name.removesuffix(self.suffix), self.files)
         if near is not None:
             return f"; did you mean {near}?"
         kind = "cases" if self.kind == "runs" else self.kind
-        return f"; shipped {kind}: {', '.join(self.files)}" if len(path.parts) == 1 and not path.suffix else ""
+        if len(path.parts) != 1 or path.suffix:
+            return ""
+        described = "" if self.kind == "models" else "; icmj cases describes them"
+        return f"; shipped {kind}: {', '.join(self.files)}{described}"
 
 
 RUNS, MODELS = Shelf("runs", ".toml"), Shelf("models", ".xml")
 SWEEPS, EXPERIMENTS = Shelf("sweeps", ".toml"), Shelf("experiments", ".toml")
+
+
+@dataclass(frozen=True)
+class Described:
+    """A file that comes with icmj, and what it is.
+
+    Attributes:
+        name: its bare name, by which commands take it.
+        title: of the case, sweep or experiment.
+        about: the first sentence of the comment that the file begins with.
+        file: where it lies.
+    """
+
+    name: str
+    title: str
+    about: str
+    file: Path
+
+
+def described() -> dict[str, tuple[Described, ...]]:
+    """All that is shipped but models: ``cases`` of the study; other cases by their folder, ``rivals`` (under other
+    controllers) and ``joystick`` (plants of experiments); ``sweeps`` and ``experiments``.
+    """
+    groups: dict[str, tuple[Described, ...]] = {
+        "cases": (),
+        "rivals": (),
+        "joystick": (),
+        "sweeps": (),
+        "experiments": (),
+    }
+    for shelf in (RUNS, SWEEPS, EXPERIMENTS):
+        for name, file in shelf.files.items():
+            kind = "cases" if file.parent == RUNS.folder else file.parent.name
+            groups[kind] = (*groups.get(kind, ()), _described(name, file))
+    return groups
+
+
+def _described(name: str, file: Path) -> Described:
+    text = file.read_text(encoding="utf-8")
+    head = " ".join(re.findall(r"\A((?:#.*\n)*)", text)[0].replace("#", " ").split())
+    tables = tomllib.loads(text)
+    title = next(tables[kind]["title"] for kind in ("experiment", "sweep", "case") if kind in tables)
+    return Described(name, title, re.split(r"(?<=\.)\s+(?=[A-Z`])", head)[0], file)
 
 
 def model_file(path: Path) -> Path:

@@ -16,7 +16,7 @@ from icmj.errors import IcmjError
     [
         ("analyze x", "no command 'analyze'; did you mean analyse?"),
         ("linearize x", "did you mean linearise?"),
-        ("dance", "no command 'dance'; there are new, person, linearise, schema, analyse, "),
+        ("dance", "no command 'dance'; there are cases, new, person, linearise, schema, analyse, "),
         ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
         ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
         ("run x -p linear", "run has no option -p; see"),

@@ -1,12 +1,16 @@
 """``icmj new``: a run file to begin with; what is there is not overwritten."""
 
+import json
 from pathlib import Path
 
 import pytest
 from terminal_cases import told
 
+from icmj.cli import starting
 from icmj.cli.main import main
+from icmj.cli.terminal import Terminal
 from icmj.runfile.reading import load_run
+from icmj.runfile.shipped import EXPERIMENTS, RUNS, SWEEPS
 
 
 @pytest.fixture(autouse=True)
@@ -107,3 +111,24 @@ def test_what_is_in_the_way_is_a_note(capsys, elsewhere):
     assert main(["new", "loose.xml"]) == 0
     assert "note: it does not run as written: model" in capsys.readouterr().out
     assert (elsewhere / "loose.toml").exists()
+
+
+def test_all_that_is_shipped_is_listed_whole_at_sixty_columns(capsys, monkeypatch):
+    """A name that no command knew was answered by a row of names, and nothing said what they are."""
+    assert main(["cases", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    names = [one["name"] for kind in ("cases", "rivals", "joystick") for one in listed[kind]]
+    assert sorted(names) == sorted(RUNS.files)
+    assert [one["name"] for one in listed["sweeps"]] == list(SWEEPS.files)
+    assert [one["name"] for one in listed["experiments"]] == list(EXPERIMENTS.files)
+    monkeypatch.setattr(starting, "OUT", terminal := Terminal(width=60, force_terminal=True, color_system=None))
+    assert main(["cases"]) == 0
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= terminal.width
+    words = " ".join(shown.split())
+    for one in (one for kind in listed.values() for one in kind):
+        assert one["about"].endswith(".")
+        assert 30 < len(one["about"]) < 200
+        assert f"{one['name']}: {one['title']} {one['about']}" in words
+    assert main(["analyse", "nosuch"]) == 2
+    assert capsys.readouterr().err.endswith("; icmj cases describes them\n")
