@@ -18,6 +18,7 @@ FLOORS = (
     ("case", "result"),
     ("cycle", "experiments", "comparison", "view"),
     ("log", "report", "identification"),
+    ("fitting",),
     ("study", "sweeps"),
     ("cli",),
 )

@@ -1,0 +1,1 @@
+"""Families of controllers fitted to recordings of standing people."""

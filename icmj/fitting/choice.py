@@ -1,0 +1,201 @@
+"""Which family: probabilities of several families for one person, and how often they are right of synthetic people.
+
+A classifier (bayesflow) is trained on equally many simulated people of each family, so that all are equally probable
+before. Its probabilities are tempered so that they are right of people who were held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.errors import FitError
+from icmj.fitting.network import Network, Tell, train
+from icmj.fitting.posterior import read_network, write_network
+from icmj.fitting.seen import Seen
+
+EPOCHS = 60
+TOLD_APART = 0.75
+"""Share of the synthetic people of two families that must be given to the right one of the two."""
+_HELD_OUT, _VERSION = 0.2, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A choice among m families, for whoever comes.
+
+    Attributes:
+        families: their names.
+        seen: the simulations' summaries, of all families together.
+        network: the classifier.
+        temperature: that its logits are divided by.
+    """
+
+    families: tuple[str, ...]
+    seen: Seen
+    network: Network
+    temperature: float
+
+    def probabilities(self, S: ArrayLike) -> Array:
+        """Probabilities of the families, shape (n, m), for people's trials (n, k, s), or (m,) for one's (k, s).
+
+        Raises:
+            FitError: if there are other summaries, or more trials, than it was trained on.
+        """
+        given = np.asarray(S, dtype=float)
+        one = given.ndim == 2
+        found = _softmax(self.network.logits(self.seen.pooled(given[None] if one else given)) / self.temperature)
+        return found[0] if one else found
+
+    def save(self, path: Path | str) -> None:
+        """Write an npz file without pickles.
+
+        Raises:
+            FitError: if it cannot be written.
+        """
+        head = {
+            "version": _VERSION,
+            "families": self.families,
+            "summaries": self.seen.names,
+            "temperature": self.temperature,
+        }
+        write_network(Path(path), head, self.seen, self.network)
+
+    @classmethod
+    def load(cls, path: Path | str) -> Choice:
+        """The choice of a file that :meth:`save` wrote.
+
+        Raises:
+            FitError: if it cannot be read as one.
+        """
+        head, seen, network = read_network(Path(path), "classifier")
+        return cls(tuple(head["families"]), seen, network, float(head["temperature"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Confusion:
+    """What a choice makes of synthetic people, whose family is known.
+
+    Attributes:
+        families: their names.
+        counts: people of a family (rows) who were given to a family (columns), the most probable; shape (m, m).
+        mean: mean probability, likewise.
+        confidence: mean of the largest probability.
+        accuracy: share of people given to their own family.
+        error: standard error of the accuracy; a confidence within two of it is calibrated.
+        pairs: of two families each, the share of their people who are given to the right one of the two.
+    """
+
+    families: tuple[str, ...]
+    counts: Array
+    mean: Array
+    confidence: float
+    accuracy: float
+    error: float
+    pairs: Mapping[tuple[str, str], float]
+
+    @property
+    def alike(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of families that such data cannot tell apart: fewer than :data:`TOLD_APART` are given rightly."""
+        return tuple(pair for pair, share in self.pairs.items() if share < TOLD_APART)
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        told = f"{self.accuracy:.0%} of {int(self.counts.sum())} synthetic people are given to their own family"
+        if not self.alike:
+            return told
+        return f"{told}; such data do not tell apart {', nor '.join(' and '.join(pair) for pair in self.alike)}"
+
+
+def train_choice(
+    banks: Mapping[str, ArrayLike],
+    summary_names: Sequence[str],
+    *,
+    seed: int = 0,
+    epochs: int = EPOCHS,
+    progress: Tell | None = None,
+) -> Choice:
+    """Train the choice among families.
+
+    Args:
+        banks: summaries of the simulated people of each family, shape (n, K, s) each; of the more numerous the first
+            are taken.
+        summary_names: of the summaries.
+        seed: of everything random.
+        epochs: at most.
+        progress: called with what is under way and the fraction done.
+
+    Raises:
+        FitError: if bayesflow is missing, there is one family only, or shapes do not fit.
+    """
+    from scipy.optimize import minimize_scalar
+
+    families, m = tuple(banks), len(banks)
+    if m < 2:
+        raise FitError("a choice needs two families at least")
+    given = [np.asarray(S, dtype=float) for S in banks.values()]
+    n, K = min(map(len, given)), min(S.shape[1] for S in given)
+    if n < 50:
+        raise FitError(f"{n} people of a family; expected at least 50")
+    S = np.stack([each[:n, :K] for each in given], axis=1).reshape(n * m, K, -1)  # families by turns
+    seen = Seen.of(S, summary_names)
+    targets = np.tile(np.eye(m), (n, 1))
+    kept = m * (n - int(_HELD_OUT * n))
+    held = targets[kept:], seen.drawn(S[kept:], np.random.default_rng((seed, 4)))
+
+    def rows(generator: np.random.Generator) -> tuple[Array, Array]:
+        return targets[:kept], seen.drawn(S[:kept], generator)
+
+    network = train("classifier", rows, held, seed, epochs=epochs, progress=progress)
+    logits, right = network.logits(held[1]), held[0].argmax(axis=1)
+
+    def surprise(log_temperature: float) -> float:
+        p = _softmax(logits / np.exp(log_temperature))[np.arange(len(right)), right]
+        return float(-np.mean(np.log(np.maximum(p, 1e-300))))
+
+    best = minimize_scalar(surprise, bounds=(-3, 3), method="bounded")
+    return Choice(families, seen, network, float(np.exp(best.x)))
+
+
+def confusion(choice: Choice, people: Mapping[str, ArrayLike]) -> Confusion:
+    """What a choice makes of synthetic people that it was not trained on.
+
+    Args:
+        choice: among families.
+        people: summaries (n, k, s) of people of each family.
+
+    Raises:
+        FitError: if a family has no people.
+    """
+    m = len(choice.families)
+    if set(people) != set(choice.families) or not all(len(np.asarray(S)) for S in people.values()):
+        raise FitError(f"people of {', '.join(people)}; expected some of each of {', '.join(choice.families)}")
+    found = [choice.probabilities(people[name]) for name in choice.families]
+    counts = np.array([np.bincount(p.argmax(axis=1), minlength=m) for p in found])
+    every = np.concatenate(found)
+    accuracy, n = float(np.trace(counts) / len(every)), len(every)
+    pairs = {}
+    for i in range(m):
+        for j in range(i + 1, m):
+            right = np.mean(found[i][:, i] > found[i][:, j]), np.mean(found[j][:, j] > found[j][:, i])
+            pairs[choice.families[i], choice.families[j]] = float(np.mean(right))
+    return Confusion(
+        choice.families,
+        counts,
+        np.array([p.mean(axis=0) for p in found]),
+        float(every.max(axis=1).mean()),
+        accuracy,
+        float(np.sqrt(max(accuracy * (1 - accuracy), 1 / n) / n)),
+        pairs,
+    )
+
+
+def _softmax(logits: Array) -> Array:
+    e = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return np.asarray(e / e.sum(axis=1, keepdims=True))

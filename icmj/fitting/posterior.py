@@ -1,0 +1,193 @@
+"""The posterior: what a person's trials say of a family's numbers, by one network for all people.
+
+A coupling flow is trained on simulated people (bayesflow). It is shown the mean of their trials' summaries, and how
+many there are, from one to all that were simulated; so it is ready for whoever stood one trial or three. Of numbers it
+knows the standard normal variables z that the family's prior makes of them, one each.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.base.files import whole
+from icmj.base.npz import read_npz
+from icmj.errors import FitError
+from icmj.fitting.network import Network, Tell, train
+from icmj.fitting.seen import Misfit, Seen
+
+EPOCHS = 80
+_HELD_OUT = 0.15
+_LEAST = 100  # simulated people
+_MOST_BYTES = 2e8
+_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The posterior of p numbers, for whoever comes.
+
+    Attributes:
+        names: of the p numbers.
+        seen: the simulations' summaries.
+        network: the flow.
+        draws: simulated people it was trained on.
+    """
+
+    names: tuple[str, ...]
+    seen: Seen
+    network: Network
+    draws: int
+
+    def sample(self, S: ArrayLike, draws: int = 2000, seed: int = 0) -> Array:
+        """Draws from the posterior of one person.
+
+        Args:
+            S: summaries of the person's k trials, shape (k, s).
+            draws: how many.
+            seed: of them.
+
+        Returns:
+            z, shape (draws, p); independent of each other.
+
+        Raises:
+            FitError: if there are other summaries, or more trials, than it was trained on.
+        """
+        return self.sample_all(np.asarray(S, dtype=float)[None], draws, seed)[0]
+
+    def sample_all(self, S: ArrayLike, draws: int = 500, seed: int = 0) -> Array:
+        """Draws of several people with equally many trials (n, k, s), shape (n, draws, p)."""
+        conditions = self.seen.pooled(S)
+        p, n = len(self.names), len(conditions)
+        normal = np.random.default_rng((seed, 3)).standard_normal((n * draws, p))
+        return self.network.inverted(normal, np.repeat(conditions, draws, axis=0)).reshape(n, draws, p)
+
+    def log_density(self, z: ArrayLike, S: ArrayLike) -> Array:
+        """Logarithm of the posterior's density at z (n, p) for one person's trials (k, s), shape (n,)."""
+        given = np.asarray(z, dtype=float)
+        conditions = self.seen.pooled(np.asarray(S, dtype=float)[None])
+        return self.network.log_density(given, np.repeat(conditions, len(given), axis=0))
+
+    def misfit(self, S: ArrayLike) -> Misfit:
+        """Whether a person's trials (k, s) lie where something was simulated."""
+        return self.seen.misfit(S)
+
+    def support(self, z: ArrayLike, S: ArrayLike) -> float:
+        """How many simulated people the posterior of one person rests on: the effective sample size of z drawn from
+        the prior (n, p), weighted by the posterior's density over the prior's.
+
+        The posterior's own draws are independent; this says how finely the network has been shown where they lie.
+        """
+        given = np.asarray(z, dtype=float)
+        return effective(self.log_density(given, S) + 0.5 * np.sum(given**2, axis=1))
+
+    def save(self, path: Path | str) -> None:
+        """Write an npz file without pickles.
+
+        Raises:
+            FitError: if it cannot be written.
+        """
+        head = {"version": _VERSION, "names": self.names, "summaries": self.seen.names, "draws": self.draws}
+        write_network(Path(path), head, self.seen, self.network)
+
+    @classmethod
+    def load(cls, path: Path | str) -> Posterior:
+        """The posterior of a file that :meth:`save` wrote.
+
+        Raises:
+            FitError: if it cannot be read as one.
+        """
+        head, seen, network = read_network(Path(path), "flow")
+        return cls(tuple(head["names"]), seen, network, int(head["draws"]))
+
+
+def effective(log_weights: ArrayLike) -> float:
+    """The effective sample size (Σw)²/Σw² of weights by their logarithms."""
+    logs = np.asarray(log_weights, dtype=float)
+    w = np.exp(logs - logs.max())
+    return float(w.sum() ** 2 / (w @ w))
+
+
+def train_posterior(
+    z: ArrayLike,
+    S: ArrayLike,
+    names: Sequence[str],
+    summary_names: Sequence[str],
+    *,
+    seed: int = 0,
+    epochs: int = EPOCHS,
+    depth: int = 3,
+    progress: Tell | None = None,
+) -> Posterior:
+    """Train the posterior of a family on simulated people.
+
+    Args:
+        z: their numbers as standard normal variables, shape (n, p).
+        S: summaries of K trials of each, shape (n, K, s).
+        names, summary_names: of the numbers and the summaries.
+        seed: of everything random.
+        epochs: at most; it ends when a seventh of the people, held out, says that it learns no more.
+        depth: layers of the flow.
+        progress: called with what is under way and the fraction done.
+
+    Raises:
+        FitError: if bayesflow is missing, there are fewer than a hundred people, or shapes do not fit.
+    """
+    numbers, given = np.asarray(z, dtype=float), np.asarray(S, dtype=float)
+    if numbers.ndim != 2 or numbers.shape[1] != len(names) or len(names) < 2:
+        raise FitError(f"numbers of shape {numbers.shape}; expected (people, {len(names)}), two numbers at least")
+    if len(numbers) != len(given) or len(numbers) < _LEAST:
+        raise FitError(f"{len(numbers)} people, {len(given)} of them with summaries; expected at least {_LEAST}")
+    seen = Seen.of(given, summary_names)
+    kept = len(numbers) - max(int(_HELD_OUT * len(numbers)), 1)
+    apart = np.random.default_rng((seed, 4))
+    held = np.concatenate([numbers[kept:]] * 2), np.concatenate([seen.drawn(given[kept:], apart) for _ in range(2)])
+
+    def rows(generator: np.random.Generator) -> tuple[Array, Array]:
+        return numbers[:kept], seen.drawn(given[:kept], generator)
+
+    network = train("flow", rows, held, seed, epochs=epochs, depth=depth, progress=progress)
+    return Posterior(tuple(names), seen, network, len(numbers))
+
+
+def write_network(path: Path, head: dict[str, Any], seen: Seen, network: Network) -> None:
+    """Write a network, and what it has seen, as npz.
+
+    Raises:
+        FitError: if it cannot be written.
+    """
+    text = json.dumps({**head, "network": network.head()})
+    arrays = {f"seen.{name}": value for name, value in asdict(seen).items() if name != "names"}
+    arrays |= {f"network.{name}": value for name, value in network.arrays().items()}
+    try:
+        with whole(path) as part, part.open("wb") as stream:
+            np.savez(stream, head=np.array(text), **arrays)
+    except OSError as error:
+        raise FitError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def read_network(path: Path, kind: str) -> tuple[dict[str, Any], Seen, Network]:
+    """Head, seen summaries and network of such a file.
+
+    Raises:
+        FitError: if it cannot be read, or holds another kind of network.
+    """
+    try:
+        arrays = read_npz(path, _MOST_BYTES)
+        head = json.loads(str(arrays.pop("head")))
+        if head["version"] != _VERSION or head["network"]["kind"] != kind:
+            raise ValueError(f"no {kind} of this version")
+        parts = {f.name: arrays[f"seen.{f.name}"] for f in fields(Seen) if f.name != "names"}
+        inner = {name.removeprefix("network."): each for name, each in arrays.items() if name.startswith("network.")}
+        return head, Seen(tuple(head["summaries"]), **parts), Network.of(head["network"], inner)
+    except OSError as error:
+        raise FitError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FitError(f"{path}: no trained network ({error}); remove it, and it is trained anew") from error

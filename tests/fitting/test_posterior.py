@@ -1,0 +1,130 @@
+"""The posterior against a model whose posterior is known: three numbers, five summaries, linear and Gaussian.
+
+The third number does not enter the summaries.
+"""
+
+import numpy as np
+import pytest
+
+from icmj.errors import FitError
+from icmj.fitting.calibration import calibrate
+from icmj.fitting.posterior import Posterior, effective, train_posterior
+
+NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")
+G = np.array([[1.2, 0.3, 0], [-0.4, 0.9, 0], [0.5, 0.5, 0], [0.1, -0.8, 0], [0.0, 0.2, 0]])
+
+
+def people(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of n people, and summaries of three trials each, on other scales than the numbers'."""
+    generator = np.random.default_rng(seed)
+    z = generator.normal(size=(n, 3))
+    S = (z @ G.T)[:, None] + generator.normal(size=(n, 3, 5))
+    return z, 7 + 0.2 * S
+
+
+def exact(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance by the textbook, of summaries (k, 5)."""
+    covariance = np.linalg.inv(np.eye(3) + len(S) * G.T @ G)
+    return covariance @ G.T @ ((S - 7) / 0.2).sum(axis=0), covariance
+
+
+@pytest.fixture(scope="module")
+def posterior() -> Posterior:
+    return train_posterior(*people(3000, 1), NAMES, SUMMARIES, seed=2, epochs=35, depth=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", [1, 3])
+def test_mean_and_covariance_are_the_textbooks(posterior: Posterior, k: int) -> None:
+    _, S = people(20, 5)
+    drawn = posterior.sample_all(S[:, :k], draws=1000, seed=3)
+    for one, given in zip(drawn, S[:, :k], strict=True):
+        mean, covariance = exact(given)
+        inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+        away = inverse @ (one.mean(axis=0) - mean)
+        assert np.abs(away).max() < 0.5  # of a deviation of the posterior, of the network
+        ratio = np.linalg.eigvalsh(inverse @ np.cov(one.T) @ inverse.T)
+        assert 0.6 < ratio.min() < ratio.max() < 1.7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_calibrated_and_an_idle_number_is_not_identified(posterior: Posterior, k: int) -> None:
+    z, S = people(300, 6)
+    found = calibrate(z, posterior.sample_all(S[:, :k], draws=199), NAMES)
+    assert "not calibrated" not in found.verdicts
+    assert found.verdicts[2] == "not identified"
+    assert found.verdicts[0] == "identified"
+    assert abs(found.contraction[2]) < 0.1
+    expected = 1 - np.diag(exact(S[0, :k])[1])
+    assert np.abs(found.contraction - expected).max() < 0.1
+
+
+@pytest.mark.slow
+def test_density_and_support(posterior: Posterior) -> None:
+    _, S = people(1, 8)
+    mean, covariance = exact(S[0])
+    z = np.random.default_rng(1).multivariate_normal(mean, covariance, 500)
+    away = z - mean
+    log = -0.5 * np.einsum("ij,jk,ik->i", away, np.linalg.inv(covariance), away)
+    log -= 0.5 * np.log(np.linalg.det(2 * np.pi * covariance))
+    assert np.mean(log - posterior.log_density(z, S[0])) < 0.15  # Kullback and Leibler's divergence
+    prior = np.random.default_rng(2).normal(size=(4000, 3))
+    exactly = np.exp(-0.5 * np.einsum("ij,jk,ik->i", prior - mean, np.linalg.inv(covariance), prior - mean))
+    exactly /= np.exp(-0.5 * np.sum(prior**2, axis=1))
+    assert posterior.support(prior, S[0]) == pytest.approx(exactly.sum() ** 2 / (exactly**2).sum(), rel=0.35)
+
+
+@pytest.mark.slow
+def test_kept_and_read_again(posterior: Posterior, tmp_path) -> None:
+    _, S = people(1, 9)
+    posterior.save(tmp_path / "posterior.npz")
+    again = Posterior.load(tmp_path / "posterior.npz")
+    assert np.array_equal(posterior.sample(S[0], 50, 4), again.sample(S[0], 50, 4))
+    assert not np.array_equal(posterior.sample(S[0], 50, 4), again.sample(S[0], 50, 5))
+    assert again.misfit(S[0] + 100).outside == posterior.misfit(S[0] + 100).outside
+    with pytest.raises(FitError, match="4 trials of a person; expected 1 to 3"):
+        posterior.sample(np.zeros((4, 5)))
+
+
+@pytest.mark.slow
+def test_same_seed_same_network_and_the_callers_random_numbers_stay() -> None:
+    z, S = people(200, 1)
+    here = np.random.get_state()[1].copy()  # noqa: NPY002
+    one, other = (train_posterior(z, S, NAMES, SUMMARIES, seed=7, epochs=2, depth=1) for _ in range(2))
+    assert all(np.array_equal(a, b) for a, b in zip(one.network.weights, other.network.weights, strict=True))
+    assert np.array_equal(np.random.get_state()[1], here)  # noqa: NPY002
+
+
+def test_what_is_no_network_is_told(tmp_path) -> None:
+    path = tmp_path / "posterior.npz"
+    path.write_bytes(b"PK")
+    with pytest.raises(FitError, match="no trained network"):
+        Posterior.load(path)
+    with pytest.raises(FitError, match="cannot be read"):
+        Posterior.load(tmp_path / "none.npz")
+    np.savez(path, head=np.array('{"version": 1, "network": {"kind": "classifier"}}'))
+    with pytest.raises(FitError, match="no flow of this version"):
+        Posterior.load(path)
+
+
+def test_too_few_people_or_numbers_are_refused() -> None:
+    z, S = people(50, 1)
+    with pytest.raises(FitError, match="50 people"):
+        train_posterior(z, S, NAMES, SUMMARIES)
+    with pytest.raises(FitError, match="two numbers at least"):
+        train_posterior(z[:, :1], S, NAMES[:1], SUMMARIES)
+
+
+def test_effective_sample_size() -> None:
+    assert effective(np.full(12, -700.0)) == pytest.approx(12)
+    assert effective([0.0, -800.0, -900.0]) == pytest.approx(1)
+
+
+def test_a_missing_library_is_one_line_that_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "bayesflow", None)
+    z, S = people(200, 1)
+    with pytest.raises(FitError, match=r"needs bayesflow .*pip install 'icmj\[fit\]'"):
+        train_posterior(z, S, NAMES, SUMMARIES)
