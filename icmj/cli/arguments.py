@@ -40,6 +40,8 @@ class Study(Overrides):
 class Analyse(Overrides):
     """Predict from the linear theory: critical interval, eigenvalue, cycle, amplitude and all crossings.
 
+    For a controller that is not intermittent: the characteristic roots of its loop, and how a switched motion grows.
+
     Example: icmj analyse simple-0.8 --json
     """
 

@@ -81,10 +81,13 @@ def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
     from icmj.cli.records import plain_prediction
+    from icmj.cli.switched import analyse_trial
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    if run.tries:
+        return analyse_trial(run, command.json)
     with Working(label := f"analysing {run.case.name}", ERR) as working:
         case = prepare(run, progress=lambda done: working.tell(label, done))
     prediction, plant = case.prediction, case.assumed.linearisation.plant
@@ -303,6 +306,5 @@ def _amount(value: float, unit: str) -> str:
 
 
 def _complex(value: complex) -> str:
-    if abs(value.imag) < 1e-12 * max(1.0, abs(value)):
-        return f"{value.real:.4g}"
-    return f"{value.real:.4g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j"
+    real = abs(value.imag) < 1e-12 * max(1.0, abs(value))
+    return f"{value.real:.4g}" + ("" if real else f" {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j")

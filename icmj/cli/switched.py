@@ -108,6 +108,51 @@ def _loop(trial: Trial) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     return plant, trial.law, (x0 if x0.any() else None)  # type: ignore[return-value]
 
 
+def analyse_trial(run: RunFile, json: bool) -> None:
+    """Print the characteristic roots of a loop that stays in each mode, and its rounds if it has any."""
+    from dataclasses import replace
+
+    from icmj.case.plants import linear_plant
+    from icmj.case.roots import mode_roots
+    from icmj.case.trial import prepare_trial
+    from icmj.controller.switching import SwitchingPD
+    from icmj.experiments.rounds import rounds
+
+    with Working(f"analysing {run.case.name}", ERR):
+        trial = prepare_trial(run)
+        roots, rounded = mode_roots(trial), None
+        if isinstance(trial.law, SwitchingPD) and len(roots) > 1:
+            with named(run.path):
+                rounded = rounds(linear_plant(trial.actual, trial.settings), replace(trial.law, dead_zone=0.0))
+    if json:
+        told = None if rounded is None else vars(rounded) | {"verdict": rounded.verdict}
+        notices = [vars(notice) for notice in trial.notices]
+        OUT.show(plain({"control": trial.law.kind, "roots": roots, "rounds": told, "notices": notices}))
+        return
+    rows = [
+        (mode, "stable" if found[0].real < 0 else "unstable", ", ".join(_pairs(found))) for mode, found in roots.items()
+    ]
+    show_table(
+        (Column("mode"), Column("loop"), Column("rightmost characteristic roots (rad/s)")), rows, OUT,
+        title=f"{run.case.title}: the linear loop that stays in a mode", keys=1,
+    )  # fmt: skip
+    if rounded is not None:
+        OUT.say(f"Without a dead zone: {rounded.words[0].lower()}{rounded.words[1:]}")
+    for notice in trial.notices:
+        OUT.note(notice)
+
+
+def _pairs(roots: np.ndarray) -> list[str]:
+    """Roots to six digits, each conjugate pair once."""
+    shown = []
+    for root in roots:
+        if root.imag > 0:
+            shown.append(f"{root.real:.6g} ± {root.imag:.6g}j")
+        elif root.imag == 0:
+            shown.append(f"{root.real:.6g}")
+    return shown
+
+
 def _plain(found: SwitchedCycle) -> dict[str, Any]:
     return plain(
         {

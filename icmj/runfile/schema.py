@@ -211,7 +211,7 @@ class RunFile(TomlTable):
             return self.controller
         raise RunFileError(
             f"{self._path}: the controller is of kind {self.controller.kind!r}, which has no event rule and no "
-            "critical interval; icmj run and icmj study simulate it"
+            "critical interval; icmj analyse tells the roots of its loop, icmj run and icmj study simulate it"
         )
 
     @property

@@ -19,7 +19,9 @@ from icmj.runfile.shipped import RUNS, SWEEPS
 from icmj.runfile.table import Finite, Line, TomlTable
 
 MOST_POINTS = 10**9
-RESERVED = r"point|status|words|attractors?(_.*)?|(predicted|linear|mujoco)_.*"  # columns of what comes out
+RESERVED = (
+    r"point|root_(real|imag)|status|words|attractors?(_.*)?|(predicted|linear|mujoco)_.*"  # columns of what comes out
+)
 _TABLES = ("assumed", "actual", "design", "controller", "analysis", "simulation")
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
 _Plant = Literal["linear", "mujoco"]
@@ -164,6 +166,11 @@ class SweepFile(TomlTable):
             made._base = base.with_(**dict(leaves(made.set))) if made.set else base
         except RunFileError as error:
             raise RunFileError(f"{path}: set: {error}") from error
+        if made._base.tries and (made.ask.cycle or made.ask.attractors):
+            raise RunFileError(
+                f"{path}: ask: cycle and attractors are for intermittent control; the controller is of kind "
+                f"{made._base.controller.kind!r}, ask for its motion"
+            )
         return made
 
     @model_validator(mode="after")

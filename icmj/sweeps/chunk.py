@@ -25,6 +25,7 @@ from icmj.runfile.schema import RunFile
 from icmj.simulation.remarks import relative_error
 from icmj.sweeps import columns
 from icmj.sweeps.plan import Plan
+from icmj.sweeps.tried import tried_row
 from icmj.theory.prediction import Prediction
 
 Tell = Callable[[float], None]
@@ -91,6 +92,8 @@ def parquet(table: pa.Table) -> bytes:
 def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict[str, Any]:
     row = columns.begun(plan, index, values)
     try:
+        if plan.file.base.tries:
+            return row | tried_row(plan.run(values), plan.file.ask.motion)
         case = _case(plan, plan.run(values), bench)
         row |= _predicted(case)
         for plant in plan.file.ask.motion:

@@ -55,6 +55,27 @@ CYCLE = {
     "attracting": (pa.bool_(), "whether every multiplier is inside the unit circle"),
     "multiplier": (pa.float64(), "magnitude of the largest multiplier"),
 }
+# of a controller that is not intermittent, which has no critical interval
+ROOT = {
+    "root_real": (
+        pa.float64(),
+        "real part of the rightmost characteristic root of the loop with all feedback on [1/s]",
+    ),
+    "root_imag": (pa.float64(), "its imaginary part, not negative [rad/s]"),
+}
+TRIED = {
+    "outcome": (pa.string(), "completed, fell, diverged, stalled"),
+    "end": (pa.float64(), "when the run ended [s]"),
+    "switches": (pa.int64(), "switches in the run"),
+    "growth": (
+        pa.float64(),
+        "rate at which the size of the motion changes, over its last rounds or its second half [1/s]",
+    ),
+    "factor": (pa.float64(), "size of a round over that of the one before; empty without rounds"),
+    "period": (pa.float64(), "of a round [s]; empty without rounds"),
+}
+LATE_PEAK = (pa.float64(), "largest magnitude of the output in the second half of the run [its unit]")
+LATE_RMS = (pa.float64(), "standard deviation of the output in the second half of the run [its unit]")
 ATTRACTORS = {
     "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
     "attractor_kind": (pa.list_(pa.string()), "what each is, the most frequent first"),
@@ -69,8 +90,9 @@ def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
     ask, noisy = plan.file.ask, plan.file.base.simulation.settings().noisy
     varies = zip(plan.points.names, plan.points.kinds, strict=True)
     return columns(
-        varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors)
-    )
+        varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors),
+        tried=plan.file.base.tries,
+    )  # fmt: skip
 
 
 def columns(
@@ -81,12 +103,23 @@ def columns(
     cycle: Sequence[str],
     noisy: bool,
     attractors: bool,
+    tried: bool = False,
 ) -> dict[str, tuple[pa.DataType, str]]:
-    """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle."""
+    """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle.
+
+    ``tried`` says whether the controller is not intermittent.
+    """
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
+    if tried:
+        found |= ROOT
+        for plant in motion:
+            found |= {f"{plant}_{name}": column for name, column in TRIED.items()}
+            found |= {f"{plant}_peak_{output}": LATE_PEAK for output in outputs}
+            found |= {f"{plant}_rms_{output}": LATE_RMS for output in outputs}
+        return found
     found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
     found |= {f"predicted_peak_{output}": PEAK for output in outputs}
     for plant in motion:

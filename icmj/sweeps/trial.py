@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from icmj.case.case import Case, prepare
+from icmj.case.case import prepare
+from icmj.case.trial import prepare_trial
 from icmj.errors import IcmjError, SweepError
 from icmj.sweeps.chunk import compute
 from icmj.sweeps.plan import Plan
@@ -35,8 +36,9 @@ def tried(plan: Plan) -> Plan:
     first: IcmjError | None = None
     for index in plan.tried():
         try:
-            case = prepare(plan.run(plan.points.at(index)))
-            return replace(plan, outputs=_outputs(case))
+            run = plan.run(plan.points.at(index))
+            case = prepare_trial(run) if run.tries else prepare(run)
+            return replace(plan, outputs=tuple(case.assumed.linearisation.plant.outputs))
         except IcmjError as error:
             first = first or error
     raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
@@ -53,7 +55,3 @@ def estimate(plan: Plan) -> Estimate:
     seconds = min(seconds, few.seconds / few.rows) if few.rows >= len(done) else seconds
     each = (len(few.content) - empty) / few.rows
     return Estimate(len(plan), plan.chunks, seconds * len(plan), each * len(plan) + empty * plan.chunks)
-
-
-def _outputs(case: Case) -> tuple[str, ...]:
-    return tuple(case.assumed.linearisation.plant.outputs)

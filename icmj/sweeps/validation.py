@@ -97,11 +97,12 @@ def _check_columns(found: pa.Schema, facts: Facts, schema: pa.Schema | None) -> 
     names = found.names
     asked = {
         what: [plant for plant in ("linear", "mujoco") if f"{plant}_{mark}" in names]
-        for what, mark in (("motion", "kind"), ("cycle", "cycle_found"), ("noisy", "binding"))
+        for what, mark in (("motion", "outcome"), ("cycle", "cycle_found"), ("noisy", "binding"))
     }
     expected = columns(
         [(name, "number") for name in facts.varies], facts.outputs, motion=asked["motion"], cycle=asked["cycle"],
         noisy=bool(asked["noisy"]), attractors="attractors" in names,
+        tried="root_real" in names,
     )  # fmt: skip
     if names != list(expected):
         raise ValueError("columns that a sweep does not have, or lacks")

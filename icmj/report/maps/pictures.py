@@ -12,6 +12,7 @@ from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.maps.basins import draw_basins
 from icmj.report.maps.curve import draw_curve
+from icmj.report.maps.sway import draw_sway, draw_sway_curve
 from icmj.report.maps.validity import draw_validity
 from icmj.result.swept import Swept
 
@@ -31,10 +32,13 @@ class SweptPicture:
 
 
 def pictures(swept: Swept) -> Iterator[SweptPicture]:
-    """All that can be drawn of a sweep: a map of validity, basins, or a curve of Δ_crit."""
+    """All that can be drawn of a sweep: a map of validity, basins, a curve of Δ_crit, or the size of the sway."""
     numeric = [(name, field) for name, field in swept.varies if _varies(swept, name)]
     plants = [plant for plant in ("linear", "mujoco") if f"{plant}_kind" in swept.table.column_names]
     starts = [name for name, field in numeric if field.startswith(("simulation.initial", "simulation.observer"))]
+    if "root_real" in swept.table.column_names:  # a controller without a critical interval
+        yield from _of_tried(swept, [name for name, _ in numeric])
+        return
     if len(numeric) == 1:
         (name, _), *_ = numeric
         figure, (axes,) = style.new_figure(70.0, width=_WIDE)
@@ -57,6 +61,26 @@ def pictures(swept: Swept) -> Iterator[SweptPicture]:
                 yield SweptPicture(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
         except ReportError:  # not on a grid, so there is no map of it
             return
+
+
+def _of_tried(swept: Swept, names: list[str]) -> Iterator[SweptPicture]:
+    """The size of the sway over one or two things that vary."""
+    plants = [plant for plant in ("linear", "mujoco") if f"{plant}_outcome" in swept.table.column_names]
+    if len(names) == 1 and plants:
+        figure, (axes,) = style.new_figure(70.0, width=_WIDE)
+        draw_sway_curve(axes, swept, names[0])
+        style.legend(figure, axes, columns=2)
+        yield SweptPicture("sway", figure, "Standard deviation of the first output, in the second half of each run.")
+    for plant in plants if len(names) == 2 else ():
+        figure, (axes,) = style.new_figure(80.0, width=_WIDE)
+        _below_the_legend(figure)
+        try:
+            bar = figure.colorbar(draw_sway(axes, swept, names[0], names[1], plant), ax=axes, pad=0.02)
+        except ReportError:  # not on a grid, so there is no map of it
+            return
+        bar.set_label(r"$\log_{10}$ of the first output’s standard deviation")
+        caption = f"Size of the sway in the second half of each run, {style.NAME[plant]} plant. Hatched: the run falls."
+        yield SweptPicture(f"sway_{plant}", figure, caption)
 
 
 def _validity(swept: Swept, x: str, y: str, plant: str) -> Figure:

@@ -43,11 +43,11 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
     axes.set_facecolor("white")
     mesh = axes.pcolormesh(*cells, size, cmap=_COLOURS, vmin=_LEAST, vmax=_MOST, rasterized=True)
     handles = []
-    for name, hatch, words in _REGIONS:
+    for name, pattern, words in _REGIONS:
         inside = what == name
         if inside.any():
-            _hatch(axes, cells, inside, hatch)
-            handles.append(Patch(facecolor="white", edgecolor="#777777", hatch=hatch, linewidth=0.4, label=words))
+            hatch(axes, cells, inside, pattern)
+            handles.append(Patch(facecolor="white", edgecolor="#777777", hatch=pattern, linewidth=0.4, label=words))
     _contours(axes, laid, size)
     axes.set(xlim=(cells[0][0], cells[0][-1]), ylim=(cells[1][0], cells[1][-1]), xlabel=label(x), ylabel=label(y))
     for way, scaled in zip((axes.set_xscale, axes.set_yscale), logarithmic, strict=True):
@@ -76,7 +76,7 @@ def _told(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
     return "open" if kind in ("too short", "no events") else "elsewhere"
 
 
-def _hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, hatch: str) -> None:
+def hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, pattern: str) -> None:
     """One hatched face around all cells that are inside, so that their seams are not seen."""
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path
@@ -87,7 +87,7 @@ def _hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, hatch: str) -> N
         vertices += [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1]), (x[i], y[j])]
         codes += [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
     axes.add_collection(
-        PathCollection([Path(vertices, codes)], facecolor="white", edgecolor="#999999", hatch=hatch, linewidth=0.0)
+        PathCollection([Path(vertices, codes)], facecolor="white", edgecolor="#999999", hatch=pattern, linewidth=0.0)
     )
 
 

@@ -44,6 +44,9 @@ def _facts(swept: Swept) -> list[tuple[str, str]]:
             kinds = Counter(kind for kind in swept.texts(f"{plant}_kind") if kind)
             told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
             facts.append((f"{word} plant", f"{told}; {on} on the predicted cycle"))
+        elif f"{plant}_outcome" in swept.table.column_names:
+            ends = Counter(outcome for outcome in swept.texts(f"{plant}_outcome") if outcome)
+            facts.append((f"{word} plant", ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())))
     return facts
 
 
