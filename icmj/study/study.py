@@ -100,10 +100,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.study.trial import measured_by
     from icmj.work.provenance import provenance
 
-    def report(done: float) -> None:
-        if progress is not None:
-            progress(done)
-
+    report: Callable[[float], None] = progress or (lambda _: None)
     case = run if isinstance(run, Case) else prepare(run)
     run = case.run
     report(0.1)
