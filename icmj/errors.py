@@ -79,6 +79,10 @@ class IdentificationError(IcmjError):
     """Nothing can be identified from the given motion."""
 
 
+class FitError(IcmjError):
+    """A family of controllers, a bank of its simulations or a fit of it cannot be made, or does not belong there."""
+
+
 @contextmanager
 def named(path: Path) -> Iterator[None]:
     """Errors within the block begin with the path of the run file that they are about."""

@@ -70,9 +70,13 @@ def test_nothing_is_missing_and_nothing_too_much(built):
     tracked = {name for name in listed.stdout.splitlines() if not name.startswith((".ci/", ".git"))}
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps", "experiments")} <= held
+    assert (
+        tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps", "experiments", "families")} <= held
+    )
     data = {
-        f"icmj/shipped/{name}" for name in tracked if name.startswith(("models/", "runs/", "sweeps/", "experiments/"))
+        f"icmj/shipped/{name}"
+        for name in tracked
+        if name.startswith(("models/", "runs/", "sweeps/", "experiments/", "families/"))
     }
     assert data <= held
     wheel = {name for name in zipfile.ZipFile(built[1]).namelist() if ".dist-info/" not in name}

@@ -24,6 +24,7 @@ LISTED = {
     "joystick": "Plants that a person controls by a joystick, for experiments: icmj run NAME",
     "sweeps": "Sweeps: icmj sweep NAME",
     "experiments": "Experiments: icmj experiment NAME",
+    "families": "Families of controllers: icmj fit RECORDING --model NAME",
 }
 
 

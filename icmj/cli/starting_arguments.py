@@ -13,7 +13,7 @@ from icmj.cli.overrides import Shared
 
 @dataclass(frozen=True)
 class Cases(Shared):
-    """List the cases, rival controllers, sweeps and experiments that come with icmj.
+    """List the cases, rival controllers, sweeps, experiments and families that come with icmj.
 
     Example: icmj cases
     """

@@ -66,7 +66,7 @@ class Shelf:
 
 
 RUNS, MODELS = Shelf("runs", ".toml"), Shelf("models", ".xml")
-SWEEPS, EXPERIMENTS = Shelf("sweeps", ".toml"), Shelf("experiments", ".toml")
+SWEEPS, EXPERIMENTS, FAMILIES = (Shelf(kind, ".toml") for kind in ("sweeps", "experiments", "families"))
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Described:
 
 def described() -> dict[str, tuple[Described, ...]]:
     """All that is shipped but models: ``cases`` of the study; other cases by their folder, ``rivals`` (under other
-    controllers) and ``joystick`` (plants of experiments); ``sweeps`` and ``experiments``.
+    controllers) and ``joystick`` (plants of experiments); ``sweeps``, ``experiments`` and ``families``.
     """
     groups: dict[str, tuple[Described, ...]] = {
         "cases": (),
@@ -96,8 +96,9 @@ def described() -> dict[str, tuple[Described, ...]]:
         "joystick": (),
         "sweeps": (),
         "experiments": (),
+        "families": (),
     }
-    for shelf in (RUNS, SWEEPS, EXPERIMENTS):
+    for shelf in (RUNS, SWEEPS, EXPERIMENTS, FAMILIES):
         for name, file in shelf.files.items():
             kind = "cases" if file.parent == RUNS.folder else file.parent.name
             groups[kind] = (*groups.get(kind, ()), _described(name, file))
@@ -108,7 +109,7 @@ def _described(name: str, file: Path) -> Described:
     text = file.read_text(encoding="utf-8")
     head = " ".join(re.findall(r"\A((?:#.*\n)*)", text)[0].replace("#", " ").split())
     tables = tomllib.loads(text)
-    title = next(tables[kind]["title"] for kind in ("experiment", "sweep", "case") if kind in tables)
+    title = next(tables[kind]["title"] for kind in ("experiment", "sweep", "family", "case") if kind in tables)
     return Described(name, title, re.split(r"(?<=\.)\s+(?=[A-Z`])", head)[0], file)
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -20,10 +17,8 @@ from icmj.sweeps.chunk import Computed, compute, died, parquet
 from icmj.sweeps.dataset import Dataset, opened, read_table
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.trial import tried
-from icmj.work.workers import Task, Workers
-
-if TYPE_CHECKING:
-    from icmj.sweeps.cluster import Cluster
+from icmj.work.crew import Crew
+from icmj.work.crew import crew as _crew
 
 
 @dataclass(frozen=True)
@@ -101,7 +96,7 @@ def carry_out(
     Raises:
         SweepError: as :func:`sweep`.
     """
-    with _crew(jobs, dask) as crew, opened(out, plan) as dataset:
+    with _crew(compute, jobs, dask) as crew, opened(out, plan) as dataset:
         tally = _Tally(plan, dataset.finished(), progress)
         lost: list[int] = []
         for points, computed, _ in crew.compute(plan, map(plan.range, tally.missing())):
@@ -120,27 +115,7 @@ def carry_out(
         return tally.progress
 
 
-class Local:
-    """Processes on this machine."""
-
-    def __init__(self, workers: Workers) -> None:
-        self._workers = workers
-
-    def compute(self, plan: Plan, ranges: Iterator[range]) -> Iterator[tuple[range, Computed | None, str]]:
-        """Ranges of points, and what came of each as it comes; ``None``, and why, where its process died."""
-        given: dict[int, range] = {}
-
-        def tasks() -> Iterator[Task]:
-            for i, points in enumerate(ranges):
-                given[i] = points
-                yield Task(f"points {points.start} to {points.stop - 1}", compute, (plan, points))
-
-        for news in self._workers.run(tasks(), survive=True):
-            if news.done >= 1.0 and (news.died or news.value is not None):
-                yield given.pop(news.index), news.value, news.died
-
-
-def _see_one_survive(plan: Plan, crew: Local | Cluster) -> None:
+def _see_one_survive(plan: Plan, crew: Crew) -> None:
     """See that a process can live that has no point to compute: it may be the machine that kills them.
 
     Raises:
@@ -151,7 +126,7 @@ def _see_one_survive(plan: Plan, crew: Local | Cluster) -> None:
             raise SweepError(f"{plan.file.path}: processes die even without a point to compute ({why})")
 
 
-def _again(plan: Plan, chunk: int, crew: Local | Cluster) -> Computed:
+def _again(plan: Plan, chunk: int, crew: Crew) -> Computed:
     """A chunk that took its process with it: once more, then point by point; what dies again is a row that says so."""
     ((_, whole, _),) = crew.compute(plan, iter([plan.range(chunk)]))
     if whole is not None:
@@ -202,17 +177,3 @@ class _Tally:
         """How far it is."""
         took = time.monotonic() - self._begin
         return Progress(len(self._plan), self._done, self._failed, self.computed / took if took > 0 else 0.0)
-
-
-@contextmanager
-def _crew(jobs: int | None, dask: str | None) -> Iterator[Local | Cluster]:
-    if dask is not None:
-        from icmj.sweeps.cluster import cluster
-
-        with cluster(dask) as found:
-            yield found
-        return
-    if jobs is not None and jobs < 1:
-        raise SweepError(f"{jobs} processes: expected at least 1")
-    with Workers(jobs or os.cpu_count() or 1) as workers:
-        yield Local(workers)

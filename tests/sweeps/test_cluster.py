@@ -119,7 +119,7 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from icmj.sweeps import cluster
+    from icmj.work import cluster
 
     monkeypatch.setattr(cluster, "_PATIENCE", 0.3)
     plan = planned(sweep_file(tmp_path, GRID.format(count=2)))

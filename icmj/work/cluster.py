@@ -7,15 +7,13 @@ takes nothing with it: its chunks are computed by another.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any
 
 from icmj.base.text import one_line
 from icmj.errors import SweepError
-from icmj.sweeps.chunk import Computed, compute
-from icmj.sweeps.plan import Plan
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
 _PATIENCE = 15.0  # s for the scheduler to answer
@@ -23,13 +21,13 @@ _FAREWELL = 2.0  # s for it to hear that it is no longer needed
 
 
 class Cluster:
-    """A scheduler and its workers."""
+    """A scheduler and its workers, who compute by a function of a plan and a range."""
 
-    def __init__(self, client: Any) -> None:
-        self._client = client
+    def __init__(self, client: Any, function: Callable[..., Any]) -> None:
+        self._client, self._function = client, function
 
-    def compute(self, plan: Plan, ranges: Iterator[range]) -> Iterator[tuple[range, Computed | None, str]]:
-        """Ranges of points, and what came of each as it comes; ``None``, and why, where it killed its workers.
+    def compute(self, plan: Any, ranges: Iterator[range]) -> Iterator[tuple[range, Any, str]]:
+        """Ranges of a plan, and what came of each as it comes; ``None``, and why, where it killed its workers.
 
         Raises:
             SweepError: if the scheduler is gone.
@@ -40,7 +38,7 @@ class Cluster:
 
         def submit(points: range) -> Any:
             # the plan goes with every task: data that is scattered is lost with the worker that holds it
-            future = self._client.submit(compute, plan, points, pure=False)
+            future = self._client.submit(self._function, plan, points, pure=False)
             under_way[future.key] = points
             return future
 
@@ -84,8 +82,8 @@ class Cluster:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Cluster]:
-    """A cluster by the address of its scheduler.
+def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
+    """A cluster by the address of its scheduler, whose workers are to compute by ``function``.
 
     Raises:
         SweepError: if dask is not installed, or no scheduler answers.
@@ -100,7 +98,7 @@ def cluster(address: str) -> Iterator[Cluster]:
         except (OSError, ValueError, TimeoutError) as error:
             raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
         try:
-            yield Cluster(client)
+            yield Cluster(client, function)
         finally:
             with suppress(Exception):  # the scheduler is gone
                 client.close(timeout=_FAREWELL)
@@ -121,7 +119,7 @@ def _unsaid() -> Iterator[None]:
             logger.disabled = was
 
 
-def _outcome(future: Any) -> tuple[Computed | None, str]:
+def _outcome(future: Any) -> tuple[Any, str]:
     from concurrent.futures import CancelledError
 
     from dask.distributed import KilledWorker

@@ -1,0 +1,279 @@
+"""The bank: a family's numbers drawn from its prior, and summaries of trials that they stood.
+
+    FOLDER/bank.json          the description: family, numbers, versions
+    FOLDER/draws/*.parquet    the rows, one file for each finished chunk
+
+A draw depends on its number and the bank's seed alone: rows are the same bit for bit whatever the chunks and whoever
+computes them, and a bank of more draws begins with those of one of fewer.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from icmj.base.array import Array
+from icmj.base.files import clear_leftovers, ready, write_bytes, write_text
+from icmj.base.text import one_line
+from icmj.errors import FitError
+from icmj.fitting.draws import FAMILIES, BankPlan, rows
+from icmj.fitting.family import DURATION, TRIALS, Family, load_family
+from icmj.fitting.prior import Prior
+from icmj.fitting.summaries import SUMMARIES
+from icmj.work.crew import crew
+from icmj.work.provenance import provenance
+
+FACTS, DRAWS = "bank.json", "draws"
+CHUNK = 50
+MOST = 10_000_000
+_VERSIONS = ("icmj", "numpy", "scipy", "numba", "mujoco")
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Draws of a family, those that stood and those that did not.
+
+    Attributes:
+        family: name of the family.
+        prior: of its numbers.
+        fingerprint: of the family, trials and duration; banks with the same one can be trained on together.
+        theta: the numbers, shape (n, p).
+        summaries: of each trial, shape (n, K, s); NaN where a draw fell.
+        fell: whether a draw fell in one of its trials, or has no controller, shape (n,).
+        seed: of the draws and their noise.
+        duration: of a trial [s].
+    """
+
+    family: str
+    prior: Prior
+    fingerprint: str
+    theta: Array
+    summaries: Array
+    fell: np.ndarray
+    seed: int
+    duration: float = DURATION
+
+    def __len__(self) -> int:
+        return len(self.theta)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the numbers."""
+        return self.prior.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the numbers."""
+        return self.prior.units
+
+    @property
+    def summary_names(self) -> tuple[str, ...]:
+        """Of the summaries."""
+        return SUMMARIES
+
+    @property
+    def z(self) -> Array:
+        """The numbers as standard normal variables, shape (n, p)."""
+        return self.prior.to_normal(self.theta)
+
+    @property
+    def stood(self) -> Bank:
+        """Those draws that stood in all their trials: what a network is trained on."""
+        kept = ~self.fell
+        return replace(self, theta=self.theta[kept], summaries=self.summaries[kept], fell=self.fell[kept])
+
+    @property
+    def words(self) -> str:
+        """How many there are and how many fell, in a sentence."""
+        share = 100 * float(np.mean(self.fell)) if len(self) else 0.0
+        trials = self.summaries.shape[1]
+        return (
+            f"{len(self)} draws of {self.family}, each {trials} trials of {self.duration:g} s; {share:.1f} % fell and "
+            "are left out: what is inferred is conditional on standing."
+        )
+
+
+def simulate_bank(
+    family: Family,
+    n: int,
+    seed: int = 0,
+    *,
+    trials: int = TRIALS,
+    duration: float = DURATION,
+    folder: Path | str | None = None,
+    jobs: int | None = None,
+    dask: str | None = None,
+    chunk: int = CHUNK,
+    progress: Callable[[float], None] | None = None,
+) -> Bank:
+    """Draw members of a family from its prior, let each stand, and summarise its trials; what is there is not redone.
+
+    Args:
+        family: the family.
+        n: number of draws.
+        seed: of draws and noise.
+        trials: of each draw.
+        duration: of a trial [s], at least 30.
+        folder: where finished chunks are kept, and a bank that was begun goes on; nothing is kept if ``None``.
+        jobs: number of local processes; by default the number of cores.
+        dask: address of a Dask scheduler, whose workers are used instead.
+        chunk: draws that are kept together.
+        progress: called with the completed fraction, 0–1.
+
+    Raises:
+        FitError: if there is nothing to draw, or the folder holds another bank or cannot be used.
+        SweepError: if the cluster is not there, or goes away.
+    """
+    if not (1 <= n <= MOST and 1 <= trials <= 100 and chunk >= 1 and seed >= 0):
+        raise FitError(f"{n} draws, {trials} trials, seed {seed}: expected at least one of each, and no negative seed")
+    if not 30.0 <= duration <= 3600.0:
+        raise FitError(f"trials of {duration:g} s; expected 30 to 3600 s")
+    plan = BankPlan(str(family.file.path), seed, trials, duration)
+    with TemporaryDirectory() if folder is None else nullcontext(folder) as where:
+        draws = _begun(Path(where), family, plan, chunk)
+        parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
+        left = [part for part in parts if _rows(draws / _name(part.start)) < len(part)]
+        done = len(parts) - len(left)
+        for part, content, why in _computed(plan, family, left, jobs, dask):
+            if content is None:
+                raise FitError(f"draws from {part.start} on: a process died ({why}); what is finished is kept")
+            try:
+                write_bytes(draws / _name(part.start), content)
+            except OSError as error:
+                raise FitError(f"{draws}: cannot be written to: {error.strerror}; what is finished is kept") from error
+            done += 1
+            if progress is not None:
+                progress(done / len(parts))
+        return _cut(read_bank(Path(where), family), n)
+
+
+def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
+    """The finished part of a bank, from its first draw to the last before one that is missing.
+
+    Args:
+        folder: of the bank.
+        family: that it is of; by default it is loaded by what the bank says.
+
+    Raises:
+        FitError: if it is no bank or of another family, or a file cannot be read.
+    """
+    folder = Path(folder)
+    facts = _facts(folder)
+    try:
+        family = family or load_family(Path(facts["path"]))
+        trials, duration, seed, begun = (facts[key] for key in ("trials", "duration", "seed", "family"))
+    except KeyError as error:
+        raise FitError(f"{folder / FACTS}: is not what a bank wrote: no {error}") from error
+    if begun != _mark(family, trials, duration):
+        raise FitError(f"{folder}: is a bank of another family than {family.file.path}; simulate it anew")
+    tables, count = [], 0
+    for path in sorted((folder / DRAWS).glob("[0-9]*.parquet")):
+        first = int(path.stem) if path.stem.isdecimal() else MOST
+        if first > count:
+            break
+        try:
+            table = pq.read_table(path, columns=["fell", "theta", "summaries"])
+        except (OSError, pa.ArrowException) as error:
+            why = one_line(error, 200)
+            raise FitError(f"{path}: cannot be read: {why}; remove it, and go on with the bank") from error
+        tables.append(table.slice(count - first) if first < count else table)
+        count = max(count, first + len(table))
+    if not count:
+        raise FitError(f"{folder}: no draw is finished there")
+    table = pa.concat_tables(tables)
+    p, s = len(family.prior), len(SUMMARIES)
+    theta, summaries = (
+        np.stack(table[name].combine_chunks().to_numpy(zero_copy_only=False)) for name in ("theta", "summaries")
+    )
+    if theta.shape[1:] != (p,) or summaries.shape[1:] != (trials * s,):
+        raise FitError(f"{folder}: has rows of other shapes than its {FACTS} says")
+    fell = table["fell"].combine_chunks().to_numpy(zero_copy_only=False).astype(bool)
+    return Bank(family.name, family.prior, begun, theta, summaries.reshape(-1, trials, s), fell, seed, duration)
+
+
+def _computed(
+    plan: BankPlan, family: Family, left: list[range], jobs: int | None, dask: str | None
+) -> Iterator[tuple[range, bytes | None, str]]:
+    """Parts, and what came of each as it comes; with one process it is this one."""
+    if not left:
+        return
+    if jobs == 1 and dask is None:
+        FAMILIES.known[plan.path] = family
+        for part in left:
+            yield part, rows(plan, part), ""
+        return
+    with crew(rows, jobs, dask) as workers:
+        yield from workers.compute(plan, iter(left))
+
+
+def _begun(folder: Path, family: Family, plan: BankPlan, chunk: int) -> Path:
+    """The folder of the draws, with a description above it, or the one that is there seen to be of this bank."""
+    now = provenance(family.file.path.parent)
+    versions = {name: now.get(name, "") for name in _VERSIONS}
+    mark = _mark(family, plan.trials, plan.duration)
+    try:
+        ready(folder)
+        if (folder / FACTS).exists():
+            known = _facts(folder)
+            if (known.get("family"), known.get("seed")) != (mark, plan.seed):
+                raise FitError(
+                    f"{folder}: holds another bank, of another family, seed or trials; choose another folder"
+                )
+            before = known.get("versions", {})
+            changed = [name for name in versions if before.get(name) != versions[name]]
+            other = [f"{name} {before.get(name)} (now {versions[name]})" for name in changed]
+            if other:
+                raise FitError(f"{folder}: was begun with {', '.join(other)}; choose another folder")
+        else:
+            facts = {
+                "family": mark, "name": family.name, "path": plan.path, "seed": plan.seed, "trials": plan.trials,
+                "duration": plan.duration, "summaries": SUMMARIES, "names": family.prior.names,
+                "units": family.prior.units, "versions": versions, "text": family.file.text,
+                "run": family.file.base.text,
+            }  # fmt: skip
+            write_text(folder / FACTS, json.dumps(facts, indent=1, ensure_ascii=False) + "\n")
+        (folder / DRAWS).mkdir(exist_ok=True)
+        clear_leftovers(folder / DRAWS)
+    except OSError as error:
+        raise FitError(f"{folder}: cannot be written to: {error.strerror}; choose another folder") from error
+    return folder / DRAWS
+
+
+def _mark(family: Family, trials: int, duration: float) -> str:
+    return f"{family.fingerprint}-{trials}-{duration:g}"
+
+
+def _facts(folder: Path) -> dict[str, Any]:
+    try:
+        with (folder / FACTS).open("rb") as file:
+            found = json.loads(file.read(10_000_000))
+    except (OSError, ValueError) as error:
+        raise FitError(f"{folder}: is not the folder of a bank: no {FACTS} that can be read") from error
+    if not isinstance(found, dict):
+        raise FitError(f"{folder / FACTS}: is not what a bank wrote")
+    return found
+
+
+def _name(first: int) -> str:
+    return f"{first:08d}.parquet"
+
+
+def _rows(path: Path) -> int:
+    """Rows of a file of draws; none of one that is not there, or cannot be read."""
+    try:
+        return int(pq.read_metadata(path).num_rows)
+    except (OSError, pa.ArrowException):
+        return 0
+
+
+def _cut(bank: Bank, n: int) -> Bank:
+    return replace(bank, theta=bank.theta[:n], summaries=bank.summaries[:n], fell=bank.fell[:n])

@@ -1,0 +1,192 @@
+"""The family: a controller and a body whose numbers are unknown, and the trials of one of its members."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.base.environment import single_threaded
+from icmj.case.case import check_names
+from icmj.case.designs import controlled, rival
+from icmj.case.plants import actual_plant, assumed_plant, linear_plant
+from icmj.controller.controller import Controller
+from icmj.controller.law import Law
+from icmj.errors import FitError
+from icmj.experiments.many import reseeded
+from icmj.fitting.prior import Prior
+from icmj.linear.run import simulate
+from icmj.linear.simulator import Simulator
+from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.matching import matched
+from icmj.runfile.family_tables import PRESSURE, FamilyFile, load_family_file
+from icmj.runfile.schema import RunFile
+from icmj.simulation.settings import Settings
+from icmj.simulation.start import start_states
+
+RATE = 100.0  # Hz
+DURATION = 60.0  # s, of a trial
+WARM_UP = 6.0  # s before it, in which what the start has left behind goes
+TRIALS = 3
+_STOOD = ("completed", "sliding")  # one that slides had events as often as it may
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One member of a family, ready to stand; nothing is predicted for it.
+
+    Attributes:
+        run: its run file.
+        plant: the actual plant.
+        law: the controller.
+        settings: of its trials, their warm-up included.
+        weights: the centre of pressure from the plant's states [m per unit of the state], shape (n,).
+    """
+
+    run: RunFile
+    plant: LinearPlant
+    law: Law
+    settings: Settings
+    weights: Array
+
+    @single_threaded()
+    def trial(self, seed: int) -> Array | None:
+        """The front-to-back centre of pressure of one trial on the linear plant [m] at 100 Hz, forwards positive.
+
+        It is that of :func:`icmj.simulate` bit for bit, without what nobody asks for here.
+
+        Args:
+            seed: of all noise, together with each noise's own.
+
+        Returns:
+            shape (N,), or ``None`` if it fell, or its events stood in each other's way.
+        """
+        settings = reseeded(self.settings, seed)
+        if isinstance(self.law, Controller):
+            simulator = Simulator(self.plant, self.law, settings, settings.record_interval)
+            loop = simulator.loop
+            found, outcome = simulator.run(loop.state(*start_states(self.plant, self.law, settings)))
+            t, x = found.t, loop.x(found.Z)
+        else:
+            run = simulate(self.plant, self.law, settings)
+            t, x, outcome = run.t, run.x, run.outcome
+        if outcome.kind not in _STOOD:
+            return None
+        grid = WARM_UP + np.arange(round((settings.duration - WARM_UP) * RATE)) / RATE
+        return np.asarray(x[np.searchsorted(t, grid - 1e-9)] @ self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A family of controllers: a run file some of whose numbers are unknown.
+
+    Attributes:
+        file: the family file.
+        prior: of its numbers.
+    """
+
+    file: FamilyFile
+    prior: Prior
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.file.family.name
+
+    @property
+    def title(self) -> str:
+        """What stands in tables and figures."""
+        return self.file.family.title or self.name
+
+    def run_file(self, theta: ArrayLike) -> RunFile:
+        """The run file of one member.
+
+        Args:
+            theta: its numbers, shape (p,).
+
+        Raises:
+            RunFileError: if a value is not allowed there.
+        """
+        return self.file.base.with_(**self._changes(theta, pressure=False))
+
+    def member(self, theta: ArrayLike, duration: float = DURATION) -> Member:
+        """One member, ready to stand for trials of this duration [s].
+
+        Raises:
+            RunFileError, ModelError, DesignError, AnalysisError: if there is no such controller.
+            FitError: if the centre of pressure is said to depend on what is no state.
+        """
+        run = self.run_file(theta).with_(
+            **{"simulation.duration": WARM_UP + duration, "simulation.record_interval": 1 / RATE}
+        )
+        run = run.drawn()
+        assumed = assumed_plant(run)
+        actual = actual_plant(run, assumed)
+        check_names(run, assumed.linearisation.plant, actual)
+        law = rival(run, assumed.linearisation.plant) if run.tries else controlled(run, assumed)[0]
+        settings = run.simulation.settings()
+        plant = matched(linear_plant(actual, settings), law.plant, "position")
+        torque = dict(self.file.pressure.torque)
+        for name, value in self._changes(theta, pressure=True).items():
+            torque[name] = torque.get(name, 0.0) + value
+        unknown = [name for name in torque if name not in plant.states]
+        if unknown:
+            raise FitError(
+                f"{self.file.path}: pressure.torque: no state {unknown[0]!r}; there are {', '.join(plant.states)}"
+            )
+        weights = np.array([-torque.get(name, 0.0) / self.file.pressure.weight for name in plant.states])
+        return Member(run, plant, law, settings, weights)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits that change with all that makes its trials but versions."""
+        base = self.file.base
+        said = {
+            "family": self.file.model_dump(
+                exclude={"family": {"title"}, "parameter": {"__all__": {"title", "source"}}}
+            ),
+            "run": base.model_dump(exclude={"case"}),
+            "models": [
+                hashlib.sha256(path.read_bytes()).hexdigest()
+                for path in (base.assumed_path, base.actual_path)
+                if path.is_file()
+            ],
+        }
+        return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    def _changes(self, theta: ArrayLike, pressure: bool) -> dict[str, Any]:
+        """What the numbers set, of the run file or of the centre of pressure."""
+        given = np.asarray(theta, dtype=float)
+        if given.shape != (len(self.prior),) or not np.isfinite(given).all():
+            raise FitError(f"{self.name} has {len(self.prior)} numbers ({', '.join(self.prior.names)}), got {given}")
+        each = {
+            key: factor * value
+            for value, table in zip(given.tolist(), self.file.parameter, strict=True)
+            for key, factor in table.keys.items()
+        }
+        if pressure:
+            return {key.removeprefix(PRESSURE): value for key, value in each.items() if key.startswith(PRESSURE)}
+        return {key: value for key, value in each.items() if not key.startswith(PRESSURE)}
+
+
+def load_family(path: Path | str, *, allow_code: bool = False) -> Family:
+    """A family by its file, or by the name of a shipped one: ``event``, ``clock``, ``predictor``, ….
+
+    Args:
+        path: the file, or the name.
+        allow_code: whether Python code that its run file names may be run.
+
+    Raises:
+        RunFileError: one line that names the file, the line or key, and what was expected.
+    """
+    file = load_family_file(path, allow_code=allow_code)
+    family = Family(file, Prior.of(file.parameter))
+    family.member(family.prior.from_normal(np.zeros((1, len(family.prior))))[0])  # what cannot be is told at once
+    return family

@@ -1,0 +1,175 @@
+"""The family file: a run file whose numbers are unknown, what is known of each before, and where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from icmj.base.text import one_line
+from icmj.errors import RunFileError
+from icmj.runfile.messages import in_words
+from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.schema import RunFile
+from icmj.runfile.shipped import FAMILIES, RUNS
+from icmj.runfile.sweep_tables import leaves
+from icmj.runfile.table import MOST, Finite, Line, Positive, TomlTable
+
+PRESSURE = "pressure.torque."
+"""Begins a key that is a weight of the centre of pressure and none of the run file."""
+
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+
+
+class FamilyTable(TomlTable):
+    """Name of the family, and the run file that its members are made of."""
+
+    name: _Name
+    """Name of the family."""
+    title: Line = ""
+    """Title in tables and figures (default: the name)."""
+    run: str
+    """Run file, beside this file or shipped. Trials have their own duration and are recorded at 100 Hz."""
+    set: dict[str, Any] = {}
+    """Values of the run file that are replaced, by dotted keys."""
+
+
+class PressureTable(TomlTable):
+    """How the centre of pressure follows from the plant's states: −(torque at the ankle) / weight."""
+
+    weight: Positive
+    """Vertical force on the feet [N]."""
+    torque: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)]
+    """Weights of the plant's states in the torque on the body at the ankle, by name [N m per unit of the state]."""
+
+
+class PriorTable(TomlTable):
+    """What is known of a number before a recording is seen."""
+
+    kind: Literal["uniform", "log-uniform", "normal", "log-normal"]
+    """Its distribution. The logarithm of what is ``log-uniform`` or ``log-normal`` is uniform or normal."""
+    low: Finite | None = None
+    """Least value (required for the uniform ones; default of the others: none)."""
+    high: Finite | None = None
+    """Largest value, likewise."""
+    median: Finite | None = None
+    """Median of the normal ones before they are cut at ``low`` and ``high``."""
+    deviation: Positive | None = None
+    """Standard deviation of the normal ones before they are cut, for ``log-normal`` of the natural logarithm."""
+
+    @model_validator(mode="after")
+    def _is_one(self) -> PriorTable:
+        uniform, log = self.kind.endswith("uniform"), self.kind.startswith("log")
+        needed, foreign = ("low", "high"), ["median", "deviation"]
+        if not uniform:
+            needed, foreign = ("median", "deviation"), []
+        for name in needed:
+            if getattr(self, name) is None:
+                raise ValueError(f"a {self.kind} prior needs {name}")
+        for name in foreign:
+            if getattr(self, name) is not None:
+                raise ValueError(f"a {self.kind} prior has no {name}")
+        if self.low is not None and self.high is not None and not self.low < self.high:
+            raise ValueError(f"low {self.low:g} is not below high {self.high:g}")
+        if log and any(value is not None and value <= 0 for value in (self.low, self.high, self.median)):
+            raise ValueError(f"a {self.kind} prior is of positive numbers")
+        return self
+
+
+class ParameterTable(TomlTable):
+    """One unknown number."""
+
+    name: _Name
+    """Its name in tables, figures and files."""
+    unit: Line = ""
+    """Its unit."""
+    title: Line = ""
+    """What it is, in words (default: the name)."""
+    keys: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)]
+    """Keys of the run file that it sets, each with a factor: ``{ "simulation.disturbance[1].size" = 0.5 }`` is half of
+    it there. What a key ``pressure.torque.STATE`` says is added to that state's weight in the centre of pressure."""
+    prior: PriorTable
+    """What is known of it before."""
+    source: Line
+    """Where the prior comes from, or ``ours``."""
+
+
+class FamilyFile(TomlTable):
+    """A family file (docs/fitting.md).
+
+    Attributes:
+        family: name, run file.
+        pressure: the centre of pressure.
+        parameter: the unknown numbers.
+    """
+
+    family: FamilyTable
+    """Name and run file of the family."""
+    pressure: PressureTable
+    """The centre of pressure from the plant's states."""
+    parameter: Annotated[list[ParameterTable], Field(min_length=1, max_length=50)]
+    """The unknown numbers, one ``[[parameter]]`` each."""
+
+    _text: str = PrivateAttr(default="")
+    _path: Path = PrivateAttr(default=Path("family.toml"))
+    _base: RunFile = PrivateAttr()
+
+    @classmethod
+    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "", allow_code: bool = False) -> FamilyFile:
+        """A family file of plain data; its run file lies beside ``path``, or is a shipped one.
+
+        Raises:
+            RunFileError: one line that names the file, the key, and what was expected.
+        """
+        try:
+            made = cls.model_validate(data)
+        except ValidationError as error:
+            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
+        made._path, made._text = path, text
+        beside = path.parent / made.family.run
+        base = load_run(beside if beside.is_file() else RUNS.meant(Path(made.family.run)), allow_code=allow_code)
+        try:
+            made._base = base.with_(**dict(leaves(made.family.set))) if made.family.set else base
+        except RunFileError as error:
+            raise RunFileError(f"{path}: family.set: {error}") from error
+        if made._base.setpoint:
+            raise RunFileError(f"{path}: family.run: {made.family.run} has a set-point; a family stands still")
+        return made
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> FamilyFile:
+        for what, names in (
+            ("parameters are called", [each.name for each in self.parameter]),
+            ("parameters set", [key for each in self.parameter for key in each.keys]),
+        ):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"two {what} {twice[0]}")
+        return self
+
+    @property
+    def base(self) -> RunFile:
+        """The run file that the numbers are put into."""
+        return self._base
+
+    @property
+    def text(self) -> str:
+        """The TOML text as read."""
+        return self._text
+
+    @property
+    def path(self) -> Path:
+        """Where it was read from."""
+        return self._path
+
+
+def load_family_file(path: Path | str, *, allow_code: bool = False) -> FamilyFile:
+    """Read and validate a family file and its run file; the name of a shipped one stands for it.
+
+    Raises:
+        RunFileError: one line that names the file, the line or key, and what was expected.
+    """
+    path, text = read_text(Path(path), FAMILIES)
+    return FamilyFile.validated(parse_toml(text, path), path, text, allow_code)
