@@ -19,7 +19,8 @@ from icmj.view.quantity import in_brackets, shared_unit
 BACKGROUND = (52, 58, 66, 255)
 DARK = (24, 27, 31, 255)
 CHARTS = {GROWTH: "Growth under the clock", LAW: "Amplitude law"}
-HISTORY, AHEAD = 8.0, 3.0  # intervals shown before and after the cursor where a whole run would be a smear
+HISTORY = 8.0  # intervals shown before the cursor, where a whole run would be too dense
+ROOM = 0.36  # of the time shown: left free at the right of the curves, for the legend
 
 
 def blueprint(result: Result) -> rrb.Blueprint:
@@ -50,7 +51,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
         middle.insert(2, rrb.Tabs(*ground, active_tab=0))
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
-        right.append(plot("Open-loop interval [s], whole run", "interval", whole_run(result), rrb.Corner2D.RightBottom))
+        right.append(plot("Open-loop interval [s], whole run", "interval", whole_run(result), ahead=True))
     if result.prediction.V_inv is not None:
         right.append(plot("Eigenvector analysis χ", "modes", window))
     return arranged(
@@ -73,7 +74,7 @@ def arranged(*columns: rrb.Vertical) -> rrb.Blueprint:
 
 
 def _window(result: Result) -> rrb.TimeAxis:
-    """A time axis that follows the cursor, wide enough for some intervals."""
+    """A time axis that follows the cursor: some intervals before it, and room for the legend after it."""
     simulation, interval = result.simulation, result.measurement.interval
     if interval is None or not np.isfinite(interval) or interval <= 0:
         interval = result.prediction.delta_crit or float(simulation.t[-1]) / 10
@@ -81,24 +82,36 @@ def _window(result: Result) -> rrb.TimeAxis:
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rr.TimeRangeBoundary.cursor_relative(seconds=-HISTORY * interval),
-            end=rr.TimeRangeBoundary.cursor_relative(seconds=AHEAD * interval),
+            end=rr.TimeRangeBoundary.cursor_relative(seconds=ROOM * HISTORY * interval),
         )
     )
 
 
 def whole_run(result: Result | Tried) -> rrb.TimeAxis:
-    """A time axis over the whole run."""
+    """A time axis over the whole run, and room for the legend."""
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rr.TimeRangeBoundary.absolute(seconds=0.0),
-            end=rr.TimeRangeBoundary.absolute(seconds=float(result.simulation.t[-1])),
+            end=rr.TimeRangeBoundary.absolute(seconds=(1.0 + ROOM) * float(result.simulation.t[-1])),
         )
     )
 
 
-def plot(name: str, origin: str, axis: rrb.TimeAxis, legend: rrb.Corner2D = rrb.Corner2D.LeftTop) -> rrb.TimeSeriesView:
-    """Series of one entity over time."""
-    return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis, plot_legend=rrb.PlotLegend(corner=legend))
+def plot(name: str, origin: str, axis: rrb.TimeAxis, *, ahead: bool = False) -> rrb.TimeSeriesView:
+    """Series of one entity over time, up to the cursor, or also ``ahead`` of it.
+
+    The legend lies in the room that the axis leaves to the right of the curves.
+    """
+    past = rrb.VisibleTimeRange(
+        TIMELINE, start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.cursor_relative(seconds=0.0)
+    )
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        axis_x=axis,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        time_ranges=None if ahead else past,
+    )
 
 
 def body(result: Result | Tried) -> rrb.Spatial3DView:

@@ -89,12 +89,12 @@ def blueprint(result: Tried) -> rrb.Blueprint:
     """The arrangement: body, outputs, inputs and mode over time, summary."""
     axis = whole_run(result)
     plots = [
-        plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", axis),
-        plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", axis),
-        plot("Plant state x", "states/plant", axis),
+        plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", axis, ahead=True),
+        plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", axis, ahead=True),
+        plot("Plant state x", "states/plant", axis, ahead=True),
     ]
     if result.simulation.mode.size:
-        plots.append(plot(f"Mode: {_numbered(result)}", "mode", axis))
+        plots.append(plot(f"Mode: {_numbered(result)}", "mode", axis, ahead=True))
     left: list[Any] = [body(result)] if result.scene is not None else []
     right = rrb.TextDocumentView(origin="summary", name="Summary")
     return arranged(*(rrb.Vertical(*part) for part in (left, plots, [right]) if part))
