@@ -92,7 +92,3 @@ def named(path: Path) -> Iterator[None]:
         if str(error).startswith(f"{path}: "):
             raise
         raise type(error)(f"{path}: {error}") from error
-
-
-class FitError(IcmjError):
-    """A family of controllers, a bank of its simulations or a fit of it cannot be made, or does not belong there."""

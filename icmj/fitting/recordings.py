@@ -1,0 +1,240 @@
+"""Recordings of standing people as trials: front-to-back centre of pressure [m] at 100 Hz, or one line on why not."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.text import one_line
+from icmj.errors import DataError, FitError
+from icmj.fitting.family import DURATION, RATE
+from icmj.fitting.summaries import LEAST
+from icmj.series.even import even_series
+from icmj.series.reading import read_series
+from icmj.series.series import Series
+
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+NAMES = ("ap", "cop_ap", "copap", "cop.ap", "copx", "cop_x", "cop")
+"""Names of a front-to-back centre of pressure, in small letters, that are looked for where no column is named."""
+INFO = "BDSinfo.txt"
+_SLOWEST = 40.0  # Hz: below this rate the fast measures are those of the interpolation
+_LARGEST, _SMALLEST = 0.05, 1e-4  # m, RMS of a person who stands
+_STUCK = 0.5  # s of one value
+_MOST_INFO = 50_000_000  # bytes
+
+
+@dataclass(frozen=True, eq=False)
+class TrialOf:
+    """One trial of a person.
+
+    Attributes:
+        name: what it is of, for people.
+        cop: front-to-back centre of pressure [m] at 100 Hz, shape (N,).
+        notes: what was done to it.
+    """
+
+    name: str
+    cop: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return len(self.cop) / RATE
+
+
+def read_trials(
+    path: Path | str, columns: Sequence[str] = (), *, unit: str | None = None, rate: float | None = None
+) -> tuple[TrialOf, ...]:
+    """The trials in one file of any kind that :func:`icmj.read_series` takes; each column is one.
+
+    Args:
+        path: the file.
+        columns: front-to-back centres of pressure; by default the column of such a name (:data:`NAMES`, or one that
+            ends in ``_ap``), or the only one.
+        unit: ``m``, ``cm`` or ``mm``, of a file that states none.
+        rate: rows per second [Hz], of a file without times.
+
+    Raises:
+        FitError: one line that names the file, if it cannot be read, has no such column or unit, is too short, has
+            gaps, or is not the sway of a person who stands.
+    """
+    with _of(path):
+        series = read_series(path, columns=columns, rate=rate)
+        chosen = tuple(columns) or _guessed(series)
+        return tuple(part for name in chosen for part in trials_of(series, name, unit=unit))
+
+
+def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[TrialOf, ...]:
+    """The trials in one column of a series; more than 90 s are cut into pieces of 60 s.
+
+    Raises:
+        FitError: as :func:`read_trials`.
+    """
+    name = series.names[_place(series, column)]
+    given = series.units[series.place(name)]
+    if given and unit and given != unit:
+        raise FitError(f"{name}: is in {given} by its header, and in {unit} as asked for; leave one out")
+    known = given or unit
+    if known not in METRES:
+        raise FitError(
+            f"{name}: unit {known!r}; expected m, cm or mm, as in '{name} [cm]'" if known else _no_unit(name)
+        )
+    try:
+        even = even_series(series.chosen([name]))
+    except DataError as error:
+        raise FitError(f"{name}: {error}") from error
+    t, x = even.t, even.values[:, 0] * METRES[known]
+    own = (len(t) - 1) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    if len(t) / max(own, 1e-9) < LEAST * (1 - 1e-9):
+        raise FitError(f"{name}: {len(t) / max(own, 1e-9):.3g} s; expected at least {LEAST:g} s of standing")
+    if own < _SLOWEST:
+        raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
+    _see_it_stands(name, known, t, x)
+    notes = []
+    if abs(own - RATE) > 1e-3 * RATE:
+        notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
+        x = _resampled(t, x, own)
+    pieces = max(1, int(len(x) / (DURATION * RATE) + 1e-9)) if len(x) > 1.5 * DURATION * RATE else 1
+    if pieces > 1:
+        size = round(DURATION * RATE)
+        notes.append(f"cut into {pieces} trials of {DURATION:g} s")
+        return tuple(
+            TrialOf(f"{name}, part {i + 1}", x[i * size : (i + 1) * size], tuple(notes)) for i in range(pieces)
+        )
+    if abs(len(x) / RATE - DURATION) > 0.05 * DURATION:
+        notes.append(
+            f"{len(x) / RATE:.4g} s long, and simulated ones {DURATION:g} s: slow measures are not quite alike"
+        )
+    return (TrialOf(name, x, tuple(notes)),)
+
+
+@dataclass(frozen=True)
+class PublicTrial:
+    """One trial of the public data set of Santos and Duarte (2016).
+
+    Attributes:
+        file: its text file.
+        person: number of the person.
+        vision, surface: ``Open`` or ``Closed``, ``Firm`` or ``Foam``.
+        group: age group, ``Young`` or ``Old``; "" where the table has none.
+    """
+
+    file: Path
+    person: str
+    vision: str
+    surface: str
+    group: str = ""
+
+
+def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple[PublicTrial, ...]:
+    """The trials in a folder of the public data set's own text files, by its table ``BDSinfo.txt``.
+
+    Each ``BDS00001.txt`` has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to back.
+    :func:`read_trials` reads it.
+
+    Args:
+        folder: with ``BDSinfo.txt`` and the files.
+        people: numbers of those wanted; by default all whose files are there.
+
+    Raises:
+        FitError: if the table cannot be read or names no file that is there.
+    """
+    table = Path(folder) / INFO
+    try:
+        if table.stat().st_size > _MOST_INFO:
+            raise FitError(f"{table}: is larger than any {INFO}")
+        with table.open(encoding="utf-8", errors="replace", newline="") as file:
+            rows = list(csv.DictReader(file, delimiter="\t"))
+    except (OSError, csv.Error) as error:
+        why = error.strerror if isinstance(error, OSError) else one_line(error, 100)
+        raise FitError(f"{table}: cannot be read ({why})") from error
+    missing = [name for name in ("Trial", "Subject", "Vision", "Surface") if not rows or name not in rows[0]]
+    if missing:
+        raise FitError(f"{table}: no column {missing[0]}; expected the table of the data set, separated by tabs")
+    wanted = {str(person) for person in people}
+    found = tuple(
+        PublicTrial(
+            Path(folder) / f"{Path(row['Trial']).name}.txt",
+            *(row[name] for name in ("Subject", "Vision", "Surface")),
+            row.get("AgeGroup") or "",
+        )
+        for row in rows
+        if not wanted or row["Subject"] in wanted
+    )
+    there = tuple(one for one in found if one.file.is_file())
+    if not there:
+        raise FitError(f"{folder}: has none of the {len(found)} files that {INFO} names")
+    return there
+
+
+def _see_it_stands(name: str, unit: str, t: Array, x: Array) -> None:
+    """See that this is the sway of a person who stands, in its unit."""
+    longest = 0.0
+    changes = np.flatnonzero(np.diff(x) != 0)
+    edges = np.concatenate([[-1], changes, [len(x) - 1]])
+    at = int(np.argmax(np.diff(edges)))
+    longest = float(t[edges[at + 1]] - t[edges[at] + 1])
+    rms = float(x.std())
+    if rms < 1e-9:
+        raise FitError(f"{name}: no sway at all; is it the right column?")
+    if longest > _STUCK:
+        raise FitError(
+            f"{name}: one value for {longest:.2g} s from {t[edges[at] + 1]:.4g} s on, as a filled gap; cut it"
+        )
+    if rms > _LARGEST:
+        raise FitError(
+            f"{name}: an RMS of {rms:.3g} m in {unit}; people who stand have 1 to 20 mm: is it another unit?"
+        )
+    if rms < _SMALLEST:
+        raise FitError(f"{name}: an RMS of {1e3 * rms:.3g} mm in {unit}; people have 1 to 20 mm: is it another unit?")
+
+
+def _resampled(t: Array, x: Array, own: float) -> Array:
+    """At 100 Hz; of faster rates without what is beyond 40 Hz, which would come back as slower."""
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import butter, sosfiltfilt
+
+    if own > RATE:
+        x = np.asarray(sosfiltfilt(butter(4, 0.4 * RATE, fs=own, output="sos"), x))
+    count = int((t[-1] - t[0]) * RATE * (1 + 1e-12)) + 1
+    return np.asarray(CubicSpline(t, x)(t[0] + np.arange(count) / RATE))
+
+
+def _guessed(series: Series) -> tuple[str, ...]:
+    """The column that is a front-to-back centre of pressure by its name."""
+    small = [name.lower() for name in series.names]
+    named = [name for name in NAMES if name in small]
+    if named:
+        return (series.names[small.index(named[0])],)
+    ends = [name for name in series.names if name.lower().endswith("_ap")]
+    if len(ends) == 1 or len(series.names) == 1:
+        return (*ends, *series.names)[:1]
+    raise FitError(f"which column is front to back? There are {', '.join(series.names[:12])}; name one")
+
+
+def _place(series: Series, column: str) -> int:
+    try:
+        return series.place(column)
+    except DataError as error:
+        raise FitError(str(error)) from error
+
+
+def _no_unit(name: str) -> str:
+    return f"{name}: no unit; give one in the header, as '{name} [cm]', or say it"
+
+
+@contextmanager
+def _of(path: Path | str) -> Iterator[None]:
+    """Errors within the block name the file once."""
+    try:
+        yield
+    except (DataError, FitError) as error:
+        words = str(error)
+        raise FitError(words if words.startswith(str(path)) else f"{path}: {words}") from error
