@@ -162,7 +162,9 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
     found = tuple(
         PublicTrial(
             Path(folder) / f"{Path(row['Trial']).name}.txt",
-            *(row[name] for name in ("Subject", "Vision", "Surface")),
+            row["Subject"],
+            row["Vision"],
+            row["Surface"],
             row.get("AgeGroup") or "",
         )
         for row in rows
