@@ -20,7 +20,7 @@ from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.sources import Gaussian
 from icmj.simulation.start import start_states
 
-RUN = Path(__file__).resolve().parent.parent / "runs" / "quiet-standing.toml"
+RUN = Path(__file__).resolve().parent.parent / "benchmarks" / "standing.toml"
 GROUP = "noise"
 STEP, INTERVAL = 2e-3, 1e-2
 REPEATS = 60

@@ -18,7 +18,7 @@ from icmj.simulation.settings import Settings
 
 DURATION, RECORD_INTERVAL = 15.0, 0.01
 REPEATS = 30
-NOISY = Path(__file__).resolve().parent.parent / "runs" / "quiet-standing.toml"
+NOISY = Path(__file__).resolve().parent.parent / "benchmarks" / "standing.toml"
 MINUTES = 7  # repeats of a minute with noise
 STAGES, NOISE = 1.6, 1.3
 
