@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import psutil
+from grammar_experiments import grammar_experiment
 from grammar_folders import damaged_folder
 from grammar_models import grammar_model
 from grammar_runs import grammar_run, grammar_sweep
@@ -388,8 +389,8 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
         if status not in (0, 2) or "Traceback" in said or _contents(folder) != before:
             return "failure", words
         if status == 2:
-            # a sweep that had begun keeps what was finished
-            clean = command[0] == "sweep" or not (folder / "out").exists()
+            # a sweep that had begun keeps what was finished, and so does an experiment
+            clean = command[0] == "sweep" or not (folder / "out").exists() or any((folder / "out/trials").glob("*"))
             whole = len(lines) == 1 and lines[0].startswith("icmj: ") and clean
             return ("refused" if whole and not re.search(r"[\x00-\x08\x0b-\x1f]", lines[0]) else "failure"), words
         return ("accepted" if not lines else "failure"), words
@@ -617,6 +618,7 @@ _FILES: dict[str, Callable[[random.Random, Path], list[str]]] = {
     "series": mutant_series,
     "grammar-run": grammar_run,
     "grammar-sweep": grammar_sweep,
+    "grammar-experiment": grammar_experiment,
     "grammar-model": grammar_model,
     "folder": _folder,
 }

@@ -18,6 +18,8 @@ from pathlib import Path
 SUFFIX = ".tmp"
 """Ends the name of what is under way; the name says who writes it, so that what the dead left can be told."""
 
+LOCK = ".lock"
+
 _OURS = re.compile(r"\..+\.(?P<place>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}" + re.escape(SUFFIX))
 _A_DAY = 86400.0  # [s]
 
@@ -111,6 +113,37 @@ def _kind(mode: int) -> str:
         stat.S_IFREG: "file",
     }
     return names.get(stat.S_IFMT(mode), "device")
+
+
+@contextmanager
+def locked(folder: Path, what: str) -> Iterator[None]:
+    """Nobody else at the folder, where the system has such locks; it goes with the process, however that ends.
+
+    Args:
+        folder: which one; a file ``.lock`` in it says who is there.
+        what: what writes there, in words.
+
+    Raises:
+        BlockingIOError: if somebody is at it, with who it is in its ``strerror``.
+        OSError: if the lock cannot be made, or is no file of this folder alone.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    with os.fdopen(regular(folder / LOCK, os.O_RDWR | os.O_CREAT), "r+b") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            who = file.read(20).decode(errors="replace").strip()
+            whose = f" (process {who})" if who.isdecimal() else ""
+            words = f"another {what}{whose} is writing there; wait for it"
+            raise BlockingIOError(errno.EAGAIN, words, str(folder)) from None
+        file.truncate(0)
+        file.write(str(os.getpid()).encode())
+        file.flush()
+        yield
 
 
 def write_text(target: Path, text: str) -> None:

@@ -207,5 +207,6 @@ def _factor(series: Series, place: int, known: dict[str, float]) -> float:
     unit = series.units[place]
     if unit not in known:
         said = f"is in {unit!r}" if unit else "has no unit"
-        raise DataError(f"{series.names[place]}: {said}; expected one of {', '.join(known)}, as in 'cop [m]'")
+        name = series.names[place]
+        raise DataError(f"{name}: {said}; expected one of {', '.join(known)}, as in '{name} [{next(iter(known))}]'")
     return known[unit]

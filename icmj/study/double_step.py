@@ -12,6 +12,7 @@ from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
 from icmj.case.trial import Trial
 from icmj.controller.step_pairs import find_step_pairs
+from icmj.errors import DataError
 from icmj.experiments.double_step.explanation import KINDS, Explanation, explain_reactions
 from icmj.experiments.double_step.reconstruction import Reconstruction, reconstruct_steps
 from icmj.experiments.double_step.refractoriness import FEWEST_INTERVALS, Refractoriness, grouped, refractoriness
@@ -121,6 +122,9 @@ class DoubleStepKind(Kind):
 
     def read(self, series: Series) -> Series:
         pair = series.chosen([self.settings.target, self.settings.control or CONTROL])
+        for name, unit in zip(pair.names, pair.units, strict=True):
+            if not unit:
+                raise DataError(f"{name}: has no unit; give one, as in '{name} [rad]'")
         return replace(pair, names=(TARGET, CONTROL))
 
     def analysed(

@@ -1,6 +1,6 @@
 """The experiment: trials of each case on each plant, side by side in several processes, kept, analysed and drawn.
 
-    OUT/experiment.json   what it is of: texts, fingerprint, versions, provenance
+    OUT/experiment.json   what it is of: texts, fingerprint, versions, provenance; beside it .lock while it is written
     OUT/trials/           the signals of each trial, and its events, as Parquet: what stands there is done
     OUT/results.parquet   the curves that were found, by case and plant
     OUT/summary.json      the numbers
@@ -102,7 +102,11 @@ def analyse_recordings(
             raise DataError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
     if not trials:
         raise DataError("no recording; give one file at least")
-    finding = kind.analysed(trials)
+    try:
+        finding = kind.analysed(trials)
+    except DataError as error:
+        which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
+        raise DataError(f"{which}: {error}") from error
     name = Path(recordings[0]).stem
     told = Told(name, name, "recording", finding, len(trials), finding.words)
     experiment = Experiment(made, (told,))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.files import write_text
+from icmj.base.files import LOCK, clear_leftovers, locked, ready, write_text
 from icmj.errors import DataError, StudyError
 from icmj.experiments.recording import Recording
 from icmj.runfile.experiment_tables import ExperimentFile
@@ -80,34 +81,59 @@ def no_folder() -> Iterator[Folder]:
 
 @contextmanager
 def opened(path: Path, file: ExperimentFile) -> Iterator[Folder]:
-    """The folder of an experiment, begun or taken up again.
+    """The folder of an experiment, begun or taken up again; nobody else writes to it within the block.
 
     Raises:
-        StudyError: if it holds another experiment, or one of other versions, or cannot be written to.
+        StudyError: if another process is at it, or it holds another experiment, or one of other versions, or cannot be
+            written to.
     """
+    made = not path.exists()
     try:
-        (path / TRIALS).mkdir(parents=True, exist_ok=True)
-        facts = path / FACTS
-        mark = fingerprint(file)
-        if facts.exists():
-            known = _known(facts)
-            if known.get("fingerprint") != mark:
-                raise StudyError(
-                    f"{path}: holds another experiment, or one of another file, model or version; choose another --out"
-                )
-        else:
-            record = {
-                "fingerprint": mark,
-                "name": file.experiment.name,
-                "kind": file.kind,
-                "provenance": provenance(file.path.parent),
-                "experiment": file.text,
-                "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
-            }
-            write_text(facts, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-        yield Folder(path)
+        path.mkdir(parents=True, exist_ok=True)
+        with locked(path, "experiment"), _kept_if_begun(path, made):
+            ready(path)
+            _begin(path, file)
+            trials = path / TRIALS
+            if trials.is_symlink():
+                raise StudyError(f"{trials}: is a link, not a folder; choose another --out")
+            trials.mkdir(exist_ok=True)
+            clear_leftovers(trials)
+            yield Folder(path)
+    except BlockingIOError as error:
+        raise StudyError(f"{path}: {error.strerror}, or choose another --out") from error
     except OSError as error:
         raise StudyError(f"{path}: cannot be written to: {error.strerror}; choose another --out") from error
+
+
+@contextmanager
+def _kept_if_begun(path: Path, made: bool) -> Iterator[None]:
+    """Leave no folder behind that was ``made`` for trials of which not one was done, nor results."""
+    try:
+        yield
+    except BaseException:
+        if made and not any(child for child in path.rglob("*") if child.name not in (FACTS, LOCK, TRIALS)):
+            shutil.rmtree(path, ignore_errors=True)
+        raise
+
+
+def _begin(path: Path, file: ExperimentFile) -> None:
+    """Say what the folder is of, or see that it is of this."""
+    facts, mark = path / FACTS, fingerprint(file)
+    if facts.exists():
+        if _known(facts).get("fingerprint") != mark:
+            raise StudyError(
+                f"{path}: holds another experiment, or one of another file, model or version; choose another --out"
+            )
+        return
+    record = {
+        "fingerprint": mark,
+        "name": file.experiment.name,
+        "kind": file.kind,
+        "provenance": provenance(file.path.parent),
+        "experiment": file.text,
+        "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
+    }
+    write_text(facts, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
 
 
 def fingerprint(file: ExperimentFile) -> str:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from icmj.base.files import clear_leftovers, ready, regular, replaceable, whole, write_text
+from icmj.base.files import clear_leftovers, locked, ready, regular, replaceable, whole, write_text
 from icmj.errors import SweepError
 from icmj.result.swept import Swept
 from icmj.sweeps.chunk import Computed
@@ -29,7 +29,7 @@ from icmj.sweeps.plan import Plan, versions
 from icmj.sweeps.validation import Facts, chunk_files, read_chunk, read_facts
 from icmj.work.provenance import provenance
 
-FACTS, POINTS, TIMING, LOCK = "sweep.json", "points", "timing.csv", ".lock"
+FACTS, POINTS, TIMING = "sweep.json", "points", "timing.csv"
 
 
 class Dataset:
@@ -84,7 +84,7 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _locked(folder):
+        with locked(folder, "sweep"):
             ready(folder)
             facts = _begin(folder, plan)
             points = folder / POINTS
@@ -94,6 +94,8 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
             points.mkdir(exist_ok=True)
             clear_leftovers(points)
             yield Dataset(folder, plan, facts)
+    except BlockingIOError as error:
+        raise SweepError(f"{folder}: {error.strerror}, or choose another --out") from error
     except OSError as error:
         raise SweepError(f"{folder}: cannot be written to: {error.strerror}; choose another --out") from error
 
@@ -165,29 +167,6 @@ def _begin(folder: Path, plan: Plan) -> Facts:
     if (known.points, known.chunk) != (len(plan), plan.chunk):
         raise SweepError(f"{folder}: its {FACTS} is not what this sweep wrote; choose another --out")
     return known
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Nobody else at the folder, where the system has such locks; it goes with the process, however that ends."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    with os.fdopen(regular(folder / LOCK, os.O_RDWR | os.O_CREAT), "r+b") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            who = file.read(20).decode(errors="replace").strip()
-            whose = f" (process {who})" if who.isdecimal() else ""
-            raise SweepError(
-                f"{folder}: another sweep{whose} is writing there; wait for it, or choose another --out"
-            ) from None
-        file.truncate(0)
-        file.write(str(os.getpid()).encode())
-        file.flush()
-        yield
 
 
 def _settle(folder: Path) -> None:

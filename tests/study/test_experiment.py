@@ -1,6 +1,9 @@
 """The frame of experiments: trials kept, taken up again and analysed as recordings; and what it refuses."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,6 +15,7 @@ from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
 from icmj.runfile.shipped import EXPERIMENTS
+from icmj.study.trials import opened
 
 TEXT = """
 [experiment]
@@ -46,8 +50,9 @@ def test_all_of_it_stands_in_the_folder(done):
     folder, experiment = done
     assert [f"{told.case}.{told.plant}" for told in experiment.found] == ["own.linear", "continuous.linear"]
     assert {path.name for path in folder.iterdir()} == {
-        "experiment.json", "trials", "results.parquet", "summary.json", "figure.png", "figure.svg", "report.html"
-    }  # fmt: skip
+        *(".lock", "experiment.json", "trials", "results.parquet", "summary.json"),
+        *("figure.png", "figure.svg", "report.html"),
+    }
     rows = pq.read_table(folder / "results.parquet")
     assert set(rows["case"].to_pylist()) == {"own", "continuous"}
     numbers = json.loads((folder / "summary.json").read_text())["found"][0]["numbers"]
@@ -63,6 +68,35 @@ def test_seeds_differ_and_the_case_stays_the_same(done):
     assert first.units[first.place("cop.x")] == "m"
     assert not np.allclose(first["cop.x"], second["cop.x"])
     np.testing.assert_allclose(first.t, np.arange(801) / 100, atol=1e-9)
+
+
+def test_two_processes_are_not_at_one_folder(tmp_path):
+    file, out = file_of(TEXT, tmp_path), tmp_path / "out"
+    script = (
+        "import sys; from pathlib import Path; from icmj.runfile.experiment_tables import load_experiment as load\n"
+        "from icmj.study.trials import opened\n"
+        "with opened(Path(sys.argv[2]), load(sys.argv[1])):\n    print('there', flush=True); sys.stdin.read()"
+    )
+    (tmp_path / "short.toml").write_text(TEXT)
+    command = [sys.executable, "-c", script, str(tmp_path / "short.toml"), str(out)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "there\n"
+        words = rf"another experiment \(process {other.pid}\) is writing there; wait for it, or choose another --out"
+        with pytest.raises(StudyError, match=words) as refused:
+            icmj.run_experiment(file, out, jobs=1)
+        assert "\n" not in str(refused.value)
+        other.kill()  # the lock goes with it
+    with opened(out, file):
+        pass
+
+
+def test_trials_are_not_written_through_a_link(tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "trials").symlink_to(tmp_path / "other")
+    with pytest.raises(StudyError, match="is a link, not a folder"):
+        icmj.run_experiment(file_of(TEXT, tmp_path), tmp_path / "out", jobs=1)
+    assert not list((tmp_path / "other").iterdir())
 
 
 def test_it_goes_on_where_it_ended_with_the_same_numbers(done, tmp_path):
@@ -145,7 +179,8 @@ def test_a_plant_by_matrices_has_no_weight(tmp_path):
     )
     text = TEXT.replace("quiet-standing", "matrices.toml").replace("set.controller.q_t = 0.004", "")
     with pytest.raises(IcmjError, match="needs a model"):
-        icmj.run_experiment(file_of(text, tmp_path), jobs=1)
+        icmj.run_experiment(file_of(text, tmp_path), tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out").exists()  # nothing was done, so nothing is kept
     only = text.replace('["linear"]', '["mujoco"]')
     with pytest.raises(RunFileError, match="given by matrices"):
         icmj.run_experiment(file_of(only, tmp_path), jobs=1)
@@ -156,3 +191,55 @@ def test_shipped_ones_validate(name):
     file = icmj.load_experiment(name)
     assert file.experiment.name == name
     assert file.path.stem == name
+
+
+FORCES = {"force.x": "N", "force.z": "N", "cop.x": "m"}
+STEPS, SINES, SWAY = {"target": "rad", "control": "N m"}, {"stimulus": "N m", "u": "N m"}, {"cop.x": "mm"}
+REMNANT = (
+    Path(EXPERIMENTS.files["remnant"]).read_text(encoding="utf-8").replace("[multisine]", '[multisine]\nresponse = "u"')
+)
+
+
+def recording(columns, rows=6000, of=None):
+    """A slow random motion of some columns at 100 Hz, one of them another one."""
+    t, draw = 0.01 * np.arange(rows), np.random.default_rng(1)
+    values = 1e-3 * np.cumsum(draw.standard_normal((rows, len(columns))), axis=0)
+    values[:, [name == "force.z" for name in columns]] += 700
+    if of is not None:
+        values[:, 0] = of(t)
+    return icmj.Series(t, values, tuple(columns), tuple(columns.values()))
+
+
+@pytest.mark.parametrize(
+    ("name", "series", "words"),
+    [
+        ("intersection-point", recording(FORCES, rows=300), "windows|rows|shorter"),
+        ("intersection-point", recording(FORCES | {"force.z": ""}), r"force.z: has no unit; .*'force.z \[N\]'"),
+        ("intersection-point", recording(FORCES | {"cop.x": "s"}), "cop.x: is in 's'; expected one of m"),
+        ("standing", recording(SWAY, rows=10), "10 (values|rows)"),
+        ("standing", recording({"cop.x": ""}), "cop.x: has no unit"),
+        ("remnant", recording(SINES, of=lambda t: np.sin(2 * np.pi * 0.137 * t)), "not periodic in 10 s|no power"),
+        ("remnant", recording(SINES, rows=1500, of=lambda t: np.sin(0.2 * np.pi * t)), "1 whole periods of 10 s"),
+        (
+            "remnant",
+            recording(SINES | {"u": ""}, of=lambda t: np.sin(0.2 * np.pi * t)),
+            "u: has no unit|response: has no unit",
+        ),
+        ("double-step", recording(STEPS, of=lambda t: (t > 5) & (t < 5.3)), "1 pairs of steps; expected at least 4"),
+        ("double-step", recording(STEPS | {"target": ""}, of=lambda t: (t > 5) & (t < 5.3)), "target: has no unit"),
+        ("double-step-joystick", recording(STEPS), "moves from row to row"),
+        ("double-step-head", recording({"target": "m"}), "no column 'control'"),
+        ("double-step-head", recording(STEPS, rows=300, of=lambda t: 0 * t), "never moves"),
+    ],
+)
+def test_a_shipped_analysis_refuses_what_it_cannot_tell_in_one_line(name, series, words, tmp_path):
+    if name == "remnant":
+        file = ExperimentFile.validated(parse_toml(REMNANT, tmp_path / "r.toml"), tmp_path / "r.toml", REMNANT)
+    else:
+        file = icmj.load_experiment(name)
+    icmj.write_series(series, tmp_path / "recording.csv")
+    with pytest.raises(DataError, match=words) as refused:
+        icmj.analyse_recordings(file, [tmp_path / "recording.csv"], tmp_path / "out")
+    assert str(refused.value).startswith(f"{tmp_path / 'recording.csv'}: ")
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "out").exists()
