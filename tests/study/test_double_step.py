@@ -93,20 +93,21 @@ isi = [0.1, 0.3, 0.6]
 repetitions = 3
 recovery = [2.5, 3.0]
 [[case]]
-run = "quiet-standing"
+run = "three-link-0.9"
+set.assumed.delay = 0.14
 set.actual.gain = 1.0
+set.controller.q_t = 0.003
 set.controller.delta_min = 0.45
 set.simulation.initial.ankle = 0.0
-set.simulation.disturbance = []
 """
 
 
 def test_a_head_follows_a_combination_of_angles(tmp_path):
     done = icmj.run_experiment(file_of(HEAD, tmp_path), tmp_path / "out", jobs=1)
-    found = done["quiet-standing"].finding
+    found = done["three-link-0.9"].finding
     assert found.told.kind == "event"
     assert found.numbers["slope −1 (s)"] == pytest.approx(0.45, abs=0.01)
-    trial = icmj.read_series(tmp_path / "out" / "trials" / "quiet-standing.linear.0000.parquet")
+    trial = icmj.read_series(tmp_path / "out" / "trials" / "three-link-0.9.linear.0000.parquet")
     assert trial.units == ("m", "N m")
     assert np.abs(np.diff(trial["target"])).max() == pytest.approx(0.02)
 
