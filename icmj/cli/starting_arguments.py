@@ -83,12 +83,12 @@ class Linearise(Shared):
 
 @dataclass(frozen=True)
 class Schema(Shared):
-    """Print the JSON Schema of run, sweep or experiment files, with which editors complete and check them.
+    """Print the JSON Schema of run, sweep, experiment or family files, with which editors complete and check them.
 
     Example: icmj schema run --out run.schema.json
     """
 
-    kind: tyro.conf.Positional[Literal["run", "sweep", "experiment"]] = "run"
+    kind: tyro.conf.Positional[Literal["run", "sweep", "experiment", "family"]] = "run"
     """Kind of file."""
     out: Path | None = None
     """File to write instead of printing."""

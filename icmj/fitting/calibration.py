@@ -66,7 +66,7 @@ class Calibration:
 def calibrate(z: ArrayLike, draws: ArrayLike, names: Sequence[str], spread: ArrayLike = 1.0) -> Calibration:
     """Compare posteriors with the truth.
 
-    A number is ``identified`` if its contraction is at least :data:`IDENTIFIED`, ``not calibrated`` if its p-value is
+    A number is ``identified`` if its contraction is at least ``IDENTIFIED``, ``not calibrated`` if its p-value is
     below 1 % divided by the number of numbers, whatever its contraction, else ``not identified``.
 
     Args:

@@ -101,7 +101,7 @@ class Confusion:
 
     @property
     def alike(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of families that such data cannot tell apart: fewer than :data:`TOLD_APART` are given rightly."""
+        """Pairs of families that such data cannot tell apart: fewer than ``TOLD_APART`` are given rightly."""
         return tuple(pair for pair, share in self.pairs.items() if share < TOLD_APART)
 
     @property

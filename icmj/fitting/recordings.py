@@ -56,7 +56,7 @@ def read_trials(
 
     Args:
         path: the file.
-        columns: front-to-back centres of pressure; by default the column of such a name (:data:`NAMES`, or one that
+        columns: front-to-back centres of pressure; by default the column of such a name (``NAMES``, or one that
             ends in ``_ap``), or the only one.
         unit: ``m``, ``cm`` or ``mm``, of a file that states none.
         rate: rows per second [Hz], of a file without times.

@@ -18,7 +18,7 @@ from icmj.measurement.sway import measure_sway
 from icmj.series.series import Series
 
 MEASURES = ("rms", "speed", "slope", "H short", "H long", "mean frequency")
-"""The six measures of sway; units :data:`MEASURE_UNITS`."""
+"""The six measures of sway; units ``MEASURE_UNITS``."""
 MEASURE_UNITS = ("m", "m/s", "", "", "", "Hz")
 LEAST = 30.0  # s
 _LOGS = np.array([True, True, False, False, False, True])
@@ -46,7 +46,7 @@ def summarise(cop: ArrayLike, rate: float = 100.0) -> Array:
         rate: samples per second [Hz].
 
     Returns:
-        shape (s,), finite; named by :data:`SUMMARIES`.
+        shape (s,), finite; named by ``SUMMARIES``.
 
     Raises:
         FitError: if it is too short, has values that are no numbers, or does not move.

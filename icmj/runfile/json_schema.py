@@ -1,4 +1,4 @@
-"""The JSON Schema of run files and sweep files, with which editors complete and check them."""
+"""The JSON Schema of run files and the other files of icmj, with which editors complete and check them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from icmj.base.version import VERSION
 from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.runfile.family_tables import FamilyFile
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 
@@ -20,10 +21,11 @@ KINDS: dict[str, tuple[type[BaseModel], str]] = {
     "run": (RunFile, "icmj run file"),
     "sweep": (SweepFile, "icmj sweep file"),
     "experiment": (ExperimentFile, "icmj experiment file"),
+    "family": (FamilyFile, "icmj family file"),
 }
 
 
-def json_schema(kind: Literal["run", "sweep", "experiment"]) -> dict[str, Any]:
+def json_schema(kind: Literal["run", "sweep", "experiment", "family"]) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a kind of file: every table and key with its meaning, bounds and default.
 
     What only the whole file shows, such as whether a joint has that name, is checked when the file is read.

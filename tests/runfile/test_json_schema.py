@@ -10,7 +10,7 @@ import pytest
 
 from icmj.cli.main import main
 from icmj.runfile.json_schema import SCHEMA_VERSION, json_schema
-from icmj.runfile.shipped import RUNS, SWEEPS
+from icmj.runfile.shipped import FAMILIES, RUNS, SWEEPS
 
 
 def tables(schema: dict[str, Any], entry: dict[str, Any]) -> list[dict[str, Any]]:
@@ -44,7 +44,7 @@ def unknown(schema: dict[str, Any], entry: dict[str, Any], value: Any, at: str =
     return missing
 
 
-@pytest.mark.parametrize(("kind", "shelf"), [("run", RUNS), ("sweep", SWEEPS)])
+@pytest.mark.parametrize(("kind", "shelf"), [("run", RUNS), ("sweep", SWEEPS), ("family", FAMILIES)])
 def test_every_key_of_the_shipped_files_is_known_and_described(kind, shelf):
     schema = json_schema(kind)
     files = sorted(shelf.folder.glob("*.toml"))
@@ -67,4 +67,4 @@ def test_the_command_prints_and_writes_it_with_its_version(tmp_path, capsys):
     assert main(["schema", "sweep", "--out", str(file)]) == 0
     assert json.loads(file.read_text(encoding="utf-8"))["title"] == "icmj sweep file"
     assert main(["schema", "swep"]) == 2
-    assert "expected experiment or run or sweep, got 'swep'" in capsys.readouterr().err
+    assert "expected experiment or family or run or sweep, got 'swep'" in capsys.readouterr().err
