@@ -600,11 +600,13 @@ def _warm_up() -> None:
     from icmj.cli.main import main
 
     with tempfile.TemporaryDirectory() as folder:
-        text = (ROOT / "runs" / "simple-0.8.toml").read_text(encoding="utf-8")
-        text = re.sub(r"duration = [\d.]+", "duration = 0.1", text.replace("../models", str(ROOT / "models")))
-        (Path(folder) / "case.toml").write_text(text, encoding="utf-8")
+        for name in ("rivals/one-link-switching", "simple-0.8"):
+            text = (ROOT / "runs" / f"{name}.toml").read_text(encoding="utf-8").replace("../../", "../")
+            text = re.sub(r"duration = [\d.]+", "duration = 0.5", text.replace("../models", str(ROOT / "models")))
+            (Path(folder) / "case.toml").write_text(text, encoding="utf-8")
+            for plant in ("mujoco", "linear"):
+                main(["run", f"{folder}/case.toml", "--plant", plant, "--out", f"{folder}/out"])
         for plant in ("mujoco", "linear"):
-            main(["run", f"{folder}/case.toml", "--plant", plant, "--out", f"{folder}/out"])
             main(["cycle", f"{folder}/case.toml", "--plant", plant, "--json"])
 
 

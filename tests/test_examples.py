@@ -21,6 +21,8 @@ import pytest
         ("dm_control_model.py", "Settled on a period-1 cycle of 0.65768"),
         ("ball_joint.py", "mujoco  first interval 0.3204"),
         ("muscle.py", "Settled on a period-1 cycle of 1.16"),
+        ("rigid_person.py", "continuous, MuJoCo, 5.12 s: off by 0.38 % from 1 Hz on"),
+        ("deciding.py --people 2 --trials 1", "events – predictor                        1            1"),
         ("sway.py", "person: RMS 3.0 mm, mean speed 6 mm/s, H on short times 0.71\nmodel: RMS 4."),
     ],
 )
