@@ -5,14 +5,12 @@ How does a hidden load change the sway? The controller assumes a wrong mass, cen
 the ankle angle is adjusted until the load is balanced.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
 import icmj
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+SHIPPED = icmj.load_run("three-link-0.9").path  # paths in RUN are relative to the folder of this file
 
 TRUNK, COM, INERTIA = 54.24, np.array([0.0, 0.0, 0.32452]), 3.58602  # kg, m, kg m²
 WHERE = np.array([-0.15, 0.0, 0.35])  # position of the backpack relative to the hip, behind the back
@@ -20,7 +18,7 @@ WHERE = np.array([-0.15, 0.0, 0.35])  # position of the backpack relative to the
 RUN = """
 case = { name = "backpack", title = "A backpack that the controller does not know of" }
 [assumed]
-model = "models/three_link.xml"
+model = "../models/three_link.xml"
 keyframe = "upright"
 [actual]
 operating_point = "balance"     # the ankle finds where the load is balanced; knee and hip are held
@@ -48,7 +46,7 @@ def backpack(load: float) -> str:
 
 predicted = {}
 for load in (5.0, 10.0, 15.0):
-    case = icmj.prepare(icmj.parse_run(RUN + backpack(load), CHECKOUT / "backpack.toml"))
+    case = icmj.prepare(icmj.parse_run(RUN + backpack(load), SHIPPED))
     lean = np.degrees(case.actual.linearisation.point.qpos[0])
     prediction = case.prediction
     predicted[load] = prediction.delta_crit

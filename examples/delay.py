@@ -7,7 +7,6 @@ To draw the figure of the documentation page on delays: ``python examples/delay.
 """
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -33,7 +32,7 @@ def unbroken(values):
 figure, stack = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 for axes, system in zip(stack, ("simple", "three-link"), strict=True):
     for name in [name for name in CASES if name.startswith(system)]:
-        case = icmj.prepare(icmj.load_run(Path(__file__).resolve().parents[1] / "runs" / f"{name}.toml"))
+        case = icmj.prepare(icmj.load_run(name))
         plant, controller = case.actual.linearisation.plant, case.controller
         colour = None  # the first curve's is that of the case
         for mistake, style in ((1.0, "-"), (1.1, "--"), (0.9, ":")):

@@ -4,14 +4,12 @@
 A standing person is pushed at the ankle, and the open-loop intervals return to those of the cycle.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
 import icmj
 
-path = Path(__file__).resolve().parents[1] / "runs" / "three-link-0.9.toml"
+shipped = icmj.load_run("three-link-0.9")
 push = """
 [[simulation.disturbance]]
 kind = "impulse"                # N m s at the ankle, spread over 50 ms
@@ -19,7 +17,7 @@ input = "ankle_torque"
 size = 0.5
 start = 15.0
 """
-run_file = icmj.parse_run(path.read_text(encoding="utf-8") + push, path)
+run_file = icmj.parse_run(shipped.text + push, shipped.path)
 case = icmj.prepare(run_file)
 run = icmj.simulate(case, "mujoco")
 for t, interval in zip(run.events.t, run.events.interval, strict=True):

@@ -4,8 +4,6 @@
 The operating point is a given pose; the torques that hold it are computed.
 """
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import pyplot as plt
 
@@ -13,12 +11,12 @@ import icmj
 
 LEAN = """
 case = { name = "lean", title = "Leaning forwards by 2 degrees" }
-assumed = { model = "models/three_link.xml", operating_point = "static control", pose = { ankle = 0.035 } }
+assumed = { model = "../models/three_link.xml", operating_point = "static control", pose = { ankle = 0.035 } }
 actual = { gain = 0.9 }
 design = { R_c = 5e-7, R_o = 2e-7 }
 controller = { q_t = 0.002 }
 """
-case = icmj.prepare(icmj.parse_run(LEAN, Path(__file__).resolve().parents[1] / "lean.toml"))
+case = icmj.prepare(icmj.parse_run(LEAN, icmj.load_run("three-link-0.9").path))
 point = case.actual.linearisation
 for name, torque in zip(point.plant.inputs, point.point.ctrl, strict=True):
     print(f"{name:13s} {torque:8.2f} N m hold the lean")

@@ -4,6 +4,8 @@
 The recorded centre of pressure of a person who stands still is compared with that of the three-link model under noise.
 Their sizes are similar, but their speeds are not: the command of the model jumps at every event, and muscles would
 smooth it.
+
+The recording is :download:`standing.csv <../../examples/standing.csv>`; put it, or your own, beside the notebook.
 """
 
 from pathlib import Path
@@ -13,12 +15,12 @@ from matplotlib import pyplot as plt
 import icmj
 from icmj.measurement.sway import from_torque
 
-examples = Path(__file__).resolve().parent
+examples = Path(__file__).resolve().parent if "__file__" in globals() else Path()
 recorded = icmj.read_series(examples / "standing.csv", columns=["ap"], rate=100.0)
 
 # The three-link model stands on fixed feet, so its centre of pressure is the ankle torque divided by the weight above
 # the feet. The torque that acts is b = 0.9 of the command.
-case = icmj.prepare(icmj.load_run(examples.parent / "runs" / "quiet-standing.toml"))
+case = icmj.prepare(icmj.load_run("quiet-standing"))
 run = icmj.simulate(case, "linear").to_series(rate=100.0, controller=case.controller)
 simulated = from_torque(run.since(6.0), "u.ankle_torque", 77.68 * 9.81 / 0.9)
 

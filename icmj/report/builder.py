@@ -188,17 +188,19 @@ def _first(
     motions: Mapping[str, dict[str, Any]],
 ) -> dict[str, Any]:
     """The first screen: the sentence, the overview of the cases, and the body of most parts that settled on a cycle."""
-    drawn = None
+    drawn = narrow = None
     if cases:
         with style.applied():
             alt = "Predicted and measured open-loop interval of each case, and their relative errors"
             drawn = _drawn(overview_figure(cases), folder, "overview", alt)
+            narrow = _drawn(overview_figure(cases, narrow=True), folder, "overview_narrow", alt)
     bodies = {name: motions[key]["body"] for name, key in named.items() if motions[key]["body"]}
     settled = {case.name for case in cases if any(c.measured.converged for c in case.comparisons.values())}
     best = max(bodies, key=lambda name: (name in settled, len(bodies[name]["shapes"])), default=None)
     return {
         "headline": sections.headline(cases, tried),
         "picture": drawn,
+        "narrow": narrow,
         "caption": sections.caption(cases),
         "motion": best and named[best],
         "moving": best and motions[named[best]]["title"],

@@ -16,43 +16,58 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
-LONGEST = 50  # characters of a case's title beside its row
+NARROW, TALL, ROOF = 88.0, 9.6, 19.0  # mm: width, height of a row and space above the rows on a telephone
+LONGEST = 50  # characters of a case's title beside its row; above it, 58 have room
 WIDE = 4.0  # largest over smallest interval from which on their axis is logarithmic
 EXACT = 1e-16  # relative error that is drawn of what agrees to the last digit
 COLOUR = {"✓": "#00664b", "○": "#6b5300", "✗": "#a03c00"}
 
 
-def overview_figure(cases: Sequence[CaseRuns]) -> Figure:
-    """Intervals at the left, their relative errors in the middle, the verdict in words at the right; a row a case."""
+def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figure:
+    """Intervals at the left, their relative errors in the middle, the verdict in words at the right; a row a case.
+
+    Args:
+        cases: one row each.
+        narrow: draw for a page of 390 pixels, with the titles above the rows instead of beside them.
+    """
     from matplotlib.figure import Figure
 
-    height = ABOVE + BELOW + ROW * len(cases)
-    figure = Figure(figsize=(WIDTH * style.MM, height * style.MM))
-    titles = [_short(case.first.run.case.title) for case in cases]
-    left = 3.0 + 1.17 * max(map(len, titles))
-    middle, right = WIDTH - 44.0, WIDTH - 24.0
-    low, share = BELOW / height, ROW * len(cases) / height
-    intervals = figure.add_axes((left / WIDTH, low, (middle - 4 - left) / WIDTH, share))
-    errors = figure.add_axes((middle / WIDTH, low, (right - middle) / WIDTH, share), sharey=intervals)
-    draw_intervals(intervals, cases)
-    draw_errors(errors, cases)
-    intervals.set_yticks(range(len(cases)), titles, parse_math=False)
+    width, pitch, above = (NARROW, TALL, ROOF) if narrow else (WIDTH, ROW, ABOVE)
+    height = above + BELOW + pitch * len(cases)
+    figure = Figure(figsize=(width * style.MM, height * style.MM))
+    titles = [_short(case.first.run.case.title, 58 if narrow else LONGEST) for case in cases]
+    left = 3.0 if narrow else 3.0 + 1.17 * max(map(len, titles))
+    middle, right = width - 44.0, width - 24.0
+    low, share = BELOW / height, pitch * len(cases) / height
+    intervals = figure.add_axes((left / width, low, (middle - 4 - left) / width, share))
+    errors = figure.add_axes((middle / width, low, (right - middle) / width, share), sharey=intervals)
+    for axes, draw in ((intervals, draw_intervals), (errors, draw_errors)):
+        draw(axes, cases)
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(axis="y", length=0, labelsize=8.0)
     errors.tick_params(labelleft=False)
+    if narrow:
+        intervals.set_yticks([])
+        intervals.set_ylim(len(cases) - 0.5, -0.8)
+        for row, title in enumerate(titles):
+            figure.text(
+                left / width, low + share * (len(cases) + 0.08 - row) / (len(cases) + 0.3), title, size=8.2, va="top",
+                parse_math=False,
+            )  # fmt: skip
+    else:
+        intervals.set_yticks(range(len(cases)), titles, parse_math=False)
     for row, case in enumerate(cases):
         mark, words = _verdict(case)
         errors.text(
             1.06, row, f"{mark} {words}".strip(), transform=errors.get_yaxis_transform(), va="center", size=8.2,
             color=COLOUR.get(mark, "#555555"), family=["STIXGeneral", "DejaVu Sans"],
         )  # fmt: skip
-    for axes in (intervals, errors):
-        axes.spines["left"].set_visible(False)
-        axes.tick_params(axis="y", length=0, labelsize=8.0)
     for x, words in ((left, "open-loop interval"), (middle, "relative error"), (right + 1.2, "agreement")):
-        figure.text(x / WIDTH, 1 - 5.6 / height, words, size=8.4, style="italic", va="top")
+        figure.text(x / width, 1 - (above - 5.9) / height, words, size=8.4, style="italic", va="top")
     handles = dict(zip(*reversed(intervals.get_legend_handles_labels()), strict=True))
     figure.legend(
-        handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(1 - 1.0 / WIDTH, 1 - 0.4 / height),
-        ncols=5, fontsize=8.2,
+        handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(1 - 1.0 / width, 1 - 0.4 / height),
+        ncols=2 if narrow else 5, fontsize=8.2,
     )  # fmt: skip
     return figure
 
@@ -129,5 +144,5 @@ def _verdict(case: CaseRuns) -> tuple[str, str]:
     return (mark, word) if mark in COLOUR else ("", word or "–")
 
 
-def _short(title: str) -> str:
-    return title if len(title) <= LONGEST else f"{title[: LONGEST - 1].rstrip()}…"
+def _short(title: str, longest: int) -> str:
+    return title if len(title) <= longest else f"{title[: longest - 1].rstrip()}…"

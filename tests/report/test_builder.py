@@ -85,7 +85,8 @@ def test_every_panel_of_every_case_is_in_the_page_with_words(page):
 
 def test_every_figure_is_saved_as_pdf_and_svg(report):
     folder = report / "report_figures"
-    names = {f"{case}_{letter}" for case in CASES for letter in "abcdef"} | {"three-link_law", "overview"}
+    names = {f"{case}_{letter}" for case in CASES for letter in "abcdef"}
+    names |= {"three-link_law", "overview", "overview_narrow"}
     assert {path.name for path in folder.iterdir()} == {f"{name}.{kind}" for name in names for kind in ("svg", "pdf")}
     for name in names:
         root = ElementTree.parse(folder / f"{name}.svg").getroot()
