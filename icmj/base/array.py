@@ -14,7 +14,7 @@ SAME = 1e-9
 
 
 def leading(values: NDArray[Any]) -> int:
-    """The first entry that is as large in magnitude as any but for rounding, of at least one.
+    """Index of the first entry of largest magnitude; entries that are equal but for rounding count as equal.
 
     Where two are equal, as in an eigenvector (1, −1), the last bit of either would decide with ``argmax``.
     """
@@ -23,7 +23,7 @@ def leading(values: NDArray[Any]) -> int:
 
 
 def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
-    """Indices by falling key; where keys are equal but for rounding, by falling ``ties``, the first of them first."""
+    """Indices that sort ``keys`` in descending order; keys that are equal but for rounding, by descending ``ties``."""
     order = np.argsort(-keys, kind="stable")
     size = np.abs(keys[order])
     apart = np.abs(np.diff(keys[order])) > SAME * size[:-1] + 1e-13 * size.max(initial=0.0)
@@ -33,7 +33,7 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
 
 
 def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
-    """A new array of real numbers; complex ones are taken if no imaginary part is there.
+    """A new array of real numbers; complex numbers are accepted if their imaginary parts are zero.
 
     Raises:
         error: if ``given`` is no array of numbers, or one has an imaginary part; the message begins with ``what``.

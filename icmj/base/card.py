@@ -1,4 +1,4 @@
-"""How a thing of icmj shows itself: in one line at a prompt, as a small table in a notebook."""
+"""Representation of icmj's objects: one line at a prompt, a small table in a notebook."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TABLE = "border-collapse:collapse;margin:.3em 0;font-size:.95em"
 
 @dataclass(frozen=True)
 class Card:
-    """What is shown.
+    """The contents of a representation.
 
     Attributes:
         line: few words, for a prompt.
@@ -33,7 +33,7 @@ class Card:
 
 
 class Shown:
-    """Whatever has a card; a dataclass that is one says ``repr=False``."""
+    """Base class of objects with a card; a dataclass that inherits from it must set ``repr=False``."""
 
     def card(self) -> Card:
         """What to show."""

@@ -1,4 +1,4 @@
-"""How this package compiles: with numba, without the GIL, kept on disk so that the next process starts without it.
+"""Compilation with numba: without the GIL, and cached on disk so that later processes need not compile.
 
 With the environment variable ``ICMJ_INTERPRETED=1`` nothing is compiled: each function here gives back the plain one,
 and the same source runs as Python. That is for a debugger, for tests that compare the two, and for a machine on which
@@ -37,7 +37,7 @@ TESTED = "0.68."  # numba, with icmj.base.linking
 if not INTERPRETED:
 
     class _Noted(event.Listener):
-        """Tells :mod:`icmj.base.compiling` what numba compiles, which it does where nothing on disk fits."""
+        """Reports to :mod:`icmj.base.compiling` when numba compiles because the disk cache has no matching code."""
 
         def on_start(self, what: Any) -> None:
             compiling.begin()
@@ -49,7 +49,7 @@ if not INTERPRETED:
 
 
 def contents(folder: Path, *more: str) -> int:
-    """A number that changes with any Python file in a folder and those beneath it, in this one, and with ``more``."""
+    """A hash that changes with any Python file in or below a folder, with this module, and with ``more``."""
     files = [path for place in (Path(__file__).parent, folder) for path in sorted(place.rglob("*.py"))]
     content = b"\0".join([*(file.read_bytes() for file in files), *map(str.encode, more)])
     return int.from_bytes(hashlib.sha256(content).digest()[:6])
@@ -75,7 +75,7 @@ def entry(function: Callable[..., Any]) -> Any:
 
 
 def c_entry(signature: str) -> Callable[[Callable[..., Any]], Any]:
-    """A function that C can call, kept on disk likewise; interpreted, the function itself."""
+    """A function that C can call, cached on disk like :func:`entry`; in interpreted mode, the function itself."""
     if INTERPRETED:
         return lambda function: function
     make = cached(lambda **options: _c_function(signature, **options), {"error_model": "numpy"})
@@ -83,7 +83,7 @@ def c_entry(signature: str) -> Callable[[Callable[..., Any]], Any]:
 
 
 def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
-    """An entry point that Python runs, with arithmetic as compiled code has it: 1/0 is infinite, without a word."""
+    """An entry point that Python runs, with the arithmetic of compiled code: 1/0 is infinite, without a warning."""
     import numpy as np
 
     @wraps(function)
@@ -110,7 +110,7 @@ if not INTERPRETED and numba.__version__.startswith(TESTED):
 
 
 def _on_disk(dispatcher: Any) -> bool:
-    """Whether this machine has compiled ``dispatcher`` before, or has nowhere to keep it."""
+    """Whether the disk cache has ``dispatcher``, or there is no disk cache."""
     folder, code = Path(dispatcher.stats.cache_path or "nowhere"), dispatcher.py_func.__code__
     kept = f"{Path(code.co_filename).stem}.*-{code.co_firstlineno}.*.nbi"
     return bool(dispatcher.overloads) or not folder.is_dir() or any(folder.glob(kept))

@@ -80,7 +80,7 @@ def seldom_collected() -> None:
 
 
 def narrow() -> float | None:
-    """The room for addresses that this process is allowed [bytes], where that is too little to begin with.
+    """The limit on this process's address space [bytes] if it is too small to start; ``None`` otherwise.
 
     A library for linear algebra that is loaded into less may never return, and no signal is heard while it tries.
     """
@@ -89,7 +89,7 @@ def narrow() -> float | None:
 
 
 def sparing() -> None:
-    """Have allocators reserve little where the room for addresses is limited; before any library is loaded.
+    """Make allocators reserve little where the address space is limited; must be called before libraries are loaded.
 
     Each of two allocators reserves addresses by the gigabyte, and by the thread, of which little is ever used: a run
     that peaks at 0.35 GB of memory takes 3.6 GB of addresses, so 1.0 GB. Where reserving fails, code in Rust ends the

@@ -225,7 +225,7 @@ def _left(path: Path, place: str, pid: int) -> bool:
 
 
 def alive(pid: int) -> bool:
-    """Whether there is such a process on this machine, that has not ended yet; said to be, where that is not Unix."""
+    """Whether a process of this number runs on this machine; always true on systems other than Unix."""
     if os.name != "posix":
         return True  # os.kill would not ask it, but end it
     try:

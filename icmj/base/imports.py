@@ -53,7 +53,7 @@ class _Without:
 
 
 def unhurried() -> None:
-    """Leave modules unloaded that libraries import at their start for users who are not us."""
+    """Defer modules that libraries import when they are loaded and that icmj does not need."""
     if not any(isinstance(finder, _Later) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Later(_IDLE))
 

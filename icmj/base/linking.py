@@ -23,7 +23,7 @@ from numba.core.typed_passes import NativeLowering
 
 
 class _Intermediate(JITCodeLibrary):
-    """Code to be linked into others' and optimised there."""
+    """A code library that is linked into its callers and optimised there."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -35,7 +35,7 @@ class _Intermediate(JITCodeLibrary):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _IntermediateLowering(NativeLowering):
-    """As numba's own, without an address: callers find the function by its name in the library they link."""
+    """numba's lowering without a function address: callers find the function by name in the library that they link."""
 
     _name = "intermediate_lowering"
 
@@ -69,7 +69,7 @@ class Linked(CompilerBase):
 
 
 class _Disk(FunctionCache):
-    """Compiled code on disk, loaded without all that numba gets ready first to compile: 0.1 s in every process."""
+    """Disk cache whose code is loaded without initialising numba's compiler, which takes 0.1 s in every process."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)

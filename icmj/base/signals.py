@@ -105,7 +105,7 @@ class Heard:
 
 @contextmanager
 def unhurried() -> Iterator[None]:
-    """Within the block, which is short, Ctrl-C waits until its end: what belongs together is kept together.
+    """Defer Ctrl-C to the end of the block, which is short, so that related changes are made together.
 
     In another thread than the main one it changes nothing.
     """
@@ -124,7 +124,7 @@ def unhurried() -> Iterator[None]:
 
 @contextmanager
 def heard_once() -> Iterator[Heard]:
-    """Within the block Ctrl-C raises KeyboardInterrupt once, for what catches it, keeps what there is and goes on.
+    """Within the block Ctrl-C raises KeyboardInterrupt once; the code that catches it keeps its results and goes on.
 
     A second one raises :class:`Terminated`, which nothing catches that keeps anything. Without a :func:`terminable`
     around it, or in another thread than the main one, it changes nothing.

@@ -1,4 +1,4 @@
-"""Text from elsewhere made fit for a terminal: no control characters, no colour codes, in one line where it is one."""
+"""Text from files made safe for a terminal: without control characters and colour codes, on one line where needed."""
 
 from __future__ import annotations
 

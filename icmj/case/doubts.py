@@ -56,7 +56,7 @@ def _of(notice: Notice, which: str) -> Notice:
 
 
 def slow_noise(settings: Settings) -> Iterator[Notice]:
-    """Noise that changes so slowly that a run may show another size than was asked for."""
+    """Notices about noise so slow that its size in one run may differ from the size that was set."""
     for noise in settings.disturbance:
         if not isinstance(noise, Noise) or noise.start >= settings.duration:
             continue
@@ -77,7 +77,7 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
 
 
 def followed(run: RunFile) -> Iterator[Notice]:
-    """A set-point and a sampling delay, of which the theory knows nothing."""
+    """Notices about a set-point and a sampling delay, which the linear theory does not cover."""
     if run.setpoint:
         words = (
             "the prediction is that of r = 0; intervals and peaks measured in a run include the motion that the "

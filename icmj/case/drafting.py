@@ -1,4 +1,4 @@
-"""A first run file for a model: where it rests, what can be chosen as outputs, weights of the right size."""
+"""A first run file for a model: its operating point, possible outputs, and weights of suitable size."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def draft_run(model: Path, out: Path, keyframe: str | None = None) -> Drafted:
 
 
 def weights(plant: MujocoPlant) -> tuple[float, float]:
-    """R_c and R_o at which neither control nor outputs cost next to nothing, or next to everything.
+    """R_c and R_o for which the costs of control and of outputs are of similar size.
 
     |G|² of the plant's response from inputs to outputs about its fastest unstable rate, a tenth and a hundredth of it.
     """
@@ -102,7 +102,7 @@ def _attempts(there: Inventory, keyframe: str | None) -> Iterator[tuple[str | No
 def _chosen(
     model: Path, there: Inventory, keyframe: str | None, rule: OperatingKind
 ) -> tuple[MujocoPlant, tuple[str, ...] | str, tuple[str, ...]]:
-    """The plant at one operating point, its outputs, and the states that do not matter to it.
+    """The plant at one operating point, its outputs, and the states that affect neither outputs nor other states.
 
     Raises:
         ModelError: if it does not rest there, or has no outputs.

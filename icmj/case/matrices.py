@@ -92,7 +92,7 @@ def read_matrices(path: Path) -> dict[str, Any]:
 
 
 def _plant(run: RunFile, table: PlantTable, which: str, like: LinearPlant | None) -> LinearPlant:
-    """The plant of one table, with the names of the plant that it is ``like`` where it has none, and as many."""
+    """The plant of one table; names that it lacks are those of the plant ``like``, which must have the same sizes."""
     data: Mapping[str, Any] = {letter: getattr(table, letter) for letter in (*LETTERS, PUSHED)}
     where = f"{run.path}: {which}"
     if table.matrices is not None:

@@ -101,7 +101,7 @@ def linear_plant(actual: AnyPlant, settings: Settings) -> LinearPlant:
 
 
 def deviation_of(run: RunFile) -> Deviation:
-    """What the run file says is wrong with the controller's model."""
+    """The deviation of the controller's model from the plant that the run file states."""
     table = run.actual
     changes = tuple(entry.change() for entry in table.change)
     edit = None if table.edit is None else partial(run.code.named(table.edit), **table.edit_parameters)
@@ -117,7 +117,7 @@ def keyframe_of(run: RunFile) -> str | None:
 
 
 def _outputs(run: RunFile, assumed: AnyPlant) -> tuple[str, ...]:
-    """Those of the assumed plant, by the names that they are asked for by: a joint's may be another sensor's."""
+    """Outputs of the actual plant that correspond to those of the assumed plant, matched by joint or sensor name."""
     chosen = run.assumed.selection.outputs
     if isinstance(chosen, tuple):
         return chosen
@@ -135,7 +135,7 @@ def _left_out(run: RunFile, assumed: AnyPlant) -> list[str]:
 
 
 def _idle(plant: LinearPlant, names: list[str]) -> list[str]:
-    """Those of ``names`` that no other state, and no output, of the plant depends on."""
+    """The states among ``names`` on which no other state and no output depends."""
     there = [plant.states.index(name) for name in names if name in plant.states]
     others = [i for i in range(plant.n) if i not in there]
     effect = np.abs(plant.A[np.ix_(others, there)]).sum() + np.abs(plant.C[:, there]).sum()

@@ -134,7 +134,7 @@ def analyse(command: arguments.Analyse) -> None:
 
 @execute.register
 def run(command: arguments.Run) -> None:
-    """Simulate one case, write its log, print what it did, and beside it the prediction where there is one."""
+    """Simulate one case, write its log, and print the result beside the prediction if there is one."""
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.study.estimate import LONGEST, in_words
@@ -167,7 +167,7 @@ def run(command: arguments.Run) -> None:
 
 
 def _tell_page(page: Page, changed: bool = False) -> None:
-    """What stands on a page: a table of runs beside their prediction, a sentence for each other."""
+    """Print the contents of a report: a table of runs with a prediction, and one sentence for each other run."""
     if page.comparisons:
         show_comparisons(page.comparisons, OUT, changed=changed)
     for tried in page.tried:

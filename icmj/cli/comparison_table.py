@@ -1,4 +1,4 @@
-"""The table of predicted and measured intervals, with what there is to tell of the runs beneath it."""
+"""The table of predicted and measured intervals, followed by notes on the runs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
 
 
 def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:
-    """What to tell of the runs, each thing once: of a case, where all its runs have it, else of a run."""
+    """Notes on the runs without repetition: a note that all runs of a case share is printed once for the case."""
     runs = {c.case: [other for other in comparisons if other.case == c.case] for c in comparisons}
     for case, same in runs.items():
         for notice in dict.fromkeys(notice for c in same for notice in c.notices):

@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def entry() -> None:
-    """The program: :func:`main`, deaf to signals at its end, and without taking the interpreter down.
+    """The program: :func:`main`, which ignores signals at its end and exits without interpreter shutdown.
 
     All is unwound and written by then. Threads of libraries in other languages that are still there, and destructors
     of modules that were being imported when a signal came, would abort it now and then.
@@ -121,7 +121,7 @@ def _obey(arguments: list[str]) -> int:
 
 @contextlib.contextmanager
 def _library_words_unsaid() -> Iterator[None]:
-    """No warnings of libraries on the terminal, unless Python was asked for them: what they mean comes in our words."""
+    """Suppress warnings of libraries unless Python was asked to show them; icmj reports what they mean itself."""
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
@@ -130,7 +130,7 @@ def _library_words_unsaid() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _sayable() -> Iterator[None]:
-    """Standard streams that are there and take any character.
+    """Make sure that the standard streams exist and can encode any character.
 
     One that is closed leads nowhere: else the next file that is opened would stand in its place, and get what others
     print. What a stream cannot encode is spelt.
@@ -159,14 +159,14 @@ def _reconfigured(stream: TextIO, errors: str | None) -> None:
 
 
 def _say(message: str, status: int) -> int:
-    """One line on standard error, if anybody listens."""
+    """Print one line to standard error; errors of a closed stream are ignored."""
     with contextlib.suppress(OSError, ValueError):
         print(f"icmj: {one_line(message)}", file=sys.stderr, flush=True)
     return status
 
 
 def _unheard(stream: TextIO) -> None:
-    """Let what is left in the buffer of a standard stream go nowhere, without a complaint at the end."""
+    """Discard the buffer of a standard stream, so that Python reports no error at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, stream.fileno())

@@ -39,7 +39,7 @@ class Overrides(Shared):
 
 
 def annotate(cls: type) -> None:
-    """Let the help show the options that ``cls`` adds without what only Python has: None, empty and false defaults."""
+    """Set how the help shows the options that ``cls`` adds: without the defaults None, empty and false."""
     hints = get_type_hints(cls, include_extras=True)
     for name in get_annotations(cls).keys() - {"general"}:
         shown = tyro.conf.arg(metavar=_metavar(hints[name]), help_behavior_hint=_default)
@@ -51,7 +51,7 @@ def _default(label: str) -> str:
 
 
 def _metavar(hint: Any) -> str | None:
-    """Of an option that may be left out, what it takes where it is given; ``None`` where tyro's own is right."""
+    """Placeholder for the value of an optional option; ``None`` if tyro's own placeholder is right."""
     while get_origin(hint) is Annotated:
         if given := [note.metavar for note in get_args(hint)[1:] if getattr(note, "metavar", None)]:
             return str(given[0])

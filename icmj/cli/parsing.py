@@ -1,4 +1,4 @@
-"""From words to a command; and what is wrong with words that make none, in one line of ours."""
+"""Parsing of the command line, with one-line error messages."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _classes() -> dict[str, type]:
 
 
 def _in_words(complaint: str, words: list[str], classes: dict[str, type]) -> str:
-    """The parser's complaint as we would say it; as it is where there is no better way."""
+    """The parser's error message reworded; unchanged if no rule applies."""
     if complaint.startswith("Unrecognized"):
         return _unknown(complaint, words, classes)
     for pattern, say in _SAYINGS:

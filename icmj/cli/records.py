@@ -37,7 +37,7 @@ def plain_runs(runs: Iterable[Comparison | Result | Tried], **files: Path | Iter
 
 
 def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
-    """What ``icmj analyse --json`` prints of a prediction, and what there is to tell of its plants."""
+    """What ``icmj analyse --json`` prints: the prediction and the notices about its plants."""
     return plain(
         {
             "notices": [vars(notice) for notice in notices],

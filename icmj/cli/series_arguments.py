@@ -1,4 +1,4 @@
-"""The arguments of the commands that take time series out of the package, or into it."""
+"""The arguments of the commands that export and measure time series."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the commands do that take time series out of the package, or into it."""
+"""The commands that export and measure time series."""
 
 from __future__ import annotations
 

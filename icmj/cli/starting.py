@@ -48,7 +48,7 @@ def cases(command: Cases) -> None:
 
 
 def _paragraph(words: str, indent: str, style: str | None = None) -> None:
-    """Wrapped to the terminal, and to a line that is easily read."""
+    """Print words wrapped to the terminal, at most 100 columns wide."""
     width = min(OUT.width, 100)
     for line in textwrap.wrap(words, width, initial_indent=indent, subsequent_indent=" " * 6, break_on_hyphens=False):
         OUT.say(line, style=style, wrap=False)
@@ -98,7 +98,7 @@ def _tell(*lines: str) -> None:
 
 
 def _found(draft: Drafted) -> list[str]:
-    """What was chosen, and what is predicted of it."""
+    """Lines on what the drafted run file contains and what the theory predicts for it."""
     if draft.case is None:
         return [f"note: it does not run as written: {one_line(draft.trouble)}"]
     case = draft.case
@@ -120,7 +120,7 @@ def _found(draft: Drafted) -> list[str]:
 
 
 def _shipped_with(model: Path) -> list[str]:
-    """That shipped cases have this model, with other weights."""
+    """A note if a shipped case uses this model with other weights."""
     from icmj.runfile.reading import load_run
     from icmj.runfile.shipped import RUNS
 

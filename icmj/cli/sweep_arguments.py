@@ -1,4 +1,4 @@
-"""The arguments of the commands that compute very many points, and that go back from a motion to its cause."""
+"""The arguments of ``icmj sweep`` and ``icmj identify``."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def _cost(plan: Plan, out: Terminal) -> None:
 
 
 def _left(plan: Plan, folder: Path, err: Terminal) -> None:
-    """What an end before its time leaves, if it began."""
+    """Say what an interrupted sweep left, if it had begun."""
     count = len(list((folder / "points").glob("*.parquet")))
     if count:
         err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on", wrap=False)

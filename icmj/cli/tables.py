@@ -1,4 +1,4 @@
-"""Tables that a narrow terminal does not destroy: columns that matter less give way, and then the table is a list."""
+"""Tables for terminals of any width: less important columns are dropped first, then the table becomes a list."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The terminal: the one place through which words reach standard output and standard error.
+"""The terminal: everything printed to standard output and standard error goes through this module.
 
 Names, units and contents of files are shown as what they are: no control character of theirs is obeyed, nothing of them
 is taken for markup. Where a stream cannot encode a character, it is spelt.
@@ -21,7 +21,7 @@ ENDLESS = 100_000  # columns of a stream that is no terminal
 
 
 class Terminal(Console):
-    """Standard output, or standard error, of which nobody depends on being heard.
+    """Standard output, or standard error, whose write errors are ignored.
 
     Attributes:
         brief: leave out notes, as ``--quiet`` asks.
@@ -33,12 +33,12 @@ class Terminal(Console):
 
     @property  # type: ignore[misc]  # nobody sets it
     def size(self) -> ConsoleDimensions:
-        """Of the terminal; a file or a pipe has no edge at which anything would have to be wrapped or cut."""
+        """Size of the terminal; a file or a pipe counts as so wide that nothing is wrapped or cut."""
         there = super().size
         return there if self.is_terminal else ConsoleDimensions(ENDLESS, there.height)
 
     def note(self, words: object) -> None:
-        """One line on what is worth knowing beside a result."""
+        """Print a note on a result on one line."""
         if not self.brief:
             self.say(f"note: {words}", style="yellow")
 
@@ -51,17 +51,17 @@ class Terminal(Console):
         self.file.write(printable(json.dumps(record, indent=indent, allow_nan=False)) + "\n")
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """As rich prints; what cannot be said on standard error stops nothing."""
+        """Print like rich; errors of standard error are ignored."""
         with contextlib.suppress(OSError, ValueError) if self.stderr else contextlib.nullcontext():
             super().print(*objects, **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """What is printed, piece by piece, without what a terminal would obey."""
+        """Render segments with control characters removed, except rich's own."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(printable(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
-        """The reader went away; rich would end the process."""
+        """Raise BrokenPipeError where the reader closed the pipe; rich would exit the process."""
         raise BrokenPipeError
 
 
@@ -70,7 +70,7 @@ OUT, ERR = Terminal(), Terminal(stderr=True)
 
 @contextlib.contextmanager
 def talking(quiet: bool, verbose: bool) -> Iterator[None]:
-    """Without notes and progress, or with the log of every step, as was asked for."""
+    """Within the block, apply ``--quiet`` (no notes, no progress) and ``--verbose`` (log every step)."""
     log, handler = logging.getLogger("icmj"), logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s"))
     level = log.level

@@ -1,4 +1,4 @@
-"""Signs of life: a bar on a terminal, a line now and then elsewhere, once a command has taken a while."""
+"""Progress of commands that take longer than two seconds: a bar on a terminal, otherwise a line every five seconds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Working:
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def tell(self, label: str, done: float | None = None) -> None:
-        """Say what is under way, and which part of the whole is done, 0–1, if that is known."""
+        """Set the label of the current work and, if known, the completed fraction (0–1)."""
         if label != self._label:
             LOG.info(label)
         self._label = label

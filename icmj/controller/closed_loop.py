@@ -1,4 +1,4 @@
-"""A linear plant under a controller as one linear system with resets, composed here for everyone who needs it.
+"""The closed loop of a linear plant and a controller as one linear system with resets.
 
 Between events
 
@@ -33,7 +33,7 @@ CHAIN: Mapping[str, str] = {"x_o": "x", "x_h": "x_o"}
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Which segment of (x, a) is counted from which.
+    """Coordinates of the closed loop: the segments of (x, a) that are expressed relative to other segments.
 
     Attributes:
         layout: of (x, a), and of w.
@@ -70,7 +70,7 @@ class Coordinates:
         return turned
 
     def _outwards(self) -> list[tuple[str, str]]:
-        """(segment, what it is counted from), each after the one that it is counted from."""
+        """Pairs (segment, reference segment), ordered so that references come first."""
         return sorted(self.origin.items(), key=lambda pair: pair[1] != "x")
 
 

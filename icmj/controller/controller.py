@@ -101,7 +101,7 @@ class Controller(Law):
 
     @property
     def wait(self) -> float:
-        """From an event until its rule is watched again [s]; t_d to the bit where that is the longer."""
+        """Time from an event until the event rule is evaluated again [s]; exactly t_d where t_d is the longer."""
         return max(self.trigger.delta_min - self.sampling_delay, self.delay.t_d)
 
     @cached_property
@@ -200,13 +200,13 @@ def _realised(controller: Controller) -> Realisation:
 
 
 def _expected(controller: Controller) -> list[float]:
-    """When, from a clock's event on, the controller expects the earlier predictions to act, the oldest first [s]."""
+    """Times from a clock event until the controller expects the earlier predictions to act, oldest first [s]."""
     clock, delay = controller.trigger.clock, controller.delay
     return delay.expected([i * clock for i in range(delay.in_flight(clock) - 1, 0, -1)])
 
 
 def _delayed(controller: Controller, layout: Layout, J: Array, G: Array) -> None:
-    """An event moves the queue on and puts its prediction last; an action takes the one that is due."""
+    """Resets with a delay: an event appends its prediction to the queue, and an action applies the oldest."""
     n, pending, trigger = layout.sizes[0], layout["pending"].start, controller.trigger
     slots = controller.delay.in_flight(trigger.clock)
     places = [slice(pending + i * n, pending + (i + 1) * n) for i in range(slots)]

@@ -57,7 +57,7 @@ class Hold:
 
     @cached_property
     def _modes(self) -> tuple[Array, Array | None]:
-        """Eigenvalues and eigenvectors; ``None`` for these where they are too nearly alike to tell apart."""
+        """Eigenvalues and eigenvectors of A_h; no eigenvectors (``None``) if they are nearly linearly dependent."""
         rates, modes = np.linalg.eig(self.A_h)
         return rates, modes if np.linalg.cond(modes) < _ALIKE else None
 

@@ -99,7 +99,7 @@ class PredictorController(Law):
 
     @cached_property
     def realisation(self) -> Realisation:
-        """How it moves; the state is (x_o, p, z) and the set-point, as they were t_d ago."""
+        """The realisation, with the state (x_o, p, z) and the set-point delayed by t_d."""
         design, (A, B, C), k, L = self.design, (self.plant.A, self.plant.B, self.plant.C), self.design.k, self.design.L
         t_d, assumed, r = self.delay.t_d, self.delay.predicted, self.setpoint
         n, n_u, n_y, R = len(A), B.shape[1], len(C), len(r.names) if r else 0

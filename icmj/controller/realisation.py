@@ -31,13 +31,13 @@ from icmj.errors import AnalysisError
 
 @dataclass(frozen=True, eq=False)
 class Rates:
-    """What a mode's rates are made of: ȧ = A a + B u + N (v − H a), with u the controller's own command.
+    """The terms of a mode's rates: ȧ = A a + B u + N (v − H a), with u the controller's own command.
 
     Attributes:
-        A: what its models do by themselves, shape (N_a, N_a).
-        B: what the command does to them, shape (N_a, n_u).
-        N: what it makes of an innovation, shape (N_a, n_v).
-        H: what it expects to read, shape (n_v, N_a).
+        A: dynamics of the controller's models, shape (N_a, N_a).
+        B: effect of the command on them, shape (N_a, n_u).
+        N: gain of the innovation v − H a, shape (N_a, n_v).
+        H: expected readings, shape (n_v, N_a).
     """
 
     A: Array
@@ -145,7 +145,7 @@ class Realisation:
         return self.taps[0] > 0
 
     def read(self, C: Array, mode: Mode) -> Array:
-        """What it would read in a mode of (x, a), were nothing delayed, by the plant's C; shape (readings, n + N_a)."""
+        """Matrix from (x, a) to the undelayed readings in a mode, for the plant's C; shape (readings, n + N_a)."""
         here = np.hstack([C, np.zeros((len(C), len(mode.M)))])
         if self.commands:
             here = np.vstack([here, np.hstack([np.zeros((len(mode.K), C.shape[1])), -mode.K])])

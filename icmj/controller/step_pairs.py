@@ -1,4 +1,4 @@
-"""StepPairs of steps of a set-point: in random order for an experiment, and found again in a recording."""
+"""Pairs of steps of a set-point: generated in random order for an experiment, or detected in a recording."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STILL = 1e-3  # of the largest step: what moves less between two rows stands st
 
 @dataclass(frozen=True, eq=False)
 class StepPairs:
-    """StepPairs of steps, P of them.
+    """P pairs of steps of a set-point.
 
     Attributes:
         t: times of first and second steps [s], shape (P, 2), rising throughout.
@@ -59,13 +59,13 @@ class StepPairs:
 
     @property
     def end(self) -> float:
-        """When the last step is over, and as long after it as there is between any two pairs at least [s]."""
+        """End of the last step plus the smallest pause between pairs [s]."""
         between = self.t[1:, 0] - self.t[:-1, 1]
         return float(self.t[-1, 1] + (between.min() if len(between) else 2.0))
 
     @property
     def terms(self) -> Array:
-        """Of ṙ(t), as :class:`icmj.Target` takes them, shape (2P, 5)."""
+        """The terms of ṙ(t) in the form of :class:`icmj.Target`, shape (2P, 5)."""
         return np.concatenate([step(size, at) for size, at in zip(self.sizes.ravel(), self.t.ravel(), strict=True)])
 
     def target(self, output: str) -> Target:
@@ -83,7 +83,7 @@ def double_steps(
     seed: int = 0,
     start: float = 1.0,
 ) -> StepPairs:
-    """StepPairs of steps in random order, each inter-step interval and direction ``repetitions`` times.
+    """Pairs of steps in random order, each inter-step interval and direction ``repetitions`` times.
 
     A reversal is twice as large as the step before it: were it as large, a controller that samples both at once would
     see nothing of either. The set-point stays within three sizes of zero.

@@ -29,7 +29,7 @@ ON, OFF = 0, 1
 
 
 def slope_of(share: float) -> float:
-    """The slope a [1/s] of the line with which feedback is on in this share ρ of the plane: a = −tan(π(ρ − ½)).
+    """Slope a [1/s] of the switching line for which feedback is on in a share ρ of the plane: a = −tan(π(ρ − ½)).
 
     Args:
         share: between 0 and 1; at 1 it is on throughout, which no slope says.

@@ -111,12 +111,12 @@ class Branch:
 
     @property
     def events(self) -> int:
-        """Per period."""
+        """Number of events per period."""
         return self.intervals.shape[1] * (2 if self.mirrored else 1)
 
     @property
     def period(self) -> Array:
-        """[s], shape (M,)."""
+        """Period [s], shape (M,)."""
         return np.asarray(self.intervals.sum(axis=1) * (2 if self.mirrored else 1))
 
     @property
@@ -133,7 +133,7 @@ class Branch:
 
     @property
     def attracting(self) -> NDArray[np.bool_]:
-        """Shape (M,)."""
+        """Whether each cycle attracts, shape (M,)."""
         return np.asarray(self.largest < 1)
 
     @property

@@ -43,7 +43,7 @@ _MOST = 600  # points
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A branch as it was walked.
+    """The state of a continuation: points so far, step length, and how it ended.
 
     Attributes:
         points: on it.
@@ -166,7 +166,7 @@ class _Walker:
 
     @staticmethod
     def closed(near: Point) -> float:
-        """Closure that is enough: a map that magnifies what it rounds cannot be asked for more."""
+        """Sufficient residual, limited by the rounding errors that the map magnifies."""
         return max(CLOSED, _ROUNDING * float(np.abs(near.D[:, :-1]).max()))
 
     def jumped(self, intervals: Array, u: Array) -> bool:
@@ -174,7 +174,7 @@ class _Walker:
         return bool((np.abs(intervals / self.points[-1].intervals - 1) > _JUMP).any())
 
     def shorter(self, why: Missed) -> None:
-        """Halve the step; where it has become nothing, the branch ends."""
+        """Halve the step; end the branch if the step is below its minimum."""
         self.ds /= 2
         close = abs(self.curve.range.slope(self.points[-1].sigma)) * self.ds * max(abs(self.tangent[-1]), 1e-3)
         if self.ds < _LEAST or (self.closing and close < CLOSE):
@@ -182,7 +182,7 @@ class _Walker:
             self.ending = missed(self.curve, self.points, why)
 
     def accept(self, new: Point, best: Array) -> None:
-        """Take a point onto the branch; look what has happened since the last."""
+        """Append a point to the branch and test for special points since the previous one."""
         curve = self.curve
         du = best - self.trail.u[-1]
         self.trail.add(best, curve.length(du))
@@ -206,7 +206,7 @@ class _Walker:
         )
 
     def derived(self) -> None:
-        """The derivative at the last point is known: how far off may the next be, and what has happened since?"""
+        """Use the derivative at the last point to choose the step and to test for special points."""
         trail, first, last = self.trail, self.trail.known[-1], len(self.points) - 1
         D, expected = self.along(self.points[-1]), trail.derivative(trail.s[-1])
         wrong = np.abs(D - expected)[:, :-1].max() / np.abs(D).max()
@@ -233,7 +233,7 @@ class _Walker:
             self.derived()
 
     def along(self, new: Point) -> Array:
-        """The derivative of the residual with its last column from the direction of the curve, where that shows it."""
+        """The derivative of the residual, its last column from the curve's tangent where that is well conditioned."""
         D, slope = new.D.copy(), self.trail.slope()
         if abs(slope[-1]) > 0.02:
             D[:, -1] = -D[:, :-1] @ slope[:-1] / slope[-1]

@@ -1,4 +1,4 @@
-"""Onto the curve: quasi-Newton on the equation of the cycles, bordered by where along the curve the point shall be."""
+"""Corrector of the continuation: a quasi-Newton method on the cycle equation and a condition along the curve."""
 
 from __future__ import annotations
 

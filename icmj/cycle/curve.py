@@ -23,7 +23,7 @@ _KEPT = 6  # loops at hand, by their parameter
 
 @dataclass(frozen=True)
 class Range:
-    """Where a parameter runs.
+    """The range of a parameter and its scaling.
 
     Attributes:
         start, end: its values at σ = 0 and σ = 1.
@@ -42,7 +42,7 @@ class Range:
         return min(self.start, self.end) > 0 and not 0.1 < self.start / self.end < 10
 
     def value(self, sigma: float) -> float:
-        """The parameter at σ."""
+        """The parameter value at the scaled parameter σ."""
         if sigma in (0.0, 1.0):
             return self.end if sigma else self.start
         if self.logarithmic:
@@ -50,7 +50,7 @@ class Range:
         return self.start + sigma * (self.end - self.start)
 
     def sigma(self, value: float) -> float:
-        """σ of a parameter."""
+        """The scaled parameter σ of a parameter value."""
         if self.logarithmic:
             return float(np.log(value / self.start) / np.log(self.end / self.start))
         return (value - self.start) / (self.end - self.start)
@@ -89,20 +89,20 @@ class Curve:
         return self._loops[key]
 
     def patient(self, interval: float) -> None:
-        """Let flights last some times as long as the longest ``interval`` so far [s]."""
+        """Set the longest allowed interval of a simulation to a multiple of the longest ``interval`` so far [s]."""
         if not 3 * interval < self.longest < 50 * interval:
             self.longest = 12 * interval
 
     def unit(self, loop: ReturnMap) -> Array:
-        """What z is relative to, at the threshold of a loop."""
+        """The scale of z at the threshold of a loop."""
         return self.scale * (getattr(loop.controller.trigger, "size", self.size) / self.size)
 
     def z(self, u: Array) -> Array:
-        """The state of a point."""
+        """The state z of a scaled point u."""
         return np.asarray(u[:-1] * self.unit(self.loop(u[-1])))
 
     def u(self, z: Array, sigma: float) -> Array:
-        """The point of a state."""
+        """The scaled point u of a state z."""
         return np.append(z / self.unit(self.loop(sigma)), sigma)
 
     def residual(self, u: Array) -> tuple[Array, Turn]:
@@ -118,11 +118,11 @@ class Curve:
         return self.sign * turn.end / unit - u[:-1], turn
 
     def weigh(self, u: Array) -> None:
-        """Measure steps in the state by its size at a point, so that a branch that grows is no longer to walk."""
+        """Scale steps in the state by its size at a point, so that the arc length does not grow with the amplitude."""
         self.weight = max(1.0, float(np.abs(u[:-1]).max()))
 
     def length(self, du: Array) -> float:
-        """Of a step."""
+        """Length of a step."""
         return float(np.sqrt(((du[:-1] / self.weight) ** 2).mean() + du[-1] ** 2))
 
     def normal(self, tangent: Array) -> Array:

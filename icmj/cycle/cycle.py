@@ -97,7 +97,7 @@ class Cycle:
 
     @property
     def words(self) -> str:
-        """One sentence for people."""
+        """The cycle in one sentence."""
         largest = float(np.abs(self.isolated).max(initial=0.0))
         edge = abs(largest - 1) <= SAME
         kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
@@ -207,7 +207,7 @@ def closed_cycle(
 
 
 def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
-    """The results for a cycle that has closed."""
+    """The results for a cycle that Newton's method found."""
     J = jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
     values, errors = multipliers(J, scale)
     peak, spread = extent(found.turn, sign)
@@ -238,7 +238,7 @@ def extent(turn: Turn, sign: int) -> tuple[Array, Array]:
 
 
 def _interval_error(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, J: Array) -> float:
-    """Relative error of the mean interval that the integrator's step makes: what half the step changes of the cycle.
+    """Relative error of the mean interval due to the timestep, estimated from the cycle at half the timestep.
 
     The cycle at half the step is one Newton step away, with the same derivative.
     """
@@ -257,7 +257,7 @@ def _interval_error(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Ar
 
 
 def _shortest_period(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array) -> tuple[Closed, int, int]:
-    """The same cycle with as few intervals as it closes after."""
+    """The same cycle with its smallest number of intervals."""
     states, mirror = found.turn.states, loop.odd(found.z, scale)
     for q in range(1, p + 1):
         for s in (1, -1):

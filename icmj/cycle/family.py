@@ -1,4 +1,4 @@
-"""The loops of one run file along one parameter, each built of what the last one had wherever that has not changed."""
+"""The loops of one run file along one parameter, each reusing the parts of the previous one that have not changed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROWS = 4800  # that the longest flight would keep; intervals last a twelfth to a
 
 
 class Family:
-    """Return maps of a run file by the value of a parameter; nothing is predicted, so that they are cheap.
+    """Return maps of a run file as a function of a parameter, without the prediction, which would cost time.
 
     Attributes:
         run, parameter, plant: what of.
@@ -31,7 +31,7 @@ class Family:
     def __init__(
         self, run: RunFile, parameter: Parameter, plant: PlantKind = "mujoco", like: Case | None = None
     ) -> None:
-        """Begin; what a case of the run file was made of is taken over from ``like``."""
+        """Create the family; plants and design of the case ``like`` are reused."""
         self.run, self.parameter, self.plant = run, parameter, plant
         self.built = 0
         self.held = any(key.endswith(".delay") for key in parameter.keys)  # one z along the branch, whatever the delay

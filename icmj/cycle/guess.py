@@ -1,4 +1,4 @@
-"""Where Newton's method begins: the linear prediction, or where a simulation has come to."""
+"""First guesses for Newton's method: from the linear prediction, or from the end of a simulation."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def from_prediction(case: Case, loop: ReturnMap, size: float) -> Guess:
 
 
 def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], None] | None = None) -> Guess:
-    """The return that the end of a run is nearest to.
+    """The approximate return to an earlier state at the end of a run.
 
     Raises:
         CycleError: if the run has no events, falls, or diverges.
@@ -88,7 +88,7 @@ def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], N
 
 
 def positive(scale: Array) -> Array:
-    """The scale with a small number of its own kind for states that do not move."""
+    """The scale, with a small positive number for states that do not move."""
     good = np.isfinite(scale) & (scale > 0)
     if not good.any():
         raise CycleError("no cycle to start from: nothing moves")

@@ -1,4 +1,4 @@
-"""The derivative of the return map by differences of flights, and its multipliers with their error."""
+"""The derivative of the return map by finite differences, and its multipliers with their errors."""
 
 from __future__ import annotations
 

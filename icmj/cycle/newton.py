@@ -22,7 +22,7 @@ LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Closed:
-    """A cycle found.
+    """A cycle that Newton's method found.
 
     Attributes:
         z: state at an event, shape (N,).
@@ -111,7 +111,7 @@ def newton(
 
 
 def shortest(G: Array, r: Array) -> tuple[Array, int]:
-    """The least-squares step, and how many directions it leaves alone."""
+    """The least-squares step, and the number of singular directions in which it is zero."""
     U, s, Vt = np.linalg.svd(G)
     kept = s > RANK * s[0]
     step = Vt[kept].T @ ((U.T @ r)[kept] / s[kept])
@@ -121,7 +121,7 @@ def shortest(G: Array, r: Array) -> tuple[Array, int]:
 def _damped(
     residual: Callable[[Array], tuple[Array, Turn]], z: Array, r: Array, step: Array, scale: Array
 ) -> tuple[float, Array, Array, Turn] | None:
-    """The longest of ever shorter steps after which the closure is better; ``None`` if none is."""
+    """The longest damped step that reduces the residual; ``None`` if none does."""
     length, size = min(1.0, 2.0 / max(float(np.abs(step).max()), 1e-300)), float(np.linalg.norm(r))
     for _ in range(_HALVINGS):
         there = z + length * step * scale

@@ -1,4 +1,4 @@
-"""A parameter to continue in: a name that people use, or a key of the run file, and how a run file takes its value."""
+"""A continuation parameter: a common name or a key of the run file, and how its value is set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One cycle of a branch with its results: multipliers, courses of its intervals, distance from grazing."""
+"""One cycle of a branch with its results: multipliers, trajectories of its intervals, distance from grazing."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Point:
 
     @property
     def fallen(self) -> bool:
-        """Whether an interval was not ended by the event function, but is the least one."""
+        """Whether an interval ended at the minimum open-loop interval rather than by the event function."""
         return self.least <= _FALLEN
 
     @property
@@ -73,7 +73,7 @@ class Point:
 
 
 def point(curve: Curve, found: Corrected, tolerance: float | None = None, D: Array | None = None) -> Point:
-    """The results at a point that was found.
+    """The results at a point that the corrector found.
 
     Args:
         curve: the equation.
@@ -118,13 +118,13 @@ def point(curve: Curve, found: Corrected, tolerance: float | None = None, D: Arr
 
 
 def derived(curve: Curve, at: Point) -> Point:
-    """The point with its derivative computed, flown again."""
+    """The point with its derivative computed from a new simulation."""
     _, turn = curve.residual(at.u)
     return point(curve, Corrected(at.u, at.u, turn, at.closure, at.D, 0))
 
 
 def redone(curve: Curve, at: Point, D: Array) -> Point:
-    """The point with its derivative interpolated anew."""
+    """The point with a newly interpolated derivative."""
     J = map_of(curve, D)
     return replace(at, D=D, J=J, multipliers=eigenvalues(J))
 
@@ -137,13 +137,13 @@ def map_of(curve: Curve, D: Array) -> Array:
 
 
 def eigenvalues(J: Array) -> NDArray[np.complex128]:
-    """By falling magnitude, shape (N,)."""
+    """Eigenvalues by decreasing magnitude, shape (N,)."""
     values = np.linalg.eigvals(J).astype(complex)
     return values[falling(np.abs(values), values.real, values.imag)]
 
 
 def _graze(loop: ReturnMap, sample: Sample) -> float:
-    """The highest maximum of max_j E_j inside the time in which it is watched."""
+    """The largest local maximum of max_j E_j while the event rule is active, away from the event."""
     faces = loop.controller.faces
     E = faces.levels(sample.x_h - sample.x_o).max(axis=1)
     watched = sample.t >= loop.controller.least
@@ -157,7 +157,7 @@ def _graze(loop: ReturnMap, sample: Sample) -> float:
 
 
 def _slope(loop: ReturnMap, sample: Sample, rate: Array, interval: float) -> float:
-    """Δ dE/dt on the active face at the end."""
+    """Δ dE/dt on the active face at the end of an interval."""
     faces = loop.controller.faces
     e = sample.x_h[-1] - sample.x_o[-1]
     n, n_hat = loop.linear.n, len(e)

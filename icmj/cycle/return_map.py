@@ -1,4 +1,4 @@
-"""The return map of a simulated loop: from the state at an event to the state at the next, or some events on.
+"""The return map of a simulated loop: from the state at an event to the state at a later event.
 
 The state is z = (x, x_o), of plant and observer as departures from the operating point, because an event sets the hold
 to the observer; with a delay an event resets nothing yet, and z = (x, x_o, x_h). As the delay goes to zero, P forgets
@@ -33,7 +33,7 @@ COLLAPSED = 1e-9  # relative: an interval this close to the least one was not en
 
 
 class Lost(CycleError):
-    """A flight did not come to an event.
+    """A simulated interval did not end with an event.
 
     Attributes:
         outcome: how it ended instead.
@@ -47,7 +47,7 @@ class Lost(CycleError):
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """Some successive intervals.
+    """The result of simulating successive intervals.
 
     Attributes:
         intervals: their lengths [s], shape (p,).
@@ -66,7 +66,7 @@ class Turn:
 
 
 class Flights(Protocol):
-    """What a search for cycles asks of a map: :class:`ReturnMap`, or that of another kind of controller."""
+    """The interface that a search for cycles needs: :class:`ReturnMap`, or the map of another controller."""
 
     def turn(self, z: Array, p: int = 1) -> Turn:
         """Fly p intervals from z; :class:`Lost` if one does not end."""
@@ -75,16 +75,16 @@ class Flights(Protocol):
         """The same for another thread."""
 
     def collapsed(self, interval: float) -> bool:
-        """Whether an interval is as short as intervals can be."""
+        """Whether an interval has the minimum length."""
 
     @property
     def least(self) -> float:
-        """How short that is [s]."""
+        """The minimum length of an interval [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReturnMap:
-    """A loop ready to fly from event to event; one for each thread.
+    """A closed loop that simulates from event to event; use one for each thread.
 
     Attributes:
         plant: the actual one: linear, or on the engine.
@@ -117,7 +117,7 @@ class ReturnMap:
 
     @property
     def kind(self) -> PlantKind:
-        """Which plant it flies."""
+        """The plant that it simulates: ``linear`` or ``mujoco``."""
         return "linear" if isinstance(self.plant, LinearPlant) else "mujoco"
 
     @property
@@ -127,7 +127,7 @@ class ReturnMap:
 
     @cached_property
     def fly(self) -> OpenLoop:
-        """One interval as a function."""
+        """One open-loop interval as a function."""
         if isinstance(self.plant, LinearPlant):
             from icmj.linear.open_loop import open_loop as linear_open_loop
 
@@ -138,7 +138,7 @@ class ReturnMap:
 
     @property
     def holds(self) -> bool:
-        """Whether z has the hold."""
+        """Whether z contains the hold state."""
         return self.held or bool(self.controller.delay)
 
     @property
@@ -191,7 +191,7 @@ class ReturnMap:
         return bool(interval <= self.least * (1 + COLLAPSED) + 1e-12)
 
     def refined(self, factor: float) -> ReturnMap:
-        """The same at another timestep, or tolerance; the linear plant has none."""
+        """The same map at another timestep or tolerance; on the linear plant, unchanged."""
         if isinstance(self.plant, LinearPlant):
             return self
         from icmj.engine.stepping import refined

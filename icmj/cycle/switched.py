@@ -59,15 +59,15 @@ class SwitchedMap:
 
     @property
     def least(self) -> float:
-        """Rounds have no least length."""
+        """Zero: rounds have no minimum length."""
         return 0.0
 
     def collapsed(self, interval: float) -> bool:
-        """They do not collapse."""
+        """Always false: rounds have no minimum length."""
         return False
 
     def another(self) -> SwitchedMap:
-        """The same: a flight leaves nothing behind."""
+        """The same object: it keeps no state between simulations."""
         return self
 
     def turn(self, z: Array, p: int = 1) -> Turn:
@@ -123,7 +123,7 @@ class SwitchedMap:
 
 @dataclass(frozen=True, eq=False)
 class _Rounds:
-    """What a simulation shows: every ξ, shape (K, n), switches, which of them are theirs, extremes, and its end."""
+    """Rounds of a simulation: every ξ, shape (K, n), switches, their indices, extremes, and how it ended."""
 
     at: Array
     times: Array
@@ -173,7 +173,7 @@ class SwitchedCycle:
 
     @property
     def words(self) -> str:
-        """One sentence for people."""
+        """The cycle in one sentence."""
         kind = "An attracting" if self.attracting else "A repelling"
         many = len(self.switches) * (2 if self.mirrored else 1)
         mirrored = "mirrored " if self.mirrored else ""
@@ -191,7 +191,7 @@ class SwitchedCycle:
 def find_switched_cycle(
     plant: LinearPlant, law: SwitchingPD, x0: ArrayLike | None = None, *, rounds: int | None = None, sign: int = 1
 ) -> SwitchedCycle:
-    """The cycle that a simulation comes to, or the one nearest to a first guess; with its multipliers.
+    """The cycle that a simulation settles on, or the cycle nearest to a first guess, with its multipliers.
 
     Args:
         plant: with the inputs and outputs of the law's.

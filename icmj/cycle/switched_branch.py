@@ -64,7 +64,7 @@ def follow_switched(
     p, sign = len(cycles[0].states), -1 if cycles[0].mirrored else 1
 
     def there(value: float, i: int) -> SwitchedCycle:
-        """The cycle at a value, from those next to number i."""
+        """The cycle at a parameter value, with the neighbours of point i as first guess."""
         z = cycles[i].states[0]
         if i > 0 and values[i] != values[i - 1]:
             part = (value - values[i]) / (values[i] - values[i - 1])

@@ -17,7 +17,7 @@ _BENDING = 8  # points through which the derivative is interpolated, at most
 
 
 class Trail:
-    """Points of a curve, in the order in which they were walked.
+    """Points of a curve in the order of continuation.
 
     Attributes:
         s: length along the curve up to each.
@@ -37,7 +37,7 @@ class Trail:
         return len(self.s)
 
     def add(self, u: Array, length: float) -> None:
-        """The next point, a ``length`` on."""
+        """Append a point at a distance ``length`` from the last."""
         s = self.s[-1] + length
         errors = np.full(_HIGHEST + 1, np.inf)
         for degree in range(1, min(len(self), _HIGHEST + 1, self.degree + 3)):
@@ -63,7 +63,7 @@ class Trail:
 
     @property
     def degree(self) -> int:
-        """Of the polynomial that predicts."""
+        """Degree of the predicting polynomial."""
         n = len(self)
         if n <= _FIRST + 1:
             return n - 1
@@ -76,7 +76,7 @@ class Trail:
         return self._ahead(self.degree, self.s[-1] + ds)
 
     def derivative(self, s: float) -> Array:
-        """D at a length s, from those that are known near it: as many as would have given the last ones best."""
+        """D at arc length s, interpolated through as many neighbours as would have predicted the last ones best."""
         count = len(self.known)
         if count > _FEW:
             count = int(np.argmin(np.max(self._wrong, axis=0)))

@@ -1,4 +1,4 @@
-"""The derivative of the return map from the equation of variation along the flight: a Jacobian for a few flights.
+"""The derivative of the return map from the variational equation along an interval, at the cost of a few simulations.
 
 Between events a neighbour departs by δẇ = F(t) δw, w = (x, a). Magnus's method of fourth order takes it through a
 panel of length h:
@@ -28,13 +28,13 @@ _FIRST, _MOST = 4, 512  # panels
 
 
 def courses_of(loop: ReturnMap, turn: Turn) -> list[Course]:
-    """The courses of a turn's intervals."""
+    """The trajectories of a turn's intervals."""
     rows = turn.rows or (None,) * len(turn.intervals)
     return [course(loop, *interval) for interval in zip(turn.states, turn.intervals, rows, strict=True)]
 
 
 def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) -> Course:
-    """The course of the interval from ``z``, which is known to last ``length`` [s], by what its flight kept."""
+    """The trajectory of the interval from ``z``, whose ``length`` [s] is known, from the stored simulation."""
     x, x_o, x_h = loop.split(z)
     if loop.kind == "linear":
         from icmj.linear.course import LinearCourse
@@ -54,7 +54,7 @@ def fast_jacobian(
     courses: Sequence[Course] | None = None,
     tolerance: float = TOLERANCE,
 ) -> Array:
-    """DP^p along a turn, shape (N, N); by differences of flights where the variation is too rough for panels.
+    """DP^p along a turn, shape (N, N); by finite differences where the variational equation is not smooth enough.
 
     Args:
         loop: the return map.

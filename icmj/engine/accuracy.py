@@ -1,4 +1,4 @@
-"""The accuracy of a run, measured by repeating a part of it at half the timestep, or a hundredth of the tolerance.
+"""The accuracy of a run, estimated by repeating a part of it at half the timestep or a hundredth of the tolerance.
 
 This part is the last complete open-loop interval, from the state right after the event that begins it; if there are
 fewer than two events, it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
@@ -144,7 +144,7 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
 
 
 def both(schedule: Schedule) -> tuple[Schedule, Schedule]:
-    """As it is, and finer."""
+    """The loop with its own timestep or tolerance, and with a finer one."""
     if schedule.tolerance > 0:
         return schedule, replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
     return schedule, replace(schedule, timestep=schedule.timestep / 2)
@@ -153,7 +153,7 @@ def both(schedule: Schedule) -> tuple[Schedule, Schedule]:
 def scaled(
     loop: ComposedLoop, schedule: Schedule, interval: float, output: Array, size: Array, stretch: float
 ) -> Accuracy:
-    """The error of a run from how far it and a finer one (:func:`both`) are apart at a stretch's end."""
+    """The error of a run from its difference to a finer one (:func:`both`) at the end of the repeated part."""
     p = order_of(loop.model)
     scale = 1.0 if schedule.tolerance > 0 else 2**p / (2**p - 1)
     error, largest = scale * np.abs(output), float(size.max())

@@ -1,4 +1,4 @@
-"""Activations: what the engine's steps make of their rates; the actuator that icmj adds, a second-order lag.
+"""Actuator activations: their rates and limits, and the second-order lag that icmj adds.
 
 An actuator with ``dyntype="user" actdim="2" dynprm="ω_n ζ"`` has the transfer function
 ω_n²/(s² + 2ζω_n s + ω_n²) from control to torque (paper, section 4.1, "Neglected dynamics").
@@ -47,7 +47,7 @@ def clamped(model: mujoco.MjModel, act: Array) -> Array:
 
 
 def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Rates of the activations after a forward pass, shape (na,), as far as a step of the model lets them be.
+    """Rates of the activations after a forward pass, shape (na,), as limited by ``actrange``.
 
     ``act_dot`` knows no ``actrange``.
     """

@@ -22,7 +22,7 @@ _D = 1e-9  # smallest feed-through that is one: a position or velocity has exact
 
 
 def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
-    """How good the operating point of ``linearisation`` is; ``model`` is the one that it is of.
+    """Assess the operating point of ``linearisation``, which was made from ``model``.
 
     Raises:
         ModelError: if a derivative is not finite.
@@ -72,7 +72,7 @@ def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
 def _kinks(
     model: mujoco.MjModel, linearisation: Linearisation, whole: Differences, half: Differences
 ) -> Iterator[Kink]:
-    """Where the disagreement of one-sided differences stays as the step is halved; that of a curve halves with it."""
+    """Kinks: the difference of one-sided slopes stays when the step is halved; on a smooth curve it halves."""
     ports, nv, rates = linearisation.ports, model.nv, len(half.rate)
     n, names = nv + rates, output_names(model)
     bend = _bends(whole, half, ports.states[ports.states >= nv] - nv, n)

@@ -1,4 +1,4 @@
-"""A composed model that can be started and run: rows of numbers in, rows of numbers out."""
+"""A composed model (plant and controller) that can be started and simulated."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class ComposedLoop:
         return data
 
     def place(self, data: mujoco.MjData, x: Array, a: Array, t: float = 0.0) -> None:
-        """Put the plant at a departure from the operating point, and the controller at a state in its layout."""
+        """Set the plant's deviation from the operating point and the controller's state."""
         point, nv, block = self.plant.linearisation.point, self.model.nv, self.block
         x = self.plant.linearisation.ports.whole(x)
         data.time = t
@@ -159,7 +159,7 @@ class ComposedLoop:
         return kind(self.model, data, schedule, self.plant.linearisation.point.qpos)
 
     def tracker(self, data: mujoco.MjData, schedule: Schedule) -> ExtremesTracker:
-        """What finds the extremes of the outputs of a run from ``data``."""
+        """The object that finds the extremes of the outputs of a run from ``data``."""
         points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
         return ExtremesTracker(data.time, self.y(data.sensordata), schedule.jumps, points)
 
@@ -220,7 +220,7 @@ class ComposedLoop:
         return int(1 + model.nq + model.nv + model.na + model.nsensordata)
 
     def outcome(self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
-        """How it ended, from why the loop returned; ``RUNNING`` means that it was stopped."""
+        """The outcome, from the loop's return code; ``RUNNING`` means that the run was interrupted."""
         if status == Status.RUNNING:
             return ending.interrupted(t, schedule.t_end)
         if status == Status.FELL:

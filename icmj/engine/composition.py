@@ -1,4 +1,4 @@
-"""The closed loop as an ordinary MuJoCo model: plant + an actuator whose activations are the controller's states.
+"""The closed loop as an ordinary MuJoCo model: the plant and an actuator whose activations are the controller's states.
 
 The composed model is the plant's, with two elements more, both named ``icmj_controller``:
 

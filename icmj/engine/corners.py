@@ -1,4 +1,4 @@
-"""Corners that a motion passes which the linear theory predicts: where the engine's answer bends instead of curving.
+"""Kinks of the plant's response along the predicted motion, where the linear theory does not hold.
 
 The engine is asked for its rates and outputs at states and inputs of the motion. The limits that a model can have are
 lifted on a copy: where that changes the answer, one of them acts, and each imposed by itself says which. With these
@@ -94,7 +94,7 @@ def _at_rest(engine: Dynamics) -> Array:
 
 
 def _impose(engine: Dynamics, limits: Sequence[_Limit], *those: _Limit) -> None:
-    """Lift all limits but ``those``."""
+    """Remove all limits except ``those``."""
     for limit in limits:
         there = any(limit is one for one in those)
         value = getattr(engine.plant.model, limit.array)[limit.at] if there else limit.lifted
@@ -127,7 +127,7 @@ def _limits(engine: Dynamics) -> list[_Limit]:
 
 
 def _acting(engine: Dynamics, limits: Sequence[_Limit], x: Array, u: Array) -> Iterator[_Limit]:
-    """Those of ``limits`` that change what the engine answers."""
+    """Those of ``limits`` that change the rates or outputs."""
     if not limits:
         return
     _impose(engine, limits)
@@ -164,7 +164,7 @@ def _told(plant: MujocoPlant, limit: _Limit, x: Array, u: Array) -> Notice:
 
 
 def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
-    """A corner that comes from no limit known."""
+    """A corner that no known limit explains."""
     linear, rest = engine.plant.linearisation.plant, _at_rest(engine)
     expected = np.hstack([x @ linear.A.T + u @ linear.B.T, x @ linear.C.T])
     found = _answers(engine, x, u) - rest
@@ -199,7 +199,7 @@ def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
 
 
 def _ways(departure: Array, u: Array) -> list[int]:
-    """Samples to which the way from rest is followed, the largest departure first.
+    """Samples towards which the straight line from rest is searched, largest departure first.
 
     Some of all that depart, and those where an input is largest, either way.
     """

@@ -1,4 +1,4 @@
-"""The course of one open-loop interval on the engine: recorded, interpolated, and differentiated along the way."""
+"""The trajectory of one open-loop interval on the engine: recorded, interpolated, and linearised along it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class EngineCourse:
     def __init__(
         self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None
     ) -> None:
-        """Take the ``rows`` that a flight kept, or fly again, from an event to the next, about ``length`` [s] on.
+        """Take the ``rows`` of a stored simulation, or simulate again to the next event, about ``length`` [s] later.
 
         Raises:
             SimulationError: if there is none.
@@ -56,7 +56,7 @@ class EngineCourse:
         self.rate = self._rates(last, np.zeros((1, last.shape[1])))[0, 0]
 
     def _holds(self, a: Array) -> list[tuple[float, Array]]:
-        """When and from where the hold runs free, one entry for each part."""
+        """Start time and start state of each part in which the hold runs without reset."""
         held = [(0.0, a)]
         if len(self.cuts) > 2:
             before = self._free(a, np.array([self.cuts[1]]))[0]
@@ -64,7 +64,7 @@ class EngineCourse:
         return held
 
     def _free(self, a: Array, tau: Array) -> Array:
-        """The controller's state after times ``tau`` of hold; its observer, which needs outputs, left as it is."""
+        """The controller's state at times ``tau`` into a part: the hold in closed form, the observer unchanged."""
         after, h = np.tile(a, (len(tau), 1)), self._layout["x_h"]
         after[:, h] = self.loop.controller.hold.free(a[h], tau)
         return after

@@ -143,7 +143,7 @@ def _apply(spec: mujoco.MjSpec, change: Change, rho: float) -> None:
 
 
 def _chosen(change: Change, known: list, kind: str, where: Callable) -> list:
-    """Those that are meant; of several of one name the first."""
+    """The selected entries; of several with the same name, the first."""
     if change.of is None:
         return [thing for _, thing in known if where(thing)]
     found = [thing for name, thing in known if name == change.of]

@@ -1,4 +1,4 @@
-"""What the engine does in a state under an input: rates and outputs as functions, in departures from rest."""
+"""Rates and outputs of a plant on the engine as functions of state and input, as departures from rest."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Dynamics:
         return rate, here.ports.read(data.sensordata) - here.y
 
     def forward(self, x: Array, u: Array) -> None:
-        """Let the engine look at x and u; ``data`` is as a forward pass leaves it."""
+        """Run a forward pass at x and u, which leaves its results in ``data``."""
         model, data = self.model, self.data
         point, ports = self.plant.linearisation.point, self.plant.linearisation.ports
         whole, nv = ports.whole(np.asarray(x, float)), model.nv

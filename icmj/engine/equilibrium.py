@@ -1,4 +1,4 @@
-"""The equilibrium near a pose: controls, and joints that may move, at which nothing accelerates.
+"""The equilibrium near a pose: controls, and positions of the free joints, with zero accelerations.
 
 At rest the force that each degree of freedom needs, by inverse dynamics, is what the actuators give, and activations
 stand still. Newton's method solves these equations for control, activation and free joints; where they leave a choice,
@@ -133,11 +133,11 @@ class _Search:
         return _Forces(data.qfrc_inverse - given, force, act_dot)
 
     def residual(self, found: _Forces) -> Array:
-        """Everything that must vanish: forces in units of the weight, rates by how far activations are from rest."""
+        """The residual: forces relative to the weight, and the distance of the activations from rest."""
         return np.concatenate([found.left / self.weight, self.lag * found.act_dot])
 
     def lags(self) -> Array:
-        """The time in which each activation would come to rest, from how its rate answers controls and activations."""
+        """Time constant of each activation, from the slope of its rate over activation and control."""
         slopes, _ = self.slopes(np.arange(self.model.nv, len(self.z)))
         return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
 
@@ -153,7 +153,7 @@ class _Search:
         return np.where(ranged, 1 / np.where(ranged, strongest, 1.0), lever / self.weight)
 
     def set_down(self) -> None:
-        """Move a body that may, along the vertical, to where its contacts bear the weight of the whole."""
+        """Shift a body with a free vertical joint to the height at which its contacts carry the whole weight."""
         i = vertical(self.model, self.free)
         if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
             return
@@ -175,13 +175,13 @@ class _Search:
         self.z[i] = start  # nothing to stand on within a metre
 
     def moving(self) -> np.ndarray:
-        """The entries of z that are sought."""
+        """Indices of the unknown entries of z."""
         nv, nu = self.model.nv, self.model.nu
         parts = (self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z)))
         return np.concatenate(parts).astype(int)
 
     def approach(self) -> None:
-        """Where Newton's method fails, trust regions on contacts and limits that are softer at first.
+        """Fallback where Newton's method fails: a trust-region method with contacts and limits softened at first.
 
         Effort is least on soft contacts only: on those that are there its least lies at a kink, and the last bit would
         decide where the search stops. The last rounds are for the balance alone and hold on to where they begin, so
@@ -198,7 +198,7 @@ class _Search:
                 return
 
     def relax(self, effort: float) -> None:
-        """Least squares of what must vanish, of effort, and of motion."""
+        """Minimise the squares of residual, effort and motion."""
         moving, begin, nv = self.moving(), self.z.copy(), self.model.nv
         low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
         low[:nv], high[:nv] = self.room
@@ -228,7 +228,7 @@ class _Search:
         self.z[moving] = found.x
 
     def solve(self) -> None:
-        """Newton's method; it gives up where no step makes things better."""
+        """Newton's method; it stops where no step reduces the residual."""
         moving = self.moving()
         found = self.forces(self.z)
         for _ in range(_STEPS):
@@ -249,7 +249,7 @@ class _Search:
                 return
 
     def slopes(self, moving: np.ndarray) -> tuple[Array, Array]:
-        """d residual/dz and d forces/dz, of the moving entries."""
+        """d residual/dz and d forces/dz with respect to the unknown entries."""
         J, F = [], []
         for j in moving:
             ends = []
@@ -280,13 +280,13 @@ class _Search:
         return scale * (particular + free @ choice)
 
     def beyond(self) -> np.ndarray:
-        """Controls beyond their range."""
+        """Whether controls are outside their range."""
         ctrl = self.given.ctrl + self.z[self.model.nv :][: self.model.nu]
         slack = 1e-9 * (1 + np.abs(ctrl))
         return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
 
     def cramped(self) -> bool:
-        """Whether a joint is where it has no room."""
+        """Whether a joint is at or beyond its limit."""
         low, high = self.room
         position = self.z[: self.model.nv]
         return bool((position < low - 1e-6).any() or (position > high + 1e-6).any())

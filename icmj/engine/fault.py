@@ -28,7 +28,7 @@ MORE = 'give the model more with <size memory="100M"/>'
 
 
 class EngineFault(SimulationError):
-    """MuJoCo gave up in the middle of a step."""
+    """MuJoCo raised a fatal error within a step."""
 
 
 class _Call:

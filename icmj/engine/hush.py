@@ -1,4 +1,4 @@
-"""MuJoCo's own words kept off the terminal and out of the current folder, for the length of a ``with`` block.
+"""Suppress MuJoCo's messages on the terminal and in the current folder within a ``with`` block.
 
 MuJoCo prints its warnings and appends them to MUJOCO_LOG.TXT wherever it is run. What they say comes back as the
 outcome of a run, or as an error. Outside the blocks, MuJoCo does for others what it always did.
@@ -36,7 +36,7 @@ def hushed() -> Iterator[None]:
 
 
 def _set(console: bool, file: bool) -> tuple[Any, Any]:
-    """Say where messages go, and return where they went."""
+    """Set the message handlers and return the previous ones."""
     config = mujoco.MjLogConfig.get()
     before = config.logto_console, config.logto_file
     config.logto_console, config.logto_file = console, file

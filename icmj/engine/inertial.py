@@ -7,7 +7,7 @@ import numpy as np
 
 
 def frozen(spec: mujoco.MjSpec) -> None:
-    """Give every body the inertia that it compiles to, so that it may be changed without its geoms."""
+    """Write the compiled inertia into every body, so that it can be changed independently of its geoms."""
     model = spec.copy().compile()
     for body in spec.bodies:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name) if body.name else int(body.id)

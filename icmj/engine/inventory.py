@@ -17,7 +17,7 @@ _UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
 @dataclass(frozen=True)
 class Inventory:
-    """Names in the model's order; those of what has a unit with it, "" where it is not known.
+    """Names in the model's order; quantities are mapped to their units, "" where the unit is unknown.
 
     Attributes:
         keyframes, bodies: names.
@@ -36,7 +36,7 @@ class Inventory:
 
 
 def inventory(path: Path) -> Inventory:
-    """What the model of an MJCF file has.
+    """The selectable elements of the model in an MJCF file.
 
     Raises:
         ModelError: if it cannot be loaded; see :func:`icmj.engine.model.load_spec`.

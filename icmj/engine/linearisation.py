@@ -121,7 +121,7 @@ def linearise(
 
 
 def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
-    """Half the distance of a difference that is right for the model at ``point``."""
+    """Step ``eps`` of the centred differences that suits the model at ``point``."""
     data = data_at(model, point)
     mujoco.mj_fwdPosition(model, data)
     return EPS_TOUCHING if data.nefc else EPS

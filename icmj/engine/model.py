@@ -111,7 +111,7 @@ def compiled(spec: mujoco.MjSpec, point: OperatingPoint) -> mujoco.MjModel:
 
 
 def forget(spec: mujoco.MjSpec) -> None:
-    """Take off the memories of sensors and actuators, and delays with them."""
+    """Remove the history buffers of sensors and actuators, and with them their delays."""
     for actuator in spec.actuators:
         actuator.nsample, actuator.delay = 0, 0.0
     for sensor in spec.sensors:
@@ -164,7 +164,7 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 @contextmanager
 def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
-    """Let the constraint solver iterate until nothing changes: its tolerance would be divided by eps."""
+    """Let the constraint solver converge fully, because differences divide its error by eps."""
     before = model.opt.tolerance, model.opt.iterations
     model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
     try:
@@ -178,7 +178,7 @@ def _sensors(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def _called(letter: str, names: list[str]) -> tuple[str, ...]:
-    """The names, and for what has none its letter and number, which nothing else is called."""
+    """The names; elements without a name get a unique one, made of a letter and their number."""
     found = []
     for i, name in enumerate(names):
         label = name or f"{letter}{i}"

@@ -1,4 +1,4 @@
-"""Motors that become muscles: activation dynamics put into a model whose actuators have none."""
+"""Activation dynamics added to actuators of a model that have none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from icmj.plant.activation import Activation, Lag
 
 
 def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
-    """The lag of each actuator that has one, of the actuators of these ``names``; only ``inputs`` have, or all.
+    """Lags by actuator among ``names``; only those in ``inputs`` have a lag, or all if it is not given.
 
     Raises:
         ModelError: if the activation names what is no input.
@@ -26,7 +26,7 @@ def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequ
 
 
 def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], lags: Mapping[int, Lag]) -> None:
-    """Give actuators of ``spec``, of which ``model`` is compiled, these lags; in its keyframes they are at rest.
+    """Give the actuators of ``spec`` (compiled: ``model``) these lags, at rest in its keyframes.
 
     Raises:
         ModelError: if one of them is no motor, or has dynamics of its own.

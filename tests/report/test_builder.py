@@ -23,7 +23,7 @@ def report(tmp_path_factory):
 
 
 class Reader(HTMLParser):
-    VOID = frozenset({"meta", "link", "img", "br", "hr"})
+    VOID = frozenset({"meta", "link", "img", "source", "br", "hr"})
 
     def __init__(self):
         super().__init__()

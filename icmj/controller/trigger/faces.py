@@ -68,7 +68,7 @@ class Faces:
         return np.asarray(2 * self.unit * (R @ e) @ R)
 
     def polynomials(self, components: Array) -> Array:
-        """E_j along a motion whose components R e(s) are polynomials in s: exact, for a square of one is one.
+        """E_j along a motion whose components R e(s) are polynomials in s; exact, as their squares are polynomials.
 
         Args:
             components: power coefficients of R e, by rising power, shape (d + 1, ..., r).

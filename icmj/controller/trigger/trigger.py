@@ -1,4 +1,4 @@
-"""What decides when the controller takes up new feedback: an event rule, a clock, or nothing because it always does."""
+"""Triggers, which decide when the controller takes new feedback: event rules, clocks, and continuous control."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Kind = Literal["event", "clock", "continuous", "switching"]
 
 
 class Trigger(ABC):
-    """What every trigger answers; simulators and theory ask this and never what class it is of.
+    """The interface of every trigger; simulators and theory use this interface and never test the class.
 
     Attributes:
         kind: ``event``, ``clock`` or ``continuous``.
@@ -106,7 +106,7 @@ class Continuous(Trigger):
 
 
 def checked_delta_min(delta_min: float) -> float:
-    """Δ_min if it is one.
+    """Check and return Δ_min.
 
     Raises:
         AnalysisError: if it is negative or not finite.
@@ -117,7 +117,7 @@ def checked_delta_min(delta_min: float) -> float:
 
 
 def expect_rule(trigger: object) -> None:
-    """See that ``trigger`` is an event rule.
+    """Check that ``trigger`` is an event rule.
 
     Raises:
         AnalysisError: if it is not.

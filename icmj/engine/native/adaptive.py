@@ -23,7 +23,7 @@ _POWER = tableau.POWER
 
 
 class Stepper(NamedTuple):
-    """The method's coefficients, and room for a step.
+    """The method's coefficients and the work arrays of a step.
 
     Attributes:
         A, c, E3, E5, D, powers, last, rates, looks, exponent, allowed: of the method; see
@@ -63,7 +63,7 @@ class Stepper(NamedTuple):
 
 
 def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:
-    """Room for the steps of a model."""
+    """The stepper of a model with its work arrays."""
     n = model.nq + model.nv + model.na
     scalars, quaternions = [], []
     for kind, q, v in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
@@ -88,7 +88,7 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) ->
 
 @exact
 def get(engine, state):  # type: ignore[no-untyped-def]
-    """(qpos, qvel, act) where the engine is."""
+    """Copy the engine's state (qpos, qvel, act)."""
     at = 0
     for part in (engine.qpos, engine.qvel, engine.act):
         for i in range(len(part)):
@@ -109,7 +109,7 @@ def put(engine, state, t):  # type: ignore[no-untyped-def]
 
 @exact
 def rates_at(engine, stepper, K):  # type: ignore[no-untyped-def]
-    """Rates of the state, from those that a pass has left in the engine."""
+    """Rates of the state, from the results of a forward pass."""
     for k in range(len(stepper.scalars)):
         K[stepper.scalars[k, 0]] = engine.qvel[stepper.scalars[k, 1]]
     for k in range(len(stepper.quaternions)):
@@ -136,7 +136,7 @@ def normalise(engine, stepper):  # type: ignore[no-untyped-def]
 
 @compiled
 def pass_at(engine, stepper):  # type: ignore[no-untyped-def]
-    """The rates where the engine is, as those that the next step begins with."""
+    """Evaluate the rates at the engine's state, as the first stage of the next step."""
     flow(engine)
     stepper.passes[0] += 1
     rates_at(engine, stepper, stepper.K[0])
@@ -170,7 +170,7 @@ def stages(engine, stepper, t, step, first, last):  # type: ignore[no-untyped-de
 
 @compiled
 def error_of(stepper, step, tolerance):  # type: ignore[no-untyped-def]
-    """The estimated error of a step in units of what is allowed, root mean square over the state."""
+    """The estimated error of a step relative to the tolerance, root mean square over the state."""
     n = len(stepper.start)
     e5, e3 = 0.0, 0.0
     for i in range(n):
@@ -189,7 +189,7 @@ def error_of(stepper, step, tolerance):  # type: ignore[no-untyped-def]
 
 @compiled
 def accept(stepper):  # type: ignore[no-untyped-def]
-    """Remember how far the motion has reached."""
+    """Update the largest magnitudes of the state so far, which scale the relative tolerance."""
     for i in range(len(stepper.start)):
         far = max(abs(stepper.start[i] - stepper.origin[i]), abs(stepper.end[i] - stepper.origin[i]))
         stepper.reach[i] = max(stepper.reach[i], far)
@@ -229,7 +229,7 @@ def interpolate(stepper, theta):  # type: ignore[no-untyped-def]
 
 @exact
 def look_within(engine, stepper, theta, t):  # type: ignore[no-untyped-def]
-    """Put the engine at the fraction ``theta`` of the step, with its outputs."""
+    """Move the engine to the fraction ``theta`` of the step, and compute its outputs there."""
     interpolate(stepper, theta)
     put(engine, stepper.room, t)
     normalise(engine, stepper)

@@ -44,7 +44,7 @@ _SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
 
 @compiled
 def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type: ignore[no-untyped-def]
-    """Outputs, and the rows that are due, within the step; leaves the engine where the plant has fallen in it."""
+    """Sample outputs and rows due within the step; if the plant has fallen, the engine stays at that state."""
     spacing, j = length / stepper.looks, 1
     margin = 1e-9 * length
     while True:
@@ -109,7 +109,7 @@ def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore
 
 @merged
 def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm):  # type: ignore[no-untyped-def]
-    """One step towards ``target``; whether an event ends it, and whether it could be taken."""
+    """Take one step towards ``target``; return whether an event ends it, and whether the step succeeded."""
     t = engine.time[0]
     get(engine, stepper.start)
     room, step, rejected = target - t, progress[0].next_step, False
@@ -165,7 +165,7 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
 
 @inlined
 def _reached(rule):  # type: ignore[no-untyped-def]
-    """Whether the event function has reached zero where the engine is."""
+    """Whether the event function is zero or positive at the engine's state."""
     evaluate(rule)
     return reached(rule.now)
 
@@ -237,7 +237,7 @@ def adaptive_loop() -> Any:
 
 
 class AdaptiveLoop(FixedLoop):
-    """Steps whose length the tolerance decides, on the rates that the engine gives.
+    """The loop with adaptive step size, which integrates the rates that the engine computes.
 
     A step ends where something is planned: the run's end, an event of the clock, an action, an edge of a disturbance.
     Events of the rule and recorded rows lie within steps: the first are found on the dense output and reached by a
@@ -252,15 +252,15 @@ class AdaptiveLoop(FixedLoop):
 
     @property
     def passes(self) -> int:
-        """How often the engine has been asked for rates."""
+        """Number of evaluations of the engine's rates."""
         return int(self._stepper.passes[0])
 
     def look(self, often: int) -> None:
-        """Write down the outputs at least so often in every step."""
+        """Set the smallest number of output samples in every step."""
         self._stepper = self._stepper._replace(looks=max(self._stepper.looks, often))
 
     def begin(self) -> None:
-        """Start, or start anew, from where the data stand, right after an event."""
+        """Start or restart from the state in the data, right after an event."""
         super().begin()
         self._stepper.reach[:] = 0.0
 

@@ -34,7 +34,7 @@ _lag = compiled(actuators.lag)
 
 
 class ModelFields(NamedTuple):
-    """Where the callbacks find what they read of a model; see :func:`icmj.engine.native.memory.field`."""
+    """Addresses of the model's fields that the callbacks read; see :func:`icmj.engine.native.memory.field`."""
 
     nu: Any
     nv: Any
@@ -50,7 +50,7 @@ class ModelFields(NamedTuple):
 
 
 class DataFields(NamedTuple):
-    """The same of its data."""
+    """Addresses of the fields of MuJoCo's data that the callbacks read and write."""
 
     time: Any
     ctrl: Any
@@ -74,7 +74,7 @@ def _ours(b, controls, activations):  # type: ignore[no-untyped-def]
 
 @allocating
 def _block(m, of):  # type: ignore[no-untyped-def]
-    """The numbers of the controller in a model; empty where it has none, as the compiler's temporary model."""
+    """The controller's numbers in a model; empty where there is none, as in the compiler's temporary model."""
     numbers, k = doubles(m, of.numeric_data), size(m, of.nnumeric) - 1
     if k < 0 or integers(m, of.numeric_size)[k] < _HEADER:
         return numbers[:0]
