@@ -32,7 +32,7 @@ class AnalysisError(IcmjError):
 
 
 def beyond_arithmetic(error: BaseException) -> bool:
-    """Whether an error is linear algebra's way to say that numbers are too far apart, wherever it was not foreseen."""
+    """Whether an unforeseen error of linear algebra means that numbers differ too much in magnitude."""
     return type(error).__name__ in ("LinAlgError", "OverflowError")
 
 
@@ -43,7 +43,7 @@ _NO_MEMORY = (
 
 
 def beyond_memory(error: BaseException) -> bool:
-    """Whether an error is a library's way to say that memory, or room for addresses, is used up."""
+    """Whether an error of a library means that memory or address space is exhausted."""
     return isinstance(error, MemoryError) or any(words in str(error).lower() for words in _NO_MEMORY)
 
 
@@ -52,7 +52,7 @@ class SimulationError(IcmjError):
 
 
 class CycleError(IcmjError):
-    """There is no such cycle, and why, or a branch of cycles cannot be followed."""
+    """A cycle was not found, or a branch of cycles cannot be followed."""
 
 
 class LogError(IcmjError):

@@ -26,12 +26,12 @@ NEVER = 1e300  # s between rows: only events are wanted
 
 
 class EngineOpenLoop:
-    """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
+    """Simulates from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
 
     def __init__(
         self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, like: EngineOpenLoop | None = None
     ) -> None:
-        """Prepare flights; they record a row every ``every`` seconds, by default none.
+        """Prepare simulations that record a row every ``every`` seconds, by default none.
 
         ``like`` may be one of the same model, for the same thread: they share their room.
         """
@@ -54,7 +54,7 @@ class EngineOpenLoop:
     def recorded(
         self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0
     ) -> tuple[OpenLoopInterval, Array]:
-        """The same, and the rows (t, qpos, qvel, act, sensordata) that were kept on the way, the first at ``t``."""
+        """The same, with the recorded rows (t, qpos, qvel, act, sensordata), the first at ``t``."""
         loop, data, record = self.loop, self.data, self._record
         hold = x_o if x_h is None else x_h
         a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
@@ -115,7 +115,7 @@ def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, ev
 
 
 class OpenLoops:
-    """Makes one open loop after another, of what the first is made of where that has not changed; for one thread."""
+    """Makes open loops one after another and reuses the parts that have not changed; for one thread."""
 
     def __init__(self) -> None:
         self._first: EngineOpenLoop | None = None

@@ -213,7 +213,7 @@ def _told_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[Operat
 
 
 def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:
-    """The first at an operating point that a prediction can be about, or else the one that comes nearest to it."""
+    """The first whose operating point permits a prediction, or else the one with the smallest residual."""
     found: list[MujocoPlant] = []
     try:
         for plant in chain((first,), others):

@@ -98,7 +98,7 @@ def _find(label: str, known: dict[str, tuple[int, ...]], what: str, model: str) 
 
 
 def _check_prompt(model: mujoco.MjModel, actuators: Sequence[int], entries: Sequence[int]) -> None:
-    """See that no input and no output used has a delay in the engine: its derivatives there are zeros."""
+    """Check that no input and no output used has a delay in the engine: its derivatives there are zeros."""
     advice = "remove it from the model, and give the loop's as [assumed] delay, [actual] delay in the run file"
     sensors = [int(np.searchsorted(model.sensor_adr, entry, side="right")) - 1 for entry in entries]
     late = [(f"input {input_names(model)[i]!r}", model.actuator_delay[i]) for i in actuators]

@@ -1,4 +1,4 @@
-"""The moving body for the eye: MuJoCo poses at every sample of a simulation, true and with the sway magnified."""
+"""The moving body for display: MuJoCo poses at every sample of a simulation, true and with the sway magnified."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
 
 
 class _Ground:
-    """What the ground does to a plant in given states under given inputs.
+    """The ground reaction on a plant in given states under given inputs.
 
     Attributes:
         model: the plant's, to be read.

@@ -104,7 +104,7 @@ def ground_force(plant: MujocoPlant, simulation: Simulation, level: float | None
 
 
 class _Ground:
-    """What the ground must do to move a plant's mass as it moves."""
+    """The ground reaction that the motion of a plant's mass requires."""
 
     def __init__(self, plant: MujocoPlant, level: float | None) -> None:
         self.model = copy(plant.model)

@@ -73,7 +73,7 @@ os._exit(0)
 
 
 def rehearse(path: Path) -> None:
-    """See that a model does not take down, stall or fill the process that loads it.
+    """Check that loading a model does not crash, stall or exhaust the memory of the process.
 
     What MuJoCo refuses in an orderly way is not told here, but where it is loaded: there it may know more plugins.
 

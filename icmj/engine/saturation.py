@@ -28,7 +28,7 @@ def _strength_limited(model: mujoco.MjModel) -> bool:
 
 
 def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array) -> tuple[Array, np.ndarray]:
-    """What acts of u + d, in the units of u, and where it is less than that; both of shape (N, n_u).
+    """The part of u + d that acts, in the units of u, and where it is limited; both of shape (N, n_u).
 
     A limit of force takes away as much of the control as would give what it cuts off; of an actuator with dynamics of
     its own, or of a joint's limit, it is told that it saturates, and the control stays.
@@ -87,7 +87,7 @@ def _range(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Array, np.ndarray]:
-    """Controls less what limits of force cut off, and which they or an activation's range are.
+    """Controls reduced by the limits of force, and whether these or an activation's range are reached.
 
     The engine says what each limit does: those of actuators and tendons, then those of joints, are lifted on the way.
     """
@@ -98,7 +98,7 @@ def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Arra
     jointed, clamped = bool(model.jnt_actfrclimited.any()), np.flatnonzero(model.actuator_actlimited)
 
     def forces(control: Array, *, on_actuators: bool, on_joints: bool) -> tuple[Array, Array]:
-        """Of the actuators and on the degrees of freedom, under these limits."""
+        """Forces of the actuators and on the degrees of freedom under these limits."""
         for (array, limits), on in zip(switches, (on_actuators, on_actuators, on_joints), strict=True):
             array[:] = limits if on else False
         data.ctrl[:] = control

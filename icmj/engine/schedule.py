@@ -53,12 +53,12 @@ class Schedule:
 
     @property
     def method(self) -> Tableau:
-        """Of adaptive steps."""
+        """The Runge–Kutta method of adaptive steps."""
         return method_for(self.tolerance, self.stiff)
 
     @property
     def first_step(self) -> float:
-        """What adaptive steps begin with [s]; 0 where the timestep is given."""
+        """Length of the first adaptive step [s]; 0 for a fixed timestep."""
         if not self.tolerance:
             return 0.0
         return float(self.tolerance ** (1 / self.method.order) / self.rate)

@@ -1,4 +1,4 @@
-"""What acts from outside as *signals*, each a polynomial on cells of time: one look costs the same however many terms.
+"""Exogenous inputs as *signals*, piecewise polynomials in time whose evaluation cost does not depend on the terms.
 
 A signal is the sum of all terms a·cos(ω t + φ) that act in one place and in one window of time. On a cell around t_c,
 2 Z/ω_max wide, a term is a·cos(θ + z x) with θ = ω t_c + φ, z ≤ Z and |x| ≤ 1, and its Taylor polynomial in x is right
@@ -69,7 +69,7 @@ def weights_of(terms: Array, signals: Array) -> Array:
 
 
 def cells_of(signals: Array) -> Array:
-    """Room for the cells of each signal: the cell whose phases are known, (number, coefficients) in each place."""
+    """Arrays for the cells of each signal: the cell whose phases are known, (number, coefficients) in each place."""
     cells = np.zeros((len(signals), CELL))
     cells[:, 0] = cells[:, 1::PLACE] = np.nan
     return cells

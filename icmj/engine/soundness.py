@@ -1,4 +1,4 @@
-"""Model files that would stall the compiler, or take the process with them, found out before they do.
+"""Checks for model files that would stall the compiler or crash the process.
 
 Every model that does not come with icmj is compiled first in a process of its own (:mod:`icmj.engine.rehearsal`), once
 for each state of it and of the files that it refers to.
@@ -93,7 +93,7 @@ def examine(path: Path) -> None:
 
 
 def check_sizes(path: Path, model: mujoco.MjModel) -> None:
-    """See that a compiled model is one to linearise.
+    """Check that a compiled model can be linearised.
 
     Raises:
         ModelError: if it has more sensor entries, actuators or states than can be, or a timestep that is none.
@@ -110,7 +110,7 @@ def check_sizes(path: Path, model: mujoco.MjModel) -> None:
 
 
 def check_names(path: Path, spec: mujoco.MjSpec) -> None:
-    """See that no element has a name that the composed model needs.
+    """Check that no element has a name that the composed model needs.
 
     Raises:
         ModelError: if one has.
@@ -121,7 +121,7 @@ def check_names(path: Path, spec: mujoco.MjSpec) -> None:
 
 
 def check_plant(path: Path, plant: LinearPlant) -> None:
-    """See that a linearised plant is one to analyse.
+    """Check that a linearised plant can be analysed.
 
     Raises:
         ModelError: if it has more states, inputs or outputs than can be.
@@ -174,7 +174,7 @@ def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[tuple[Path, byte
 
 
 def _state(model: Path, path: Path) -> os.stat_result | None:
-    """Of a file that a model refers to; a pipe would be waited on for ever."""
+    """Size and time of change of a file that a model refers to; only regular files, as reading a pipe would block."""
     try:
         state = path.stat()
     except (OSError, ValueError):

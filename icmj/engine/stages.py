@@ -16,7 +16,7 @@ from icmj.engine.block import Slot, block_of
 
 
 class Stages(IntEnum):
-    """What computes the accelerations of a model."""
+    """The stages that compute the accelerations of a model."""
 
     WHOLE = 0  # mj_forwardSkip: everything but the sensors
     SMOOTH = 1  # all but what contacts and other constraints need

@@ -22,7 +22,7 @@ _BENDS = (0.1, 0.25)  # of a joint's range
 
 @contextmanager
 def softened(model: mujoco.MjModel, factor: float) -> Iterator[None]:
-    """Contacts and joint limits that give way by the square of ``factor`` times as much, and as gradually."""
+    """Contacts and joint limits made softer by the square of ``factor``."""
     times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
     widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
     before = [array.copy() for array in (*times, *widths)]
@@ -65,7 +65,7 @@ def free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
 
 
 def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
-    """Degrees of freedom that may move: as few as a free body needs to be balanced by its joints alone, then all.
+    """Sets of degrees of freedom that may move: first the fewest that can balance a free body, then all.
 
     It keeps its place and stays upright; only its height is found.
     """
@@ -139,7 +139,7 @@ def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
 
 
 def moved(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint, why: str) -> Iterator[Notice]:
-    """How far the operating point found is from the pose given, if it is, and why the pose did not do."""
+    """A notice if the operating point found differs from the given pose: by how much, and why."""
     gap = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
     units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]

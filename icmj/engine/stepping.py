@@ -34,7 +34,7 @@ class Stepping:
 
 
 def stepping_of(loop: ComposedLoop, settings: Settings) -> Stepping:
-    """What the settings ask for, as far as the model allows it.
+    """The stepping that the settings request, as far as the model allows it.
 
     With neither tolerance, timestep nor integrator a model in which nothing can touch, rub or reach a limit is stepped
     adaptively, to 1e-8; any other takes its own timestep and integrator. A tolerance holds for models that *could*
@@ -88,7 +88,7 @@ def refined(plant: MujocoPlant, controller: Controller, settings: Settings, fact
 
 
 def _refusal(loop: ComposedLoop, asked: bool) -> str:
-    """Why the motion is not smooth, or may not be; empty where it is."""
+    """Why the motion may not be smooth; empty if it is smooth."""
     model = loop.model
     if not is_flow(model):
         return "an activation that is clamped or taken a step ahead, a body that sleeps or yields, or a flex"

@@ -45,7 +45,7 @@ _SHORT = 1e-6  # s; what stretches of that length do is straight
 
 @dataclass(eq=False)
 class Stand:
-    """How far a run has come, apart from the engine's own state: enough to go on from there once more.
+    """The progress of a run apart from the engine's state, from which it can be continued again.
 
     Attributes:
         t: now [s].
@@ -65,7 +65,7 @@ class Stand:
     state: tuple[Array, Array, Array]
 
     def copy(self, data: mujoco.MjData) -> Stand:
-        """As it is now, with the state of the engine."""
+        """A copy of the present progress, with the engine's state."""
         state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
         return replace(self, history=deepcopy(self.history), now=deepcopy(self.now), state=state)
 
@@ -113,7 +113,7 @@ class TappedLoop(ComposedLoop):
     def outcome(
         self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array
     ) -> ending.Outcome:
-        """How it ended, from why the loop returned."""
+        """The outcome, from the loop's return code."""
         if status == Status.COMPLETED:
             return ending.ran(t, np.zeros(0), 0.0)
         return super().outcome(status, t, data, schedule, events)
@@ -166,7 +166,7 @@ class TappedLoop(ComposedLoop):
 
 
 def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop:
-    """Compose plant and controller; what errs in the readings stays outside the model.
+    """Compose plant and controller; errors of the readings stay outside the model.
 
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.

@@ -37,7 +37,7 @@ def simulate_tapped(
     progress: Callable[[float], None] | None = None,
     error_estimate: bool = True,
 ) -> Simulation:
-    """Simulate ``plant`` under a controller that reads delayed outputs only. Before t = 0 it has read what is there.
+    """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
 
     Args:
         plant: the actual plant.

@@ -1,4 +1,4 @@
-"""The frequency response of a linear closed loop: what plant and command do under a sinusoid at each signal.
+"""The frequency response of a linear closed loop: responses of plant and command to sinusoids at each signal.
 
 Continuous control is linear, delayed or not; so is any controller that reads delayed outputs and has one mode. With a
 delay t_d the observer's state is carried ahead over the delay that is assumed, by the model under the commands v that
@@ -44,7 +44,7 @@ class FrequencyResponse:
     applied: np.ndarray
 
     def of(self, signal: str) -> int:
-        """The place of a signal.
+        """Index of a signal.
 
         Raises:
             AnalysisError: if there is none.

@@ -155,7 +155,7 @@ def simulate_many(
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What some runs came to: how each ended, and what is kept of each."""
+    """Results of some runs: the outcome and the kept quantities of each."""
 
     outcome: list[str]
     kept: dict[str, list[Array]]
@@ -170,7 +170,7 @@ def _some(
     like: Case | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> _Told:
-    """Some of the runs, one after the other."""
+    """Carry out some of the runs, one after the other."""
     told, base = _Told([], {}), like or _PREPARED.get(run)
     for index, seed in enumerate(seeds):
         case = _varied(base, {key: values[index].item() for key, values in varied.items()})
@@ -190,7 +190,7 @@ def _some(
 
 
 class _Prepared:
-    """The case that this process was asked for last: a worker is given many parts of the same."""
+    """Cache of the last prepared case, because a worker process gets many parts of the same batch."""
 
     def __init__(self) -> None:
         self._run: RunFile | None = None
@@ -207,7 +207,7 @@ _PREPARED = _Prepared()
 
 
 def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
-    """The case with other numbers; what is of the simulation alone leaves all else as it is."""
+    """The case with other values; changes of the simulation alone reuse plants and design."""
     if not changes:
         return case
     run = case.run.with_(**changes)
@@ -217,7 +217,7 @@ def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
 
 
 def reseeded(settings: Settings, seed: int) -> Settings:
-    """The same under noise of another seed: each noise's own, and this one, make it together."""
+    """The run file with other noise: each noise's seed is made of its own seed and this one."""
     sources = tuple(
         replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
         if isinstance(of, Noise | Gaussian)
@@ -233,7 +233,7 @@ def _grid(settings: Settings) -> Array:
 
 
 def _named(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:
-    """What is kept under these names."""
+    """The quantities to keep under these names."""
     kept: dict[str, Array] = {}
     for name in keep:
         if name == "events":

@@ -1,4 +1,4 @@
-"""Multi-sine: the response at the lines that a periodic stimulus has, and the power at those that it has not.
+"""Multi-sine: the response at the excited spectral lines of a periodic stimulus, and the remnant at the others.
 
 A linear loop answers a line with that line. What is left, the *remnant*, is noise, or what a controller that is not
 linear, such as an intermittent one, makes of the stimulus. Over P periods of T s the record has lines 1 / (P T) apart;

@@ -91,7 +91,7 @@ class Standing:
         return ", ".join(said) + "."
 
     def _named(self) -> dict[str, Array]:
-        """The measures under names for people, with units."""
+        """The measures with readable names and units."""
         found = {}
         for name, unit in zip(self.names, self.units, strict=True):
             for key, words in WORDS.items():

@@ -1,4 +1,4 @@
-"""What an experiment analyses, simulated or of people, and what every analysis tells of it."""
+"""Recordings that an experiment analyses, simulated or measured, and the common interface of analyses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Recording:
 
 
 class Finding(Protocol):
-    """What an analysis found.
+    """The interface of the result of an analysis.
 
     Attributes:
         numbers: by name, with the unit in brackets; NaN where there is none.
@@ -48,7 +48,7 @@ class Finding(Protocol):
 
 
 def completed(recordings: Sequence[Recording]) -> list[Recording]:
-    """Those that did not end before their time.
+    """The recordings that reached their full duration.
 
     Raises:
         DataError: if there are none.

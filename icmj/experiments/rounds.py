@@ -1,4 +1,4 @@
-"""Rounds of a switched controller: by which factor a motion comes back larger or smaller, and the cycle it settles on.
+"""Rounds of a switched controller: the factor by which the motion grows or shrinks in a round, and its cycle.
 
 A feedback of delayed outputs that is switched on and off in their plane (:mod:`icmj.controller.switching`) and has no
 dead zone is homogeneous: a motion scaled at the start is scaled throughout. So it settles on rounds, each of which is
@@ -31,7 +31,7 @@ _START, _LIMIT = 1e-6, 1e8  # sizes of a motion that is followed, in units of it
 
 @dataclass(frozen=True)
 class Rounds:
-    """How a switched motion goes on.
+    """The rounds of a motion under a switched controller.
 
     Attributes:
         factor: size of a round over that of the one before; NaN where no rounds are found.
@@ -62,7 +62,7 @@ class Rounds:
 
     @property
     def words(self) -> str:
-        """One sentence for people."""
+        """The result in one sentence."""
         if self.switches == 0:
             return f"No rounds were found; the size changes by {self.growth:+.3g} 1/s: {self.verdict}."
         mirrored = ", mirrored" if self.mirrored else ""

@@ -1,1 +1,1 @@
-"""The inverse question: which model error made the motion that was measured."""
+"""The inverse problem: the model error that explains a measured motion."""

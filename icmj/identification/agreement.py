@@ -1,4 +1,4 @@
-"""Whether the value that explains a rhythm, or a sequence of events, explains the motion: its amplitude and shape, too.
+"""A test whether a value that explains the intervals also explains the amplitude and shape of the motion.
 
 The motion that the value predicts is simulated, on the plant that moved, and laid on the one observed; what is left is
 measured in standard deviations of the errors that times and outputs are allowed. The sum of squares has, where only
@@ -47,12 +47,12 @@ class Agreement:
 
     @property
     def fits(self) -> bool:
-        """Whether it can be true."""
+        """Whether the value is compatible with the observation."""
         return self.probability >= LEVEL
 
     @property
     def words(self) -> str:
-        """What is not as predicted, for people."""
+        """What differs from the prediction, in words."""
         if not self.predicted:
             return "the times of the events scatter by more than their errors"
         if not np.isfinite(self.off):
@@ -64,7 +64,7 @@ class Agreement:
 
 
 def agreement(unknown: Unknown, value: float, observed: Observed, found: Rhythm, plant: PlantKind) -> Agreement:
-    """That of a settled motion with the cycle that a value of the unknown predicts on ``plant``.
+    """Agreement of a settled motion with the cycle that a value of the unknown predicts on ``plant``.
 
     Its rhythm is free, for the value was taken from it; scatter of the times, amplitude and shape are compared.
     """
@@ -77,7 +77,7 @@ def agreement(unknown: Unknown, value: float, observed: Observed, found: Rhythm,
 
 
 def agreement_of_sequence(unknown: Unknown, value: float, observed: Observed, plant: PlantKind) -> Agreement:
-    """That of all events since a known start with those that a value predicts, by their times and the outputs there."""
+    """Agreement of all events since a known start with the predicted ones, by times and outputs."""
     scale = float(np.mean(observed.intervals))
     case = unknown.case(value, None, **{"simulation.duration": observed.duration + scale})
     try:
@@ -138,7 +138,7 @@ def _told(square: float, freedom: int, **more: object) -> Agreement:
 
 
 def _at_events(run: Simulation, observed: Observed, found: Rhythm) -> Agreement:
-    """Outputs at the settled events, which come in turns of two."""
+    """Outputs at the settled events, separately for even and odd events."""
     y = observed.outputs[-(found.count + 1) :]
     wave = _Wave(run)
     peak = wave.peak[: y.shape[1]]
@@ -166,7 +166,7 @@ def _of_samples(run: Simulation, observed: Observed, found: Rhythm) -> Agreement
     unsure, middle = observed.unsure(wave.peak), (t[0] + t[-1]) / 2
 
     def left(at: Array) -> Array:
-        """Of the outputs, with a phase and the logarithm of a factor on the rhythm, in standard deviations."""
+        """Residuals of the outputs in standard deviations, for a phase and the log of a factor on the interval."""
         speed = wave.period / (2 * found.interval) * np.exp(at[1])
         place = at[0] + (t - middle) * speed
         rate = wave.at(place, 1) * speed

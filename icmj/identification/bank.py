@@ -1,4 +1,4 @@
-"""Simulated motions at many values of the unknown, under noise of other seeds: a likelihood where none can be written.
+"""Simulated motions at many values of the unknown, with different noise seeds, for likelihood-free inference.
 
 The synthetic likelihood of Wood (2010), Nature 466:1102-1104: near each value the summaries of simulated motions are
 taken for normal, with the mean and the covariance of a local linear regression, and Student's distribution for how few
@@ -29,7 +29,7 @@ _WIDTH = 0.07  # of the range: the neighbourhood of the regression
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Motions that were simulated for comparison.
+    """Simulated motions for comparison with an observed one.
 
     Attributes:
         low, high: between what the unknown was drawn.
@@ -46,7 +46,7 @@ class Bank:
     reference: float
 
     def posterior(self, observed: Observed) -> tuple[Array, Array]:
-        """Values and their probability density after the observation, before which all are equally likely.
+        """Values and their posterior probability density, for a uniform prior.
 
         Raises:
             IdentificationError: if the observation is too short.
@@ -58,7 +58,7 @@ class Bank:
         return grid, density / np.trapezoid(density, grid)
 
     def probability(self, observed: Observed) -> float:
-        """That a motion of the run file, whatever the value, agrees less with the value that explains it best.
+        """Probability that a motion of the run file, at any value, agrees less well with its best value.
 
         By the simulated motions themselves, each against all others: the share that is further off; beyond four fifths
         of them by the power law that the furthest follow (Hill 1975, Ann. Stat. 3:1163-1174).
@@ -119,7 +119,7 @@ def bank(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Bank:
-    """Simulate motions of as long as was observed, at ``size`` values of the unknown.
+    """Simulate motions of the observed duration at ``size`` values of the unknown.
 
     Args:
         unknown: what is sought; its run file has the noise.
@@ -175,7 +175,7 @@ def _told(case: Case, plant: PlantKind, observed: Observed, least: float, refere
 
 
 def seen_alike(run: Simulation, observed: Observed, seed: int = 0) -> Observed:
-    """A simulated run, of which only that is seen that was observed, with errors of times and readings as large."""
+    """A simulated run reduced to the observed quantities, with errors of times and readings of the observed size."""
     random = np.random.default_rng(seed)
     timing, reading = observed.timing or 0.0, observed.reading or 0.0
     if len(observed.t):

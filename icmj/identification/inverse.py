@@ -1,4 +1,4 @@
-"""From a rhythm back to what makes it: where the predicted interval is the one observed, on every branch."""
+"""Inversion of the interval: all values, on every branch, whose predicted interval is the observed one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAME = 1e-6  # relative: a root at which the interval is not the one observed i
 
 @dataclass(frozen=True)
 class Candidate:
-    """A value that would make the rhythm observed, how far the rhythm's error lets it be off, and its sign."""
+    """A value that explains the observed interval, its uncertainty due to that of the interval, and the sign."""
 
     value: float
     error: float
@@ -29,7 +29,7 @@ class Candidate:
 
 
 class Inverse:
-    """The map from the unknown to the predicted interval, remembered where it was asked."""
+    """The map from the unknown to the predicted interval, with a cache of its values."""
 
     def __init__(self, unknown: Unknown) -> None:
         self.unknown = unknown
@@ -38,7 +38,7 @@ class Inverse:
 
     @classmethod
     def up_to(cls, unknown: Unknown, rhythm: Rhythm) -> Inverse:
-        """One whose search reaches beyond the interval of a rhythm."""
+        """A map whose crossings are searched beyond the observed interval."""
         return cls(replace(unknown, longest=2.0 ** np.ceil(np.log2(1.5 * rhythm.interval))))
 
     def reaches(self, interval: float) -> bool:

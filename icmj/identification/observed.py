@@ -16,7 +16,7 @@ READING = 0.01  # of its size: standard deviation of the error of an output, if 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A motion as far as it was observed, without its cause.
+    """The observed part of a motion.
 
     Attributes:
         times: times of the events [s], increasing, shape (K,); empty if only outputs were observed.

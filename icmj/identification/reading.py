@@ -16,7 +16,7 @@ _DEGREES = ("deg", "degree", "degrees", "°")
 
 
 def read_observed(path: Path, outputs: tuple[str, ...]) -> Observed:
-    """What a file holds of a motion.
+    """Read an observed motion from a file.
 
     Args:
         path: a file of numbers one a line (times of events [s], a line of text may stand above), or a file of time

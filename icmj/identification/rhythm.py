@@ -77,7 +77,7 @@ def _sign(outputs: Array) -> int:
 
 
 def _of_samples(observed: Observed) -> Rhythm | None:
-    """From when on the outputs repeat themselves, as they are or mirrored, over the last part of the record."""
+    """The shift after which the outputs repeat, unchanged or mirrored, in the last part of the record."""
     t, y = observed.t, observed.y
     stated = bool(observed.reading or observed.timing)
     curve = _smoothed(t, y) if stated else CubicSpline(t, y)
@@ -110,7 +110,7 @@ def _of_samples(observed: Observed) -> Rhythm | None:
 
 
 def _smoothed(t: Array, y: Array) -> CubicSpline:
-    """The outputs without most of their errors: splines as smooth as leaves what third differences say they are."""
+    """The outputs smoothed by splines, whose residual matches the noise level estimated from third differences."""
     fine = np.linspace(t[0], t[-1], 4 * len(t))
     errors = np.std(np.diff(y, 3, axis=0), axis=0) / np.sqrt(20)
     smooth = (make_splrep(t, column, s=len(t) * error**2) for column, error in zip(y.T, errors, strict=True))

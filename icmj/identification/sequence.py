@@ -1,4 +1,4 @@
-"""From the whole sequence of events since a known start back to what makes it: least squares on simulated events."""
+"""Identification from all events since a known start, by least squares on simulated events."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Fit:
 
 
 class Sequence:
-    """Events that simulation gives for a value, against those observed."""
+    """The simulated events for a value, compared with the observed ones."""
 
     def __init__(self, unknown: Unknown, observed: Observed, plant: PlantKind) -> None:
         self._unknown, self._times, self._plant = unknown, observed.times, plant

@@ -1,4 +1,4 @@
-"""What of a noisy motion is compared with simulated ones: a few numbers that are nearly normal."""
+"""Summary statistics by which a noisy motion is compared with simulated ones: a few, nearly normal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LAGS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 
 
 def summaries(observed: Observed, least: float, reference: float) -> Array | None:
-    """Numbers that tell a noisy motion, or ``None`` where it is too short.
+    """The summary statistics of a noisy motion, or ``None`` if it is too short.
 
     Args:
         observed: the motion.

@@ -1,4 +1,4 @@
-"""The course of one open-loop interval on the linear plant, exactly."""
+"""The exact trajectory of one open-loop interval on the linear plant."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class LinearCourse:
         x_h: Array,
         length: float,
     ) -> None:
-        """From an event on, for ``length`` [s]; what disturbs must be constant."""
+        """The trajectory from an event for ``length`` [s]; disturbances must be constant."""
         loop = compose(plant, controller)
         size = len(loop.F)
         self.plant, self.controller, self._loop = plant, controller, loop

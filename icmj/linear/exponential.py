@@ -1,4 +1,4 @@
-"""The matrix exponential, without the two digits that badly scaled states cost."""
+"""The matrix exponential with balancing, for badly scaled states."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def clocked_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
 
 
 def event_loop(plant: LinearPlant, controller: Controller, dt: float) -> NonlinearIOSystem:
-    """The loop under an event rule, looked at every ``dt`` [s]: an event is taken at the first sample where E ≥ 0.
+    """The loop under an event rule that is evaluated every ``dt`` [s]: an event is the first sample with E ≥ 0.
 
     One more state, ``since``, is the time since the last event [s]. The command is the one right after the sample.
 
@@ -101,7 +101,7 @@ def event_loop(plant: LinearPlant, controller: Controller, dt: float) -> Nonline
 
 
 def undelayed(controller: Controller) -> None:
-    """See that there is no delay, nor one of sampling.
+    """Check that there is neither a delay nor a sampling delay.
 
     Raises:
         AnalysisError: if there is one.

@@ -1,4 +1,4 @@
-"""The closed loop of a linear plant as the simulation takes it: w = (x, d, e, p), and what acts on it from outside.
+"""The closed loop of a linear plant in the form for simulation, w = (x, d, e, p), and its exogenous inputs.
 
 d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error; p are predictions under way. With e as a state
 the reset x_h := x_o is e := 0, and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays
@@ -103,7 +103,7 @@ def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
 
 @dataclass(frozen=True, eq=False)
 class Forcing:
-    """What acts on z from outside: K sinusoids a cos(ωt + φ), each in a window, in S signals.
+    """The exogenous input on z: K sinusoids a cos(ωt + φ), each in a window, in S signals.
 
     Attributes:
         D: what each signal does to ż, shape (m, S).
@@ -129,7 +129,7 @@ class Forcing:
 
 
 def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
-    """What acts beside the commands, on the plant itself, and on its outputs as the observer reads them, as one.
+    """All exogenous inputs as one: added to the commands, on the plant itself, and on the outputs as read.
 
     Raises:
         SimulationError: if the plant does not know what is pushed.

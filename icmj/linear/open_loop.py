@@ -15,7 +15,7 @@ from icmj.simulation.settings import Settings
 
 
 class LinearOpenLoop:
-    """Flies from event to event; see :class:`icmj.simulation.interval.OpenLoop`. Not for two threads at once."""
+    """Simulates from event to event; see :class:`icmj.simulation.interval.OpenLoop`. Not for two threads at once."""
 
     def __init__(self, simulator: Simulator) -> None:
         one_in_flight(simulator.loop.controller)

@@ -1,4 +1,4 @@
-"""What acts on a linear loop from outside, worked out ahead: its polynomials on steps, and the response to them.
+"""Exogenous inputs of a linear loop computed in advance: their polynomials on steps, and the response to them.
 
 Steps lie on a grid of their own, the same for every motion, so all that does not depend on the state is a product of
 matrices for hundreds of steps at once. Sinusoids are many, and slow beside a step: they are evaluated at a few instants
@@ -23,7 +23,7 @@ _AHEAD = 32  # strides that are worked out at once
 
 
 class Response:
-    """The response to ``forcing`` on the grid of ``tables``; keeps what it has worked out last.
+    """The response to ``forcing`` on the grid of ``tables``; caches the last steps computed.
 
     Attributes:
         acting: that.
@@ -67,7 +67,7 @@ class Response:
         return self._rooms[name][:size].reshape(shape)
 
     def reach(self, cell: int, edge: float) -> Acting:
-        """What acts on the ``cell``-th step, and on many after it, until terms begin or end at ``edge`` [s]."""
+        """The input on the ``cell``-th step and on many after it, until terms begin or end at ``edge`` [s]."""
         acting, T, F = self.acting, self._tables, self._forcing
         if acting.edge == edge and 0 <= cell - acting.first < len(acting.f):
             return acting

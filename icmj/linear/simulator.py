@@ -88,12 +88,12 @@ class Simulator:
 
     @property
     def t(self) -> float:
-        """Where it is now [s]."""
+        """The present time [s]."""
         return float(self._run.now[Now.TIME])
 
     @property
     def z(self) -> Array:
-        """z there, shape (m,); not to be kept."""
+        """The present z, shape (m,), as a view that the next step overwrites."""
         return self._run.s[: self._m] if self._run.counts[Count.CELL] >= 0 else self._run.w[: self._m]
 
     def begin(self, w: Array, t: float) -> None:
@@ -118,7 +118,7 @@ class Simulator:
         run.high[:] = run.low[:] = self.loop.plant.C @ self.loop.x(w)
 
     def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collected, Outcome]:
-        """The whole run from ``w`` at 0, which is an event; interrupted, it keeps what it has."""
+        """The whole run from ``w`` at t = 0, which is an event; an interrupted run keeps its results so far."""
         duration, pace = self.duration, EventPace(self.duration)
         rows: list[tuple[Array, Array]] = [(np.zeros(1), w[None, : self._m].copy())]
         events: list[Array] = [self._run.events[:0].copy()]
@@ -160,7 +160,7 @@ class Simulator:
         return Collected(t, Z, *self._parted(np.concatenate(events))), outcome
 
     def outcome(self, status: Status) -> Outcome:
-        """What it means that it ended so, where it is now; for a fall and for divergence."""
+        """The outcome for a return code at the present state: a fall or divergence."""
         if status is Status.FELL:
             plant, positions = self.loop.plant, self.loop.positions
             at = int(np.argmax(np.abs(self.z[positions]) / self.limits))
@@ -182,7 +182,7 @@ class Simulator:
         return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])
 
     def _acting(self) -> Acting:
-        """What acts where it is now."""
+        """The exogenous inputs at the present time."""
         T, now, cell = self.tables, self._run.now, int(self._run.counts[Count.CELL])
         if not T.powers:
             return self._response.acting

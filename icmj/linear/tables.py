@@ -1,4 +1,4 @@
-"""The matrices by which the compiled simulation moves, watches and bounds the state (:mod:`icmj.linear.native.state`).
+"""Matrices that propagate the state and bound events and outputs (:mod:`icmj.linear.native.state`).
 
 All come from one series. With s = (z, f) and G its generator, of which f is a shift, rows c of z follow along a step
 
@@ -37,7 +37,7 @@ _HARDLY = 1.25
 
 
 def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, interval: float) -> Tables:
-    """Everything that a run needs besides its state.
+    """All precomputed matrices of a run.
 
     Args:
         loop: the closed loop.
@@ -112,7 +112,7 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
 
 
 def _jumps(acting: Forcing) -> Array:
-    """What impulses do to z at each edge, shape (edges, m); (0, 0) without any."""
+    """The jump of z by impulses at each edge, shape (edges, m); (0, 0) without any."""
     impulses = np.flatnonzero((acting.start == acting.end) & (acting.start > 0))
     if not len(impulses):
         return np.zeros((0, 0))
@@ -131,7 +131,7 @@ def sizes(turn: float) -> Array:
 
 
 def _step(M: Array, fastest: float) -> float:
-    """The longest step that the short polynomials can dismiss, and whose series does not cancel [s]."""
+    """The longest step on which short polynomials can exclude events and the series does not cancel [s]."""
     from scipy.linalg import matrix_balance
 
     balanced = matrix_balance(M, permute=False)[0]
@@ -229,7 +229,7 @@ def _bounds(step: Array, P: Array, r: int, limited: int, until: int) -> tuple[Ar
 
 @lru_cache(maxsize=256)
 def shift(powers: int, signals: int, by: float) -> Array:
-    """Takes f about a place to f about one ``by`` steps further on."""
+    """The matrix that shifts the expansion point of the polynomials f by ``by`` steps."""
     shift = np.array([[comb(j, i) * by ** (j - i) if j >= i else 0.0 for j in range(powers)] for i in range(powers)])
     return np.kron(shift.reshape(powers, powers), np.eye(signals))
 

@@ -40,7 +40,7 @@ def simulate_tapped(
     x0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
-    """Simulate ``plant`` under a controller that reads delayed outputs only. Before t = 0 it has read what is there.
+    """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
 
     Args:
         plant: the actual plant; its order may differ from that of the controller's model.
@@ -152,7 +152,7 @@ def simulate_tapped(
 
 
 def _rate(plant: LinearPlant, realisation: Realisation) -> float:
-    """How fast the loop's series go: the norm of its matrices, as if its taps were not delayed and as if cut off."""
+    """A bound on the rate of the loop's Taylor series: the norm of its matrices with and without undelayed taps."""
     from scipy.linalg import matrix_balance
 
     norms = [0.0]
@@ -166,7 +166,7 @@ def _rate(plant: LinearPlant, realisation: Realisation) -> float:
 
 
 def _waves(terms: Disturbance, effects: Array) -> Waves:
-    """What these terms do by the columns of ``effects``."""
+    """The effect of these terms through the columns of ``effects``."""
     columns = (terms.amplitude, terms.omega, terms.phase, terms.start, terms.end)
     return Waves(np.ascontiguousarray(effects[:, terms.input].T), np.ascontiguousarray(np.column_stack(columns)))
 

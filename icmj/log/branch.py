@@ -1,4 +1,4 @@
-"""A branch of cycles in the viewer: one cycle after another, with the body on each, and where it is on the branch.
+"""A branch of cycles in the viewer: the cycles one after another, with the moving body and the place on the branch.
 
 The timeline runs along the branch: each cycle takes its own period, again and again for a second or so, then comes the
 next. The branch itself is in the file bit for bit (:func:`read_branch_log`).

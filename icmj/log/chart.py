@@ -59,7 +59,7 @@ class Chart:
 
 
 def charts(result: Result) -> dict[str, Chart]:
-    """Those that ``result`` has something for, by entity path."""
+    """The charts for which ``result`` has data, by entity path."""
     found = {GROWTH: _growth(result), LAW: _law(result)}
     return {path: chart for path, chart in found.items() if chart is not None}
 

@@ -44,6 +44,6 @@ def dim(colour: Colour) -> Colour:
 
 
 def pale(colour: Colour) -> Colour:
-    """The same hue towards grey: what acts, over the command that it is made of."""
+    """The same hue, greyer: the acting input, drawn over the command."""
     r, g, b, a = colour
     return ((r + 130) // 2, (g + 130) // 2, (b + 130) // 2, a)

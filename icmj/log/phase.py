@@ -25,7 +25,7 @@ LATE = 0.5  # the part of a run at its end that is drawn bright; before it is th
 
 
 def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
-    """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and where it is now."""
+    """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and the present point."""
     simulation = result.simulation
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
     laid = laid_orbit(result) if result.prediction.cycle else None

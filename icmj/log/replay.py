@@ -48,7 +48,7 @@ def replay(
     size: tuple[int, int] = (1920, 1200),
     say: Say = say_to_stderr,
 ) -> None:
-    """Show a log as it was arranged; returns when the viewer is closed, or the picture is written.
+    """Show a log in its stored layout; returns when the viewer is closed, or the picture is written.
 
     Args:
         path: the log. One that was cut short is salvaged first, into a temporary copy, and ``say`` is told.
@@ -73,7 +73,7 @@ def replay(
 
 @contextlib.contextmanager
 def _sound(path: Path, say: Say) -> Iterator[Path]:
-    """``path`` itself if it reads, else a salvaged temporary copy."""
+    """``path`` itself if it can be read, else a salvaged temporary copy."""
     try:
         read_summary(path)
     except DamagedLog:

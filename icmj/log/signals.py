@@ -1,4 +1,4 @@
-"""The time series that people look at, gathered from a result: what the paper's panels show, over time.
+"""The time series that the viewer shows, taken from a result.
 
 Plain numpy; how they are drawn is in :mod:`icmj.log.blueprint`, how they are stored in :mod:`icmj.log.writer`.
 """
@@ -106,7 +106,7 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
 
 
 def acting_groups(result: Result | Tried) -> Iterator[Group]:
-    """What acts on the inputs where it is not the command: within limits, and with disturbance."""
+    """The inputs that act on the plant where they differ from the command: limited, and with disturbances."""
     inputs = acting(result)
     if inputs:
         names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
@@ -123,7 +123,7 @@ def acting_groups(result: Result | Tried) -> Iterator[Group]:
 
 
 def pressure_groups(result: Result | Tried) -> Iterator[Group]:
-    """Centre of pressure with where it is at rest, and the load of each contact."""
+    """Centre of pressure, its value at rest, and the load of each contact."""
     simulation, pressure = result.simulation, result.simulation.pressure
     if pressure is None:
         return

@@ -1,4 +1,4 @@
-"""Where rerun writes: into memory, from where this process brings it to the disk.
+"""The target of rerun's output: memory, which this process then writes to the disk.
 
 rerun's own writer says nothing of a full disk, and once in some hundred times it waits for ever there.
 """

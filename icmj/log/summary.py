@@ -154,7 +154,7 @@ def _each(name: str, of: tuple[str, ...], values: Any) -> dict[str, float]:
 
 
 def in_words(value: float | int | str) -> str:
-    """A fact as people read it."""
+    """A fact as readable text."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

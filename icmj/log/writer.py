@@ -59,7 +59,7 @@ def write_log(result: Result | Tried, path: Path | str) -> None:
 
 @contextmanager
 def strictly() -> Iterator[None]:
-    """rerun raises on a wrong argument, where it would otherwise warn and drop the data."""
+    """Within the block, rerun raises an error on a wrong argument instead of dropping the data with a warning."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -136,7 +136,7 @@ def _fact(key: str, value: float | int | bool | str) -> Any:
 
 
 def _verify(part: Path) -> None:
-    """The file opens, has its manifest, and the archive is in it (a full disk shows only here)."""
+    """Check that the file opens and contains its manifest and the archive; a full disk is noticed only here."""
     if not part.is_file():
         raise ValueError("rerun wrote no file; is it switched off by RERUN in the environment?")
     if "/archive" not in RrdReader(part).store().summary():
@@ -144,7 +144,7 @@ def _verify(part: Path) -> None:
 
 
 def _reason(error: BaseException, folder: Path) -> str:
-    """Why, in one line; rerun does not say that a disk is full."""
+    """The cause of an error in one line, including a full disk, which rerun does not report."""
     why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 300)
     with suppress(OSError):
         free = shutil.disk_usage(folder).free

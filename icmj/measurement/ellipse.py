@@ -1,4 +1,4 @@
-"""Where a sway stays: ellipse and range that hold a further value of it with a given probability."""
+"""Prediction ellipse and range of a sway, which contain a further value with a given probability."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def measure(
 
 
 def _at_rest(simulation: Simulation) -> bool:
-    """Whether the run starts at the operating point and nothing drives it away."""
+    """Whether the run starts at the operating point and no input acts on it."""
     beside = simulation.applied.size and not np.array_equal(simulation.applied, simulation.u)
     return not (simulation.x[:1].any() or simulation.x_o[:1].any() or beside or simulation.pushed.any())
 

@@ -1,4 +1,4 @@
-"""Whether a distribution has one mode or several: Silverman's critical bandwidth, and what one mode lets expect.
+"""Whether a distribution has one mode or several: Silverman's critical bandwidth, compared with surrogates of one mode.
 
 A Gaussian kernel of width h smooths a sample; the wider it is, the fewer modes are left. The *critical bandwidth* is
 the least width with a single one: large beside the deviation where there are two heaps (Silverman 1981, J. R. Stat.

@@ -1,4 +1,4 @@
-"""Recurrence in a sequence of states: closure after q steps, its trend, and whether neighbours part."""
+"""Recurrence in a sequence of states: closure after q steps, its trend, and the separation of neighbouring states."""
 
 from __future__ import annotations
 

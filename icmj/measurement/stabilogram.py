@@ -1,4 +1,4 @@
-"""Stabilogram diffusion: the mean square displacement of sway against the time between (Collins & De Luca 1993).
+"""Stabilogram diffusion: the mean square displacement of sway against the time lag (Collins & De Luca 1993).
 
 Over short times sway is persistent and moves away from its position; over long times it returns. Both appear as
 straight lines in the mean square displacement against time on logarithmic axes, with slope 2H: H = 1/2 is a random
@@ -21,7 +21,7 @@ FEWEST = 2.0  # lengths of a lag that a record must have: from fewer, its mean s
 
 @dataclass(frozen=True)
 class Regime:
-    """A stretch of the diffusion plot.
+    """A range of lags of the diffusion plot.
 
     Attributes:
         start, end: lags [s].

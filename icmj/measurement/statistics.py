@@ -52,7 +52,7 @@ class Statistics:
 
     @property
     def words(self) -> str:
-        """One sentence for people."""
+        """The statistics in one sentence."""
         sizes = ", ".join(shown(rms) for rms in self.rms)
         sway = f"RMS of the outputs {sizes}"
         if self.interval is None or self.interval_deviation is None or self.binding is None:

@@ -23,7 +23,7 @@ SEGMENTS = 2  # lengths of a segment of the spectrum in the record
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Where the power of a signal is, within a band.
+    """Distribution of a signal's power over frequency, within a band.
 
     Attributes:
         mean: ∫f P df / ∫P df [Hz].
@@ -198,7 +198,7 @@ def from_torque(series: Series, torque: str, weight: float) -> Series:
 
 
 def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0, np.inf)) -> Frequencies:
-    """Where the power of a spectrum is, integrated by trapezoids; NaN where there is none.
+    """Distribution of the power of a spectrum over frequency, by the trapezoidal rule; NaN without power.
 
     Args:
         frequency: [Hz], rising, shape (F,).

@@ -1,4 +1,4 @@
-"""Activation dynamics of muscles: a lag between what is commanded of an input and what acts there."""
+"""Activation dynamics of muscles: a lag between the command of an input and its action."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Activation:
 
 
 def activation_names(of: str, size: int) -> list[str]:
-    """What the activations of the input ``of`` are called that has so many."""
+    """Names of the activations of the input ``of``."""
     return [f"{of}_act"] if size == 1 else [f"{of}_act{i}" for i in range(size)]
 
 

@@ -220,7 +220,7 @@ class LinearPlant:
 def _linearised(
     system: NonlinearIOSystem, x0: ArrayLike | None, u0: ArrayLike | None, params: Mapping[str, Any] | None
 ) -> StateSpace:
-    """A nonlinear system about the point where it rests, with its names."""
+    """A nonlinear system linearised about its equilibrium, with its names."""
     import control
 
     if system.isdtime(strict=True):
@@ -249,7 +249,7 @@ def _linearised(
 
 
 def refuse_unusual(D: object = None, E: object = None, dt: object = None) -> None:
-    """See that what stands beside A, B and C makes no other plant of them; ``None`` is not there.
+    """Check that further matrices beside A, B and C (such as D) do not change the plant; ``None`` is a missing one.
 
     Raises:
         AnalysisError: for a feed-through D that is not zero, a descriptor matrix E that is not the identity, or a
@@ -268,7 +268,7 @@ def refuse_unusual(D: object = None, E: object = None, dt: object = None) -> Non
 
 
 def expect_linear(plant: object, what: str) -> None:
-    """See that ``plant`` is a linear plant.
+    """Check that ``plant`` is a linear plant.
 
     Raises:
         AnalysisError: if it is not; of a plant on the engine it says what to give instead.

@@ -32,7 +32,7 @@ def matched(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") ->
 
 
 def ports(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") -> tuple[np.ndarray, np.ndarray]:
-    """Which input and which output of ``actual`` is which of ``assumed``, shapes (n_u,), (n_y,).
+    """Indices of the inputs and outputs of ``actual`` that correspond to those of ``assumed``, shapes (n_u,), (n_y,).
 
     Raises:
         AnalysisError: see :func:`matched`.

@@ -1,4 +1,4 @@
-"""A plant given by its matrices: what stands where a model of the engine would, with nothing behind it."""
+"""A plant given by its matrices, in place of a model of the engine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MatrixPlant:
 
     @classmethod
     def of(cls, plant: LinearPlant) -> MatrixPlant:
-        """The plant as one that a case can hold."""
+        """The plant in the form that a case holds."""
         return cls(Given(plant))
 
     @property
@@ -40,12 +40,12 @@ class MatrixPlant:
 
     @property
     def told(self) -> tuple[Notice, ...]:
-        """What was chosen where nothing was named: nothing is."""
+        """Notices on choices that were made for the user: none."""
         return ()
 
     @cached_property
     def quality(self) -> Quality:
-        """Its modes; the rest of what is asked of a model's operating point cannot be wrong here."""
+        """The quality of the operating point: its modes; all other checks apply to models only."""
         plant = self.linearisation.plant
         return Quality(
             Residual(0.0, plant.states[0], "", 0.0),

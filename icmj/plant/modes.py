@@ -1,4 +1,4 @@
-"""Modes of a linear plant that stand still, that no input moves or no output shows, by the names of their states."""
+"""Neutral, uncontrollable and unobservable modes of a linear plant, by the names of their states."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Mode:
 
     @property
     def stable(self) -> bool:
-        """Whether it dies out by itself."""
+        """Whether the mode decays."""
         return self.eigenvalue.real < -_NEUTRAL * max(1.0, abs(self.eigenvalue))
 
 
 def neutral(plant: LinearPlant) -> tuple[Mode, ...]:
-    """Modes with eigenvalue zero: integrators, and whatever may stand anywhere."""
+    """Modes with eigenvalue zero, such as integrators and positions without a preferred value."""
     values, vectors = np.linalg.eig(plant.A)
     size = max(1.0, float(np.abs(values).max(initial=0.0)))
     found = [Mode(0j, _names(plant, v)) for λ, v in zip(values, vectors.T, strict=True) if abs(λ) < _NEUTRAL * size]

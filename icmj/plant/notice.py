@@ -35,7 +35,7 @@ class Notice:
 
 
 def permitted(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple[Notice, ...]:
-    """The notices, if none of them is an error that is not allowed; those allowed are warnings.
+    """The notices, with allowed errors turned into warnings; raises if one is an error that is not allowed.
 
     Raises:
         ModelError: the first error not allowed, with how to allow it; it begins with ``where``.

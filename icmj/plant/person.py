@@ -108,19 +108,19 @@ class Person:
         return replace(self, segments={**self.segments, name: replace(self[name], **fractions)})
 
     def mass_of(self, name: str) -> float:
-        """[kg]"""
+        """Mass of a segment [kg]."""
         return self[name].mass * self.mass
 
     def length_of(self, name: str) -> float:
-        """[m]"""
+        """Length of a segment [m]."""
         return self[name].length * self.height
 
     def com_of(self, name: str) -> float:
-        """Above the segment's lower end [m]."""
+        """Height of the centre of mass above the segment's lower end [m]."""
         return self[name].com * self.length_of(name)
 
     def inertia_of(self, name: str) -> float:
-        """About the centre of mass, in the plane of sway [kg m²]."""
+        """Moment of inertia about the centre of mass, in the plane of sway [kg m²]."""
         return self.mass_of(name) * (self[name].gyration * self.length_of(name)) ** 2
 
     def toppling_stiffness(self, g: float = GRAVITY) -> Array:

@@ -42,7 +42,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Kink:
-    """An input or a state in which the plant answers differently up and down.
+    """An input or a state whose slopes differ on its two sides.
 
     Attributes:
         of: its name.
@@ -98,7 +98,7 @@ class Quality:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the plant stays where it is."""
+        """Whether the operating point is an equilibrium."""
         return self.residual.share <= AT_REST and not self.moving
 
     @property
@@ -114,7 +114,7 @@ class Quality:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What of it must be told."""
+        """The notices that the user must see."""
         return tuple(self._notices())
 
     def _notices(self) -> Iterator[Notice]:
@@ -162,7 +162,7 @@ class Quality:
 
 
 def dropped(names: tuple[str, ...]) -> Notice:
-    """That states were left out that move nothing and that nothing moves."""
+    """The notice that states were left out that affect nothing and are affected by nothing."""
     named = ", ".join(f'"{name}"' for name in names)
     words = f"nothing depends on {_list(names)}, and no input moves it: dropped, as drop = [{named}] would say"
     return Notice("dropped state", "warning", words)

@@ -161,7 +161,7 @@ def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output
 
 
 def _spread(branch: Branch) -> list[int]:
-    """Cycles that lie evenly along the parameter, past folds and all."""
+    """Cycles evenly spaced along the parameter, on all parts of a branch with folds."""
     value = np.log(branch.value) if _logarithmic([branch]) else branch.value
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(value)))])
     return sorted({int(np.argmin(np.abs(way - part))) for part in np.linspace(0, way[-1], ORBITS)})

@@ -145,7 +145,7 @@ def render(
 
 
 def filled(parts: Sequence[Section], **said: Any) -> str:
-    """The page's HTML from its sections, and what is said above them: ``title``, ``subtitle``, ``abstract`` …"""
+    """The page's HTML from its sections and its head: ``title``, ``subtitle``, ``abstract`` …"""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -167,7 +167,7 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
 def _motions(
     cases: Sequence[CaseRuns], tried: Sequence[Tried]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, str], dict[str, str]]:
-    """What the page plays, by a name of the script's own, and these names by case: of cases, and of trials."""
+    """Motions that the page plays, by key, and these keys by case: of cases, and of trials."""
     motions: dict[str, dict[str, Any]] = {}
     named: tuple[dict[str, str], dict[str, str]] = ({}, {})
     runs: list[tuple[dict[str, str], str, Result | Tried]] = [(named[0], case.name, case.last) for case in cases]

@@ -35,7 +35,7 @@ _BEYOND = re.compile(rb"(?<=\.\d\d)\d+")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure to be drawn: its file name without suffix, words for who cannot see it, and how."""
+    """A figure to be drawn: its file name without suffix, its alternative text, and the function that draws it."""
 
     name: str
     alt: str
@@ -77,7 +77,7 @@ def noise_of(case: CaseRuns) -> tuple[Drawing, Drawing] | None:
 
 
 def drawings_of(case: CaseRuns) -> Iterator[Drawing]:
-    """All of a case."""
+    """All drawings of a case."""
     yield from (drawing for _, drawing in panels_of(case))
     if (law := law_of(case)) is not None:
         yield law

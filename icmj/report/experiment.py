@@ -17,7 +17,7 @@ LEAD = "Trials of several cases under one stimulus, analysed as recordings of pe
 
 @dataclass(frozen=True)
 class Row:
-    """What was found of one case on one plant.
+    """The result of one case on one plant.
 
     Attributes:
         title, plant: of it.
@@ -57,7 +57,7 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
 
 
 def plant_name(plant: str) -> str:
-    """For people."""
+    """The plant's name in words."""
     return style.NAME.get(plant, plant)
 
 

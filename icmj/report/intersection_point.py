@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Shown(Protocol):
-    """What was found of one case on one plant."""
+    """The result of one case on one plant."""
 
     @property
     def title(self) -> str: ...
@@ -33,7 +33,7 @@ LINE: Mapping[str, str] = {"linear": "-", "mujoco": "--", "recording": "-"}
 
 
 def coloured(found: Sequence[Shown]) -> list[tuple[Shown, str, str]]:
-    """What was found, each with the colour of its case and the words of the legend."""
+    """The results, each with the colour of its case and its legend entry."""
     titles = list(dict.fromkeys(one.title for one in found))
     several = len({one.plant for one in found}) > 1
     return [
@@ -77,6 +77,6 @@ def intersection_figure(found: Sequence[Shown]) -> Figure:
 
 
 def _by(curves: Mapping[str, Array]) -> float:
-    """The height of the centre of mass [m]."""
+    """The height of the centre of mass by which results are divided [m]."""
     good = curves["z/h"] != 0
     return float(np.median(curves["z (m)"][good] / curves["z/h"][good]))

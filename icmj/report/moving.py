@@ -30,7 +30,7 @@ STEPS = 2**16 - 1
 
 
 def script(motions: Mapping[str, dict[str, Any]]) -> Markup:
-    """The motions as JSON that stands in a script element: no sign in it can end this or open another."""
+    """The motions as JSON for a script element, escaped so that no text in it can end the element."""
     text = json.dumps(motions, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
@@ -38,7 +38,7 @@ def script(motions: Mapping[str, dict[str, Any]]) -> Markup:
 
 
 def moving(run: Result | Tried) -> dict[str, Any] | None:
-    """What the script plays of a run; ``None`` of one without two frames of finite numbers.
+    """The motion of a run for the script; ``None`` of one without two frames of finite numbers.
 
     Its columns are ``t``, ``y`` and ``v`` (outputs and their rates, as people read them), and of a body, true and
     magnified, for every part the position and the quaternion x, z, q_w, q_x, q_y, q_z, and its centre of mass x, z.
@@ -101,7 +101,7 @@ def _poses(scene: Scene) -> list[Array]:
 
 
 def _body(scene: Scene) -> dict[str, Any]:
-    """What does not change: shapes, the farthest first, and where floor, top and middle are."""
+    """The constant part of a motion: shapes (farthest first), floor, top and middle."""
     geoms = [geom for geom in scene.geoms if geom.type != "plane"]
     geoms.sort(key=lambda geom: -float(scene.xpos[0, geom.body, 1] + geom.pos[1]))
     shapes = [(geom, *_outline(geom)) for geom in geoms]

@@ -57,7 +57,7 @@ def _explained(found: re.Match[str]) -> str:
 
 
 def unbroken(value: object) -> object:
-    """What the templates print, with no ``b = 0.9`` broken over two lines, and nothing that a terminal would obey."""
+    """Text for the templates without control characters, and with non-breaking spaces in terms like ``b = 0.9``."""
     if not isinstance(value, str) or len(value) > _LONGEST:
         return value
     value = Markup(printable(value)) if isinstance(value, Markup) else printable(value)

@@ -26,7 +26,7 @@ def number(value: float | None, figures: int = 4) -> str:
 
 
 def short(value: float, figures: int = 6) -> str:
-    """``value`` to so many significant figures without closing zeros, as settings and matrix entries are read."""
+    """``value`` to this number of significant figures without trailing zeros, for settings and matrix entries."""
     text = number(value, figures)
     head, times, power = text.partition("\N{NO-BREAK SPACE}×")
     return (head.rstrip("0").rstrip(".") if "." in head else head) + times + power

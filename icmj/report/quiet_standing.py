@@ -1,4 +1,4 @@
-"""Figure of quiet standing: how position and intervals are distributed."""
+"""Figure of quiet standing: distributions of position and intervals."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def _same_body(one: Result | Tried, other: Result | Tried) -> bool:
 
 
 def _rival(run: Result | Tried) -> Rival | None:
-    """``None`` of a run too short or too wild to measure."""
+    """The controller's entry; ``None`` if the run is too short or not finite."""
     simulation, shown = run.simulation, quantities(run.actual)
     start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
     t = start + np.arange(int((end - start) * RATE)) / RATE

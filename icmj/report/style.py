@@ -157,7 +157,7 @@ def legend(figure: Figure, axes: Axes, columns: int = 4) -> None:
 
 
 def words(text: str) -> str:
-    """A name from elsewhere as matplotlib shows it: in one line, no dollar begins a formula."""
+    """A name for matplotlib: on one line, with dollar signs escaped."""
     return one_line(text, 60).replace("$", r"\$")
 
 
@@ -178,7 +178,7 @@ def event_lines(axes: Axes, times: Any) -> None:
 
 
 def link(kind: Literal["time", "plane"], *axes: Axes) -> None:
-    """Say of axes that a moment of the run has a place in them: along the abscissa, or as a point of the plane."""
+    """Mark axes in which the page can show the present time of a run, along the abscissa or as a point in the plane."""
     for each in axes:
         each.set_label(kind)
 

@@ -1,4 +1,4 @@
-"""The table of a sweep, and what varies in it: what its pictures are drawn from."""
+"""The table of a sweep and its varied fields, from which its pictures are drawn."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Swept:
     table: pa.Table
 
     def numbers(self, column: str) -> Array:
-        """A column of numbers, or of true and false; NaN where there is nothing. Shape (rows,)."""
+        """A numeric or Boolean column, NaN where a value is missing; shape (rows,)."""
         return np.array([np.nan if value is None else float(value) for value in self.texts(column)])
 
     def texts(self, column: str) -> list[Any]:
-        """A column as it is."""
+        """A column without conversion."""
         return list(self.table[column].to_pylist())

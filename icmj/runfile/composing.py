@@ -83,7 +83,7 @@ def _source(source: Source) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """The same without arrays, numpy's numbers and what is ``None``."""
+    """The same as plain Python data, without entries that are ``None``."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items() if each is not None}
     if isinstance(value, np.ndarray | np.generic):

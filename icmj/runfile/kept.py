@@ -1,4 +1,4 @@
-"""Files that a run file refers to, as a log carries them: models with what they include, matrices, set-points."""
+"""Files that a run file refers to, as stored in a log: models with their included files, matrices, set-points."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class MatrixTable(TomlTable):
         return self.matrices is not None or any(getattr(self, letter) is not None for letter in LETTERS)
 
     def refuse(self, foreign: Sequence[str], what: str) -> None:
-        """See that none of some keys is there.
+        """Refuse these keys if they are present.
 
         Raises:
             ValueError: at the first that is.

@@ -1,4 +1,4 @@
-"""What is wrong with a run file, in words for people who write run files.
+"""Error messages for an invalid run file.
 
 pydantic says what a value is not, once for each member of a union. Here every wrong key gets one sentence: what it
 may be, what it is, and for a key that does not exist the one that was probably meant.
@@ -28,7 +28,7 @@ _Place = tuple[int | str, ...]
 
 
 def in_words(error: ValidationError, schema: type[BaseModel]) -> str:
-    """Everything that is wrong, one sentence for each key, in the order of the schema."""
+    """All errors, one sentence for each key, in the order of the schema."""
     by_place: dict[_Place, list[tuple[_Place, Mapping[str, Any], Any]]] = {}
     for each in error.errors(include_url=False):
         place, fork, annotation = _resolve(each["loc"], schema)
@@ -46,7 +46,7 @@ def place_in_words(place: Sequence[int | str]) -> str:
 
 
 def short(value: object, longest: int = 60) -> str:
-    """A value as it is written in TOML, more or less, cut at ``longest`` characters."""
+    """A value approximately as in TOML, cut at ``longest`` characters."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list | tuple):
@@ -175,7 +175,7 @@ def _tables(schema: type[BaseModel]) -> dict[str, list[str]]:
 
 
 def _expected(annotation: Any) -> str:
-    """What may stand there: ``'output', 'identity' or a list of numbers``."""
+    """The values that are allowed: ``'output', 'identity' or a list of numbers``."""
     parts: list[str] = []
     for member in _members(annotation):
         if get_origin(member) is Literal:

@@ -36,7 +36,7 @@ class PersonTable(TomlTable):
     """Segments by name whose values differ from the default ones."""
 
     def person(self) -> Person:
-        """The person that it stands for."""
+        """The person that the table describes."""
         person = Person(self.height, self.mass, self.stiffness, self.damping)
         for name, table in self.segments.items():
             person = person.with_segment(name, **table.model_dump(exclude_none=True))

@@ -32,7 +32,7 @@ _Each = Positive | dict[str, Positive]
 
 
 class ActivationTable(TomlTable):
-    """Activation dynamics: a lag between the command of an input and what acts there, as muscles have.
+    """Activation dynamics: a lag between the command of an input and its action, as in muscles.
 
     One number is for all inputs; ``{ ankle = 0.1, hip = 0.05 }`` gives those that it names a lag, and others none.
     """
@@ -48,7 +48,7 @@ class ActivationTable(TomlTable):
     """Damping ratio ζ of the second order (default: 1, critically damped)."""
 
     def activation(self) -> Activation:
-        """The lag that it stands for.
+        """The lag that the table describes.
 
         Raises:
             ModelError: if it is none.
@@ -154,7 +154,7 @@ class ChangeTable(TomlTable):
     """New value of the property [unit of the property]."""
 
     def change(self) -> Change:
-        """The change that it stands for.
+        """The change that the table describes.
 
         Raises:
             ModelError: if it is not one.

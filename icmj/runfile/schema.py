@@ -146,7 +146,7 @@ class RunFile(TomlTable):
         return self.with_(**changes) if changes else self
 
     def _data(self) -> dict[str, Any]:
-        """What it says, as plain data without defaults."""
+        """The contents as plain data without defaults."""
         return self.model_dump(exclude_defaults=True, exclude_none=True)
 
     @property
@@ -262,7 +262,7 @@ class RunFile(TomlTable):
 
     @contextmanager
     def at_hand(self) -> Iterator[RunFile]:
-        """Itself, if its files are where it says; else itself in a temporary folder with those that its log kept.
+        """The run file itself if its files exist; else a copy in a temporary folder with the files from its log.
 
         Raises:
             RunFileError: if the files cannot be written.

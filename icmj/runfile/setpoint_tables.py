@@ -1,4 +1,4 @@
-"""The tables of a set-point r(t): of what it is one, and how it moves."""
+"""The tables of a set-point r(t): its target quantity and its course."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rates of plant, observer and hold where the engine is, from as few of its stages as give them to the last bit."""
+"""The rates of plant, observer and hold at the engine's state, from the fewest stages that give identical results."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -33,7 +33,7 @@ _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 @exact
 def flow(engine):  # type: ignore[no-untyped-def]
-    """qacc and act_dot of the state and time that the engine is at; the outputs are refreshed with them."""
+    """Compute qacc and act_dot at the engine's state and time, and refresh the outputs."""
     if engine.stages == _WHOLE:
         _forward_skip(engine.model, engine.data, 0, 1)
         return
@@ -50,7 +50,7 @@ def flow(engine):  # type: ignore[no-untyped-def]
 
 @exact
 def place(engine):  # type: ignore[no-untyped-def]
-    """Everything that follows from the positions, but the transmission."""
+    """Compute everything that depends on positions only, except the transmission."""
     _kinematics(engine.model, engine.data)
     _com_pos(engine.model, engine.data)
     if engine.cameras:
@@ -63,7 +63,7 @@ def place(engine):  # type: ignore[no-untyped-def]
 
 @exact
 def look(engine):  # type: ignore[no-untyped-def]
-    """The outputs at the state that the engine is at, and nothing else."""
+    """Compute the outputs at the engine's state, and nothing else."""
     if engine.stages == _WHOLE:
         forward(engine.model, engine.data)
         return
@@ -87,7 +87,7 @@ def look(engine):  # type: ignore[no-untyped-def]
 
 @exact
 def drive(engine):  # type: ignore[no-untyped-def]
-    """What follows from the controller's state, where the plant's positions and velocities have been seen to."""
+    """Compute what depends on the controller's state, after the stages of positions and velocities."""
     b, time = engine.block, engine.time[0]
     _sensor_pos(engine.model, engine.data)
     if b[Slot.STAGE] >= _VELOCITY:

@@ -24,7 +24,7 @@ _DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Sta
 
 @inlined
 def standing(engine, plan):  # type: ignore[no-untyped-def]
-    """Whether the plant has fallen, or the state is lost."""
+    """Whether the plant has fallen, or the state is not finite."""
     size = 0.0
     for part in (engine.qpos, engine.qvel, engine.act):
         for i in range(len(part)):
@@ -58,7 +58,7 @@ def _write(engine, row):  # type: ignore[no-untyped-def]
 
 @inlined
 def note(engine, progress, interval, record, fired, due):  # type: ignore[no-untyped-def]
-    """Write down where the engine is: the outputs, and a row where one is due or an event fires."""
+    """Record the outputs at the engine's state, and a row if one is due or an event fires."""
     count = record.count
     row = record.dense[count[0]]
     row[0] = engine.time[0]
@@ -92,7 +92,7 @@ def apply(map, rule):  # type: ignore[no-untyped-def]
 
 @exact
 def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
-    """Let the impulses at this edge move the controller's state, where the engine is there; whether there are any."""
+    """Apply the impulses at this edge to the controller's state if it is reached; return whether there are any."""
     b, found = engine.block, False
     if engine.time[0] < edge:
         return False
@@ -145,7 +145,7 @@ def _next_action(plan, progress):  # type: ignore[no-untyped-def]
 
 @exact
 def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
-    """What ends a step: the clock and the end of the run if it ``lands`` on them, a row, a reset, an edge.
+    """Handle what is due at the end of a step: clock, end of run (if the step ``lands`` on them), row, reset, edge.
 
     ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has. Where the
     sample is taken later, the rule only sets its time.

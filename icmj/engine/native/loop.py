@@ -34,7 +34,7 @@ _RUNNING = int(Status.RUNNING)
 
 @merged
 def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-untyped-def]
-    """Whether an event falls within the step just taken; leaves the state at the first, or at the end."""
+    """Whether an event occurs within the last step; leaves the state at the first event, or at the step's end."""
     evaluate(rule)
     if not armed:
         return False
@@ -53,7 +53,7 @@ def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-unty
 
 @exact
 def _levels(rule):  # type: ignore[no-untyped-def]
-    """E and its rate where the engine is, as those that the next step begins with."""
+    """Evaluate E and its rate at the engine's state, as the start values of the next step."""
     evaluate(rule)
     copy(rule.now, rule.before)
 
@@ -135,7 +135,7 @@ class FixedLoop:
     adaptive = False
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
-        """Make ready to run, and begin.
+        """Allocate the work arrays, and start.
 
         Raises:
             ModelError: if compiled code cannot work on this MuJoCo, or the callbacks are not of this code.
@@ -152,7 +152,7 @@ class FixedLoop:
         _verify(data, block)
 
     def rescheduled(self, schedule: Schedule, qpos_0: Array) -> FixedLoop:
-        """The same room for runs by another schedule of the same order; for the same thread."""
+        """The same loop, work arrays included, with another schedule of the same order; for the same thread."""
         other = copy_of(self)
         engine, _, *room = self._run
         other._schedule = schedule
@@ -160,14 +160,14 @@ class FixedLoop:
         return other
 
     def resume(self, end: float, timestep: float, next_row: float) -> None:
-        """Make ready to go on until another end [s], by another timestep, after the command has changed."""
+        """Continue to another end time [s] with another timestep, after the command has changed."""
         engine, plan, *room = self._run
         self._run = engine, plan._replace(t_end=end, timestep=timestep), *room
         revise(self._progress, grid=self._data.time, steps=0, next_row=next_row)
         mujoco.mj_forward(self._model, self._data)
 
     def begin(self) -> None:
-        """Start, or start anew, from where the data stand, right after an event."""
+        """Start or restart from the state in the data, right after an event."""
         progress_at(self._data.time, self._schedule, self._progress)
         self._block.header[Slot.PHASE] = self._schedule.phases[self._schedule.first_edge(self._data.time)]
         mujoco.mj_forward(self._model, self._data)

@@ -53,7 +53,7 @@ class Warnings:
 
 
 def field(struct: str, name: str) -> Any:
-    """What the functions below know a field of ``mjModel`` or ``mjData`` by.
+    """The key of a field of ``mjModel`` or ``mjData`` for the functions below: its name, or its offset when compiled.
 
     Raises:
         ModelError: as :func:`icmj.engine.native.structs.offset`.
@@ -72,7 +72,7 @@ class Handles(NamedTuple):
 
 
 def handles_of(model: mujoco.MjModel, data: mujoco.MjData) -> Handles:
-    """Of a model and its data, which must outlive them.
+    """The handles of a model and its data, which must outlive them.
 
     Raises:
         ModelError: if MuJoCo's structs do not lie in memory as they are declared.
@@ -94,11 +94,11 @@ def _view(address: int, kind: Any, size: int) -> np.ndarray:
 if INTERPRETED:
 
     def bare(kept):
-        """Compiled code needs it without reference counts; here it stays as it is."""
+        """The argument itself; compiled code removes the reference count here."""
         return kept
 
     def address(array):
-        """What the bindings take where C takes an address."""
+        """The object that the Python bindings take in place of an address."""
         return array
 
     def size(owner, name):
@@ -155,7 +155,7 @@ else:
 
     @inlined
     def address(array):
-        """Where an array begins."""
+        """Address of the first element of an array."""
         return array.ctypes.data
 
     @viewing

@@ -23,7 +23,7 @@ _WHOLE = int(Stages.WHOLE)
 
 
 def neighbours_of(model: mujoco.MjModel, data: mujoco.MjData) -> Engine:
-    """What :func:`rates_at` works on; for a composed model and its data, which must outlive it."""
+    """The data of :func:`rates_at` for a composed model and its data, which must outlive them."""
     block = block_of(model)
     assert block is not None
     return engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1], adaptive=True)

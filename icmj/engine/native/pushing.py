@@ -1,4 +1,4 @@
-"""Forces on the model itself, in the loops; what :mod:`icmj.engine.pushing` has for the analysis in numpy."""
+"""Forces on bodies, in the compiled loops; :mod:`icmj.engine.pushing` has the same in numpy for the analysis."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"

@@ -1,4 +1,4 @@
-"""Where the event function, a polynomial on each adaptive step, first reaches zero."""
+"""The first root of the event function, which is a polynomial on each adaptive step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DEGREE, _POWER = DEGREE, POWER
 
 
 class Roots(NamedTuple):
-    """Room to look for the event function's first root in.
+    """Work arrays of the search for the event function's first root.
 
     Attributes:
         to_bernstein: from power to Bernstein coefficients, shape (15, 15).
@@ -33,7 +33,7 @@ class Roots(NamedTuple):
 
 
 def roots() -> Roots:
-    """Room for one loop."""
+    """The work arrays for one loop."""
     return Roots(
         np.ascontiguousarray(from_powers(DEGREE)), np.zeros(POWER + 1), np.zeros(DEGREE + 1),
         np.zeros((DEEPEST, DEGREE + 1)), np.zeros((DEEPEST, 3)),

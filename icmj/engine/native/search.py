@@ -14,7 +14,7 @@ _SPLITS = 64  # finest division of a step in which E is looked at before a near-
 
 @inlined
 def evaluate(rule):  # type: ignore[no-untyped-def]
-    """(E_j, dE_j/dt) of every face where the engine is, after a forward pass, into ``rule.now``."""
+    """Write (E_j, dE_j/dt) of every face at the engine's state, after a forward pass, into ``rule.now``."""
     for face in range(len(rule.now)):
         E, dE = -1.0, 0.0
         for row in range(rule.cuts[face], rule.cuts[face + 1]):
@@ -48,7 +48,7 @@ def reached(levels):  # type: ignore[no-untyped-def]
 
 @inlined
 def copy(source, target):  # type: ignore[no-untyped-def]
-    """Levels of one place kept as those of another."""
+    """Copy the levels (E_j, dE_j/dt) of one point to another."""
     for face in range(len(source)):
         target[face, 0], target[face, 1] = source[face, 0], source[face, 1]
 
@@ -146,7 +146,7 @@ def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untype
 
 @compiled
 def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def]
-    """Look for an event inside the step just taken, ever finer; leaves the state there, or at the end."""
+    """Search for an event inside the last step by bisection; leaves the state at the event, or at the step's end."""
     pieces = 2
     while pieces <= _SPLITS:
         s_a = 0.0

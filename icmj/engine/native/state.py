@@ -1,4 +1,4 @@
-"""What the compiled loop works on: the engine's memory, the plan of a run, the event rule, how far it has come."""
+"""Data of the compiled loops: the engine's memory, the plan of a run, the event rule, and the run's progress."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PROGRESS = np.dtype([
 
 
 class Engine(NamedTuple):
-    """Views of the engine's memory, addresses for its functions, and room to work in.
+    """Views of the engine's memory, addresses for its functions, and work arrays.
 
     ``stages`` says what gives the rates (:mod:`icmj.engine.stages`). Of the motors of a plain model ``moment`` holds
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
@@ -97,7 +97,7 @@ class Engine(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A :class:`icmj.engine.schedule.Schedule`, with what tells a fall.
+    """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
     ``ticks`` is the delay in intervals of the clock where it is a multiple of that, else −1.
     """
@@ -192,7 +192,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
 
 
 def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
-    """The schedule as compiled code takes it."""
+    """The schedule in the form for compiled code."""
     return Plan(
         timestep=float(schedule.timestep),
         t_end=float(schedule.t_end),
@@ -234,7 +234,7 @@ def rule_of(block: Block, data: mujoco.MjData) -> Rule:
 
 
 def new_progress() -> Any:
-    """Room for how far a run has come."""
+    """A new record of a run's progress."""
     return [SimpleNamespace()] if INTERPRETED else np.zeros(1, PROGRESS)
 
 
@@ -258,7 +258,7 @@ def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
 
 
 def revise(progress: Any, **values: Any) -> None:
-    """Set some of the record."""
+    """Change fields of the record."""
     if INTERPRETED:
         vars(progress[0]).update(values)
     else:

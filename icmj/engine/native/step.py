@@ -18,7 +18,7 @@ _WHOLE = int(Stages.WHOLE)
 
 @exact
 def save(engine):  # type: ignore[no-untyped-def]
-    """Keep the state that a step begins from, and its rates."""
+    """Save the state at the start of a step, and its rates."""
     at = 0
     for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
         for i in range(len(part)):
@@ -29,7 +29,7 @@ def save(engine):  # type: ignore[no-untyped-def]
 
 @exact
 def keep_rates(engine, k):  # type: ignore[no-untyped-def]
-    """(qvel, qacc, act_dot) where the engine is."""
+    """Save (qvel, qacc, act_dot) at the engine's state."""
     at = 0
     for part in (engine.qvel, engine.qacc, engine.act_dot):
         for i in range(len(part)):
@@ -80,7 +80,7 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
 
 @exact
 def undo(engine, progress):  # type: ignore[no-untyped-def]
-    """Have the saved state as it was, for another step from it."""
+    """Restore the saved state, to take another step from it."""
     if engine.integrator != RK4 or engine.stages == _WHOLE:
         _restore(engine, progress)
         forward(engine.model, engine.data)
@@ -109,7 +109,7 @@ def step(engine, progress, length):  # type: ignore[no-untyped-def]
 
 @compiled
 def refresh(engine):  # type: ignore[no-untyped-def]
-    """The rates after a change of the controller's state or of what disturbs it."""
+    """Recompute the rates after a change of the controller's state or of a disturbance."""
     if engine.stages == _WHOLE:
         forward(engine.model, engine.data)
     else:

@@ -1,4 +1,4 @@
-"""What acts from outside at an instant, in the loops and callbacks; see :mod:`icmj.engine.signals`."""
+"""Exogenous signals at an instant, in the loops and callbacks; see :mod:`icmj.engine.signals`."""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -28,7 +28,7 @@ def _sum(b, signal, time):  # type: ignore[no-untyped-def]
 
 @compiled
 def _turn(b, signal, turned, cell, c, s, cosine, sine):  # type: ignore[no-untyped-def]
-    """Bring the phases of a signal's terms to a cell, by turning them on from the first of its group."""
+    """Rotate the phases of a signal's terms to a cell, from the first cell of its group."""
     begin = cell - cell % _GROUP
     if not begin <= b[turned] <= cell:
         at = int(b[Slot.AT_TERMS]) + 6 * int(b[signal + 3])
@@ -47,7 +47,7 @@ def _turn(b, signal, turned, cell, c, s, cosine, sine):  # type: ignore[no-untyp
 
 @exact
 def dot(left, right):  # type: ignore[no-untyped-def]
-    """Four sums side by side, in an order that is the same wherever this is compiled into."""
+    """A dot product with four partial sums, whose order of additions does not depend on the caller."""
     s_0, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0
     whole = len(left) // 4 * 4
     for j in range(0, whole, 4):
@@ -62,7 +62,7 @@ def dot(left, right):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fill(b, signal, cells, place, cell):  # type: ignore[no-untyped-def]
-    """The coefficients of a cell."""
+    """Compute the coefficients of a cell."""
     first, n = int(b[signal + 3]), int(b[signal + 4]) - int(b[signal + 3])
     table = int(b[Slot.AT_WEIGHTS]) + _WEIGHTS * first
     c, s = b[table : table + n], b[table + n : table + 2 * n]
@@ -75,7 +75,7 @@ def _fill(b, signal, cells, place, cell):  # type: ignore[no-untyped-def]
 
 @exact
 def _interpolated(b, signal, cells, time):  # type: ignore[no-untyped-def]
-    """A signal from the cell around a time, which is filled where it has not been."""
+    """A signal from the cell around a time; the cell is computed if it is not there yet."""
     width = b[signal + 5]
     cell = np.floor(time / width)
     place = cells + 1 + _PLACE * (int(cell) % _KEPT)
@@ -91,7 +91,7 @@ def _interpolated(b, signal, cells, time):  # type: ignore[no-untyped-def]
 
 @exact
 def _straight(b, signal, time):  # type: ignore[no-untyped-def]
-    """Gaussian noise, between two values of its grid."""
+    """Gaussian noise, by linear interpolation between two values of its grid."""
     first, last = int(b[Slot.AT_VALUES]) - 1 - int(b[signal + 3]), int(b[Slot.AT_VALUES]) + int(b[signal + 4])
     place = time / b[signal + 5]
     point = min(max(np.floor(place), 0.0), last - first - 2.0)
@@ -101,7 +101,7 @@ def _straight(b, signal, time):  # type: ignore[no-untyped-def]
 
 @compiled
 def waves_at(b, waves, time):  # type: ignore[no-untyped-def]
-    """The signals at a time, kept with it: a step asks twice for every time.
+    """The signals at a time, cached because a step needs them twice at every time.
 
     A loop has the model to itself, and sets the phase time; nobody else uses the cells.
     """

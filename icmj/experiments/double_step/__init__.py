@@ -1,1 +1,1 @@
-"""The double-step experiment: pairs of steps, when they were responded to, and what kind of controller does that."""
+"""The double-step experiment: pairs of steps, reaction times, and the kinds of controller that explain them."""

@@ -129,7 +129,7 @@ def _started(
 
 
 def _course(kind: str, numbers: Mapping[str, float], isi: Array) -> Array:
-    """What RT1 and RT2 are beyond c, shape (P, 2)."""
+    """RT1 and RT2 less the constant c, shape (P, 2)."""
     later = np.zeros(len(isi))
     if kind in ("event", "sampling"):
         later = np.maximum(numbers["D"] - isi, 0.0)

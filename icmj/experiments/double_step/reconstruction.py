@@ -1,4 +1,4 @@
-"""Reconstruction: when a linear model would have had to see the steps, to control as was recorded.
+"""Reconstruction of reaction times: step times with which a linear model reproduces the recorded control.
 
 The step times of the set-point are moved until a linear model's response is nearest to the recorded control. With an
 exact model, a system-matched hold and no noise the control of the intermittent controller is that of the continuous

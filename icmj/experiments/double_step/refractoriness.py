@@ -1,4 +1,4 @@
-"""Refractoriness: how much later the second of two steps is responded to, against the interval between them.
+"""Refractoriness: the extra delay of the response to the second of two steps, against the interval between them.
 
 Four estimates of the refractory duration, as van de Kamp et al. (2013) took them, each with its confidence by drawing
 pairs anew within every inter-step interval.

@@ -1,4 +1,4 @@
-"""Basins: which motion is reached from where."""
+"""Basins of attraction: the motion reached from each initial state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The panels of one case: the paper's six (a)–(f), and what else there is to see of it."""
+"""The panels of one case: the paper's six (a)–(f), and further ones."""
 
 from icmj.report.panels.eigenvalues import LOCUS, MODULUS
 from icmj.report.panels.ground import ACTING, PRESSURE

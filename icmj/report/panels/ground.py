@@ -21,7 +21,7 @@ SHOWN = 8  # intervals of a run under noise
 
 
 def acting_inputs(case: CaseRuns) -> list[int]:
-    """Inputs on which something else acts than the command."""
+    """Inputs whose action differs from the command."""
     return sorted({i for result in case.runs.values() for i in acting(result)})
 
 

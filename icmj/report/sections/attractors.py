@@ -33,7 +33,7 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
 
 
 def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
-    """Of all outputs where they have one unit, else of the first."""
+    """Peak of all outputs if they share a unit, else of the first."""
     amplitude = np.asarray(found.measurement.amplitude)
     peak = float(np.max(amplitude if len(set(units)) == 1 else amplitude[:1])) * units[0].factor
     unit = units[0].unit.replace("deg", "°")
@@ -41,7 +41,7 @@ def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
 
 
 def motion(found: Attractor) -> str:
-    """What the motion is, in few words."""
+    """The motion in a few words."""
     measurement = found.measurement
     match measurement.kind:
         case "cycle":

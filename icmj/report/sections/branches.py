@@ -1,4 +1,4 @@
-"""Branches of cycles: their picture, where they run, and what happens on them."""
+"""Branches of cycles: their picture, range and special points."""
 
 from __future__ import annotations
 

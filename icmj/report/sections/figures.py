@@ -18,7 +18,7 @@ def figures(
     panels: Mapping[str, Sequence[DrawnPanel]],
     motions: Mapping[str, str] = MappingProxyType({}),
 ) -> Section:
-    """The panels of each case; ``motions`` are the script's names of their runs, by case."""
+    """The panels of each case; ``motions`` are the keys of their motions, by case."""
     return Section(
         "figures",
         "The panels of each case",

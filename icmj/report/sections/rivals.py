@@ -1,4 +1,4 @@
-"""Several controllers of one body side by side: measures of sway in a table, spectra and paths on each other."""
+"""Several controllers of one body side by side: measures of sway in a table, spectra and paths superimposed."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: its file name without suffix, its SVG as a data URI, and its words for who cannot see it.
+    """A drawn figure: its file name without suffix, its SVG as a data URI, and its alternative text.
 
     ``linked`` says where its axes of time, or its plane, are in it, as :func:`icmj.report.style.links` writes it.
     """

@@ -55,7 +55,7 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
 
 
 def rule_fact(value: object, design: Design) -> str:
-    """What there is to say of the event rule under one name; a weight on the states in as few signs as will do."""
+    """One setting of the event rule as text; a weight on the states in its shortest form."""
     if value is None:
         return numbers.MISSING
     if not isinstance(value, np.ndarray):

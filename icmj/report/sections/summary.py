@@ -115,7 +115,7 @@ def _departures(case: CaseRuns) -> list[str]:
 
 
 def _notices(case: CaseRuns) -> list[str]:
-    """What was told of plants and runs, each once; said of which plant where it does not hold of every run."""
+    """Notices on plants and runs without repetition, with the plant where a notice does not hold for every run."""
     told = {plant: comparison.notices for plant, comparison in case.comparisons.items()}
     every = list(dict.fromkeys(notice for notices in told.values() for notice in notices))
     words = []

@@ -60,7 +60,7 @@ def _outputs(run: Tried) -> list[str]:
 
 
 def _row(run: Tried) -> dict[str, Any]:
-    """RMS of every output over the second half of the run, weighted by time, and how it went."""
+    """RMS of every output over the second half of the run, weighted by time, and the outcome."""
     simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
     late = simulation.t >= simulation.t[-1] / 2
     t, y = simulation.t[late], simulation.y[late]

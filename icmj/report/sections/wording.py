@@ -1,4 +1,4 @@
-"""Sentences that more than one section says."""
+"""Sentences that several sections use."""
 
 from __future__ import annotations
 
