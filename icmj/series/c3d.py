@@ -87,7 +87,7 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
 
 
 def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
-    """The signals called so, of which several groups may have some; without names the first group.
+    """The signals of these names, which may be in several groups; without names, the first group.
 
     Raises:
         DataError: if there is no signal or none of a name, or the rows of two are not at the same times.

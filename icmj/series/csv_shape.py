@@ -75,7 +75,7 @@ def csv_shape(text: bytes) -> CsvShape:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line of the file: its words without what surrounds them, and where it begins [bytes]."""
+    """A line of the file: its text without surrounding white space, and its offset [bytes]."""
 
     words: str
     offset: int

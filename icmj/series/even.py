@@ -1,4 +1,4 @@
-"""Signals at even times: recorded ones are so only nearly, or not at all where events are recorded when they come."""
+"""Resampling to even times: recorded times are only nearly even, and rows at events are not."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def even_series(series: Series, rate: float | None = None) -> Series:
 
 
 def check_complete(series: Series, fewest: int = 2) -> None:
-    """See that there are rows, that each holds a number for every signal, and that one can compute with them.
+    """Check that there are rows with a finite number for every signal.
 
     Raises:
         DataError: if not.

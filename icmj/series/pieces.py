@@ -1,4 +1,4 @@
-"""Signals that are smooth in pieces, between the rows at which they were recorded.
+"""Interpolation of piecewise smooth signals between recorded rows.
 
 A controlled motion jumps, or bends, whenever new feedback, a delayed action or a push sets in. Across such an instant
 nothing is interpolated: each piece between two of them has a cubic spline of its own (not-a-knot, so of fourth order in
@@ -81,7 +81,7 @@ def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> A
 
 
 def _apart(times: Array, least: float) -> Array:
-    """Which times to keep so that no two are closer than ``least``; the first and the last always; shape (N,), bool."""
+    """Mask of times of which no two are closer than ``least``; the first and last are kept; shape (N,), bool."""
     kept = np.ones(len(times), dtype=bool)
     if len(times) > 2:
         kept[1:-1] = (np.diff(times)[:-1] >= least) & (times[-1] - times[1:-1] >= least)

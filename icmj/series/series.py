@@ -143,7 +143,7 @@ class Series(Shown):
 
 
 def place(names: Sequence[str], name: str) -> int:
-    """Which of ``names`` is meant: the one called so, or the only one that ends so after a point.
+    """Index of a name in ``names``: an exact match, or the only name with this ending after a point.
 
     Raises:
         DataError: if there is none, or there are several.
@@ -160,7 +160,7 @@ def place(names: Sequence[str], name: str) -> int:
 
 
 def see_names_differ(names: Sequence[str]) -> None:
-    """See that no two signals have one name.
+    """Check that the names of signals differ.
 
     Raises:
         DataError: if two have.

@@ -1,4 +1,4 @@
-"""The course of one open-loop interval: its states at any time in it, and how a neighbour departs from it.
+"""The trajectory of one open-loop interval: its states at any time, and the variational equation along it.
 
 The state is w = (x, a), of the plant and of the controller in its layout
 (:func:`icmj.controller.controller.layout_of`). A delay cuts the interval where the event acts; the parts between cuts
@@ -34,7 +34,7 @@ class Sample:
 
 
 class Course(Protocol):
-    """An interval that has been flown.
+    """A simulated open-loop interval.
 
     Attributes:
         cuts: ends of its smooth parts [s], rising from 0 to its length.
@@ -45,7 +45,7 @@ class Course(Protocol):
     rate: Array
 
     def sample(self, t: Array) -> Sample:
-        """What it does at rising times within it [s], shape (K,)."""
+        """The trajectory at increasing times within the interval [s], shape (K,)."""
 
     def generators(self, t: Array, part: int) -> Array:
         """F(t) of δẇ = F δw at times within a part [s]; shape (K, n + N_a, n + N_a)."""

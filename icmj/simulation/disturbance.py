@@ -119,7 +119,7 @@ class Pushes:
 
 
 def pushes_of(settings: Settings) -> Pushes:
-    """p(t): what acts on the plant itself, at each place the sum of what acts there."""
+    """p(t): the forces on the plant itself, summed for each place."""
     places, terms = settings.pushes, []
     gaussian: list[tuple[int, Gaussian]] = []
     for source in settings.disturbance:
@@ -131,7 +131,7 @@ def pushes_of(settings: Settings) -> Pushes:
 
 
 class Acting(NamedTuple):
-    """All that acts on a closed loop as functions of time.
+    """All exogenous inputs of a closed loop as functions of time.
 
     Attributes:
         disturbance: beside the plant's commands.
@@ -160,7 +160,7 @@ class Acting(NamedTuple):
 
 
 def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = None) -> Acting:
-    """What the settings let act on a plant with these inputs and outputs, and signals of its controller.
+    """The exogenous inputs that the settings define, for a plant with these inputs and outputs.
 
     Raises:
         SimulationError: if a source names an input or output that the plant does not have.
@@ -203,14 +203,14 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
 
 
 def realised(noise: Noise, end: float) -> tuple[float, float]:
-    """Mean and standard deviation that this very signal has from its start to ``end`` [its unit]."""
+    """Mean and standard deviation of this realisation from its start to ``end`` [its unit]."""
     drawn = _from_terms(1, [(0, *term) for term in _terms(noise)])
     values = drawn(np.linspace(noise.start, end, _FINE, endpoint=False))[:, 0]
     return float(values.mean()), float(values.std())
 
 
 def expected(noise: Noise, end: float) -> tuple[float, float]:
-    """Between which its standard deviation from its start to ``end`` is for 95 % of all seeds [its unit]."""
+    """Interval that contains the standard deviation from start to ``end`` for 95 % of all seeds [its unit]."""
     edge = noise.bandwidth if noise.corner is None else noise.corner
     assert edge is not None
     low, high = _expected(noise.corner is None, float(edge * (end - noise.start)), min(noise.terms, _ENOUGH))

@@ -1,4 +1,4 @@
-"""How a run ends, in one set of words and by one set of rules for both simulators."""
+"""Outcomes of a run: the same rules and words for both simulators."""
 
 from __future__ import annotations
 
@@ -79,17 +79,17 @@ def limits_of(limit: Limit, positions: Sequence[str], units: Sequence[str]) -> A
 
 
 def diverged(t: float, why: str) -> Outcome:
-    """Numbers, or the engine, gave up."""
+    """The outcome of a run whose numbers are not finite, or in which the engine failed."""
     return Outcome("diverged", t, f"diverged at {t:.6g} s: {why}")
 
 
 def interrupted(t: float, duration: float) -> Outcome:
-    """The user stopped it."""
+    """The outcome of a run that the user interrupted."""
     return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {duration:g} s")
 
 
 def stalled(t: float, took: float) -> Outcome:
-    """Events without end in hardly any time."""
+    """The outcome of a run in which too many events occur in too little time."""
     return Outcome(
         "stalled",
         t,
@@ -98,7 +98,7 @@ def stalled(t: float, took: float) -> Outcome:
 
 
 class EventPace:
-    """Whether events come so fast that a run gets nowhere: a hold error that passes its threshold at once, always."""
+    """Detects events so frequent that a run makes no progress, because the hold error passes its threshold at once."""
 
     def __init__(self, duration: float) -> None:
         self._least = duration / MOST_EVENTS * WINDOW

@@ -35,13 +35,13 @@ def at_times(source: Gaussian, t: Array) -> Array:
 
 
 def _memory(source: Gaussian) -> float:
-    """a, how much of a value is left at the next point."""
+    """The correlation a of values at successive grid points."""
     return 0.0 if source.corner is None else float(np.exp(-2 * np.pi * source.corner * source.interval))
 
 
 @lru_cache(maxsize=8)  # of up to 16 MB
 def _drawn(seed: int, a: float, parts: int) -> Array:
-    """Of variance one, for so many parts of the grid."""
+    """Random values of variance one for a number of grid intervals."""
     random = np.random.default_rng(seed)
     fresh = random.standard_normal(parts * _BLOCKS * _BLOCK).reshape(parts, _BLOCKS, _BLOCK)
     if a == 0:

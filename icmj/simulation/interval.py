@@ -17,7 +17,7 @@ from icmj.simulation.ending import Outcome
 
 @dataclass(frozen=True, eq=False)
 class OpenLoopInterval:
-    """The result of a flight from one event to the next.
+    """The result of simulating one open-loop interval.
 
     Attributes:
         length: Δ_ol [s], or the duration of the flight if it did not end in an event.
@@ -38,7 +38,7 @@ class OpenLoopInterval:
 
 
 def one_in_flight(controller: Controller) -> None:
-    """Refuse what makes x, x_o and x_h at an event less than the whole state: a clock faster than the delay, signals.
+    """Refuse loops whose state at an event is more than x, x_o and x_h: a clock faster than the delay, signals.
 
     Raises:
         SimulationError: if there is any.
@@ -56,7 +56,7 @@ def one_in_flight(controller: Controller) -> None:
 
 
 class OpenLoop(Protocol):
-    """A closed loop, prepared for flights from event to event."""
+    """A closed loop prepared for simulations from event to event."""
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """Fly from an event at time ``t``.

@@ -59,5 +59,5 @@ def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> d
 
 
 def plain_names(names: Iterable[str]) -> list[str]:
-    """Without points, which python-control keeps for itself."""
+    """Names without points, which python-control reserves."""
     return [name.replace(".", "_") for name in names]

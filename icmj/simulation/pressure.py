@@ -88,5 +88,5 @@ class Pressure:
 
     @property
     def _borne(self) -> Array:
-        """What is borne, row by row and right after events, by what bears load at rest."""
+        """Load at rows and right after events on the geoms that bear load at rest."""
         return np.concatenate([self.load, self.load_after])[:, self.load_at_rest > 0]

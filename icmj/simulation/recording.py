@@ -1,4 +1,4 @@
-"""What a run keeps of its controller and of what drives it, alike on both plants."""
+"""The recorded states of the controller and exogenous inputs of a run, the same for both plants."""
 
 from __future__ import annotations
 
@@ -34,6 +34,6 @@ def kept(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None)
 
 
 def driven(controller: Law, pushes: Pushes, t: Array) -> dict[str, Any]:
-    """Fields of a run that not every one has, at its rows: the set-point, and what is pushed."""
+    """Optional fields of a run at its rows: the set-point, and pushes."""
     pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
     return {"setpoint": controller.setpoint, **pushed}

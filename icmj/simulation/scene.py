@@ -1,4 +1,4 @@
-"""The moving body for the eye: its geoms and where they are over a run."""
+"""The moving body for display: its geoms and their poses over a run."""
 
 from __future__ import annotations
 

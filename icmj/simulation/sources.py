@@ -1,4 +1,4 @@
-"""What disturbs a run: impulses, steps, noise and biases, each with the place where it acts."""
+"""Disturbances of a run: impulses, steps, noise and biases, each with its place of action."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ On = Literal["command", "body"]
 
 @dataclass(frozen=True, kw_only=True)
 class Placed:
-    """Where something acts, apart from how it goes over time, which is its shape.
+    """The place at which a disturbance acts; subclasses define its course over time.
 
     Attributes:
         on: of an input, ``"command"``: beside the command, through input gain, gear and dynamics of the actuator; or
@@ -224,7 +224,7 @@ def _check(source: object, what: str, *names: str) -> None:
 
 
 def require(good: bool, otherwise: str) -> None:
-    """Refuse settings that are not good.
+    """Raise an error for invalid settings.
 
     Raises:
         SimulationError: ``otherwise``, if they are not.

@@ -1,4 +1,4 @@
-"""A controller that reads outputs of a while ago, laid out for compiled code, with what it has read.
+"""A controller that reads delayed outputs, as data for compiled code, with the history of its readings.
 
 Before t = 0 it has read what there is at the start, held. Time within a stretch is counted from its begin, in units of
 :attr:`Taps.unit`; polynomials are rows of p + 1 coefficients in it.
@@ -28,7 +28,7 @@ _BEGINNING = -1e30  # of the history that is held before t = 0
 
 
 class Taps(NamedTuple):
-    """The controller as compiled code takes it.
+    """The controller's numbers for compiled code.
 
     Attributes:
         unit: of time [s], and the longest stretch.
@@ -64,7 +64,7 @@ class Taps(NamedTuple):
 
 
 class History(NamedTuple):
-    """Readings so far, stretch by stretch.
+    """The readings so far, one entry for each stretch.
 
     Attributes:
         start: where each stretch begins [s], shape (capacity,).
@@ -84,7 +84,7 @@ class History(NamedTuple):
 
 
 class Now(NamedTuple):
-    """Where the controller is, and room to work in.
+    """The present state of the controller, and work arrays.
 
     Attributes:
         mode: shape (1,).
@@ -156,7 +156,7 @@ def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -
 
 
 def signals_of(realisation: Realisation, n_y: int) -> int:
-    """How many signals it is given, by how many readings it has of a plant of ``n_y`` outputs."""
+    """Number of signals that the controller is given: its readings less the ``n_y`` outputs."""
     n_u, n_v = realisation.modes[0].S.shape
     return n_v - len(realisation.taps) * (n_y + (n_u if realisation.commands else 0))
 
@@ -179,7 +179,7 @@ def first_command(taps: Taps, history: History, now: Now) -> Array:
 
 
 def widened(history: History) -> History:
-    """The same with twice the room.
+    """The same with history arrays of twice the size.
 
     Raises:
         SimulationError: if that would be more than :data:`ROOM`.
@@ -194,13 +194,13 @@ def widened(history: History) -> History:
 
 
 def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
-    """What a run keeps of the modes at its rows: nothing where there is one alone."""
+    """The modes at the rows of a run; empty if the controller has only one."""
     names = tuple(mode.name for mode in realisation.modes)
     return {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
 
 
 def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
-    """See that no start is ``given`` of what the controller does not have.
+    """Refuse initial values ``given`` for states that the controller does not have.
 
     Raises:
         SimulationError: if there is one, or the settings name one.
@@ -210,7 +210,7 @@ def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
 
 
 def expect_tapped(law: Law, plant: LinearPlant) -> Realisation:
-    """How the controller moves, if its delayed outputs are all that it reads of ``plant``.
+    """The controller's realisation, if it reads nothing of ``plant`` but delayed outputs.
 
     Raises:
         SimulationError: if it reads outputs as they are, or its model has other numbers of inputs and outputs than the

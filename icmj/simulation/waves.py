@@ -22,20 +22,20 @@ _AT_ONCE = 8192  # instants
 
 
 def nodes(count: int) -> np.ndarray:
-    """Chebyshev's, on [−1, 1]."""
+    """Chebyshev nodes on [−1, 1]."""
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
 @lru_cache(maxsize=64)
 def coefficients(count: int) -> Array:
-    """From values at Chebyshev's nodes to coefficients of his polynomials, shape (count, count)."""
+    """Matrix from values at Chebyshev nodes to Chebyshev coefficients, shape (count, count)."""
     to = 2 / count * chebvander(nodes(count), count - 1).T
     to[0] /= 2
     return to
 
 
 def enough(turn: float) -> int:
-    """How many nodes interpolate a sinusoid that turns by this on either side of the middle [rad]."""
+    """Number of nodes that interpolate a sinusoid whose phase changes by this on either side of the middle [rad]."""
     return next(n for n in range(1, 1000) if 2 * (turn / 2) ** n / factorial(n) <= ROUNDING)
 
 

@@ -1,1 +1,1 @@
-"""One case at very many points: in processes or on a cluster, into a folder of Parquet files, whatever happens."""
+"""One case at very many points, in processes or on a cluster, written to a resumable folder of Parquet files."""

@@ -1,4 +1,4 @@
-"""One chunk of points computed: a row for each, whatever becomes of it."""
+"""Computation of one chunk of points: a row for each point, also for points that fail."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Tell = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Computed:
-    """What came of some points.
+    """The results of some points.
 
     Attributes:
         content: a whole Parquet file of their rows.
@@ -77,7 +77,7 @@ def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Compute
 
 
 def died(plan: Plan, index: int, why: str) -> pa.Table:
-    """The row of a point that took its process with it."""
+    """The row of a point whose computation ended its process."""
     words = f"its process died ({why}), twice: out of memory, or MuJoCo ended it"
     return columns.table(plan, [columns.begun(plan, index, plan.points.at(index)) | {"status": "died", "words": words}])
 

@@ -146,7 +146,7 @@ def table(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 
 
 def begun(plan: Plan, index: int, values: tuple[Value, ...]) -> dict[str, Any]:
-    """The beginning of a row: which point it is, and what varies there."""
+    """The start of a row: index of the point, and its varied values."""
     row: dict[str, Any] = {"point": index, "status": "ok", "words": ""}
     for name, kind, value in zip(plan.points.names, plan.points.kinds, values, strict=True):
         if kind == "number":

@@ -76,7 +76,7 @@ class Dataset:
 
 @contextmanager
 def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
-    """The folder of a sweep, begun or taken up again; nobody else writes to it within the block.
+    """The folder of a sweep, new or resumed; within the block no other process writes to it.
 
     Raises:
         SweepError: if another process is at it, or it holds another sweep, or one of other versions, or cannot be
@@ -129,7 +129,7 @@ def read_table(folder: Path) -> pa.Table:
 
 
 def _begin(folder: Path, plan: Plan) -> Facts:
-    """Say what the folder is of, or see that it is of this."""
+    """Write the folder's description, or check that it belongs to this sweep."""
     if not os.path.lexists(folder / FACTS):
         if os.path.lexists(folder / POINTS):
             raise SweepError(f"{folder}: has points but no {FACTS} that describes them; choose another --out")
@@ -170,7 +170,7 @@ def _begin(folder: Path, plan: Plan) -> Facts:
 
 
 def _settle(folder: Path) -> None:
-    """See that a new name is on the disk, too."""
+    """Flush the folder, so that a new file name is on the disk."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:
@@ -180,7 +180,7 @@ def _settle(folder: Path) -> None:
 
 
 def statuses(folder: Path) -> Counter[str]:
-    """How many rows have which status, a file at a time.
+    """Number of rows of each status, one file at a time.
 
     Raises:
         SweepError: as :func:`read_table`.

@@ -25,7 +25,7 @@ _TRIED = 5  # points that are tried before a sweep starts
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep file made ready.
+    """A sweep file with its base run and its points.
 
     Attributes:
         file: the sweep file.
@@ -59,7 +59,7 @@ class Plan:
 
     @property
     def chunks(self) -> int:
-        """How many tasks."""
+        """Number of chunks."""
         return -(-len(self.points) // self.chunk)
 
     def range(self, chunk: int) -> range:
@@ -116,7 +116,7 @@ class Plan:
         }
 
     def _check_values(self) -> None:
-        """See that every value is allowed in its field, one field at a time."""
+        """Check that every value is allowed in its field, one field at a time."""
         middle = list(self.points.at(0))
         for i, (vary, listed) in enumerate(zip(self.points.vary, self.points.lists, strict=True)):
             for value in (vary.low, vary.high) if listed is None else _some(listed):
@@ -140,7 +140,7 @@ def versions() -> dict[str, str]:
 
 
 def _some(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:
-    """All of them, or the ends and some between."""
+    """All values, or the first, the last and some between."""
     step = max(1, -(-len(listed) // most))
     return [*listed[::step], listed[-1]]
 

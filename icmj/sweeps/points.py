@@ -36,7 +36,7 @@ class Points:
 
     @classmethod
     def of(cls, file: SweepFile) -> Points:
-        """Those of a sweep file."""
+        """The points of a sweep file."""
         return cls(tuple(file.vary), file.sweep.samples or 1, file.sweep.method, file.sweep.seed)
 
     @cached_property
@@ -46,7 +46,7 @@ class Points:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Of what each varies: ``number``, ``truth``, or ``text`` for all else."""
+        """The kind of each field's values: ``number``, ``truth``, or ``text`` for all else."""
         return tuple("number" if listed is None else _kind(listed) for listed in self.lists)
 
     @property

@@ -23,7 +23,7 @@ from icmj.work.crew import crew as _crew
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is.
+    """Progress of a sweep.
 
     Attributes:
         points: of the whole.
@@ -116,7 +116,7 @@ def carry_out(
 
 
 def _see_one_survive(plan: Plan, crew: Crew) -> None:
-    """See that a process can live that has no point to compute: it may be the machine that kills them.
+    """Check that an idle process survives, since the machine itself may be killing processes.
 
     Raises:
         SweepError: if it cannot.
@@ -127,7 +127,7 @@ def _see_one_survive(plan: Plan, crew: Crew) -> None:
 
 
 def _again(plan: Plan, chunk: int, crew: Crew) -> Computed:
-    """A chunk that took its process with it: once more, then point by point; what dies again is a row that says so."""
+    """Repeat a chunk whose process died, then its points one by one; a point that dies gets a row that says so."""
     ((_, whole, _),) = crew.compute(plan, iter([plan.range(chunk)]))
     if whole is not None:
         return whole
@@ -153,7 +153,7 @@ def _place(dataset: Dataset, chunk: int, computed: Computed) -> None:
 
 
 class _Tally:
-    """Which chunks are done, and how fast it goes."""
+    """Finished chunks, and the rate of progress."""
 
     def __init__(self, plan: Plan, finished: set[int], told: Told | None) -> None:
         self._plan, self._finished, self._told = plan, finished, told
@@ -165,7 +165,7 @@ class _Tally:
         return (chunk for chunk in range(self._plan.chunks) if chunk not in self._finished)
 
     def add(self, chunk: int, computed: Computed) -> None:
-        """One more is done."""
+        """Count one more finished chunk."""
         self.computed += computed.rows
         self._done += computed.rows
         self._failed += computed.failed
@@ -174,6 +174,6 @@ class _Tally:
 
     @property
     def progress(self) -> Progress:
-        """How far it is."""
+        """The present progress."""
         took = time.monotonic() - self._begin
         return Progress(len(self._plan), self._done, self._failed, self.computed / took if took > 0 else 0.0)

@@ -1,4 +1,4 @@
-"""The row of a point whose controller is not intermittent: the root of its loop, and what its runs did."""
+"""The row of a point whose controller is not intermittent: the loop's rightmost root, and the results of its runs."""
 
 from __future__ import annotations
 

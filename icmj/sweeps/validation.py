@@ -113,7 +113,7 @@ def _check_columns(found: pa.Schema, facts: Facts, schema: pa.Schema | None) -> 
 
 
 def _check_values(table: pa.Table, rows: range, facts: Facts) -> None:
-    """Points in their order, each with a status; what varies is finite; a cycle has an interval."""
+    """Check the order and status of points, that varied values are finite, and that a cycle has an interval."""
     names = table.column_names
     if "point" in names and table["point"].to_pylist() != list(rows):
         raise ValueError("with other points")

@@ -1,4 +1,4 @@
-"""Test functions whose zeros in Δ are the crossings of the unit circle, and which eigenvalues they need to be made of.
+"""Test functions whose zeros in Δ are the crossings of the unit circle, and the eigenvalues of which these are made.
 
 Symmetric functions of all eigenvalues are analytic in Δ; so are those of any set that stays apart from the rest. Over a
 short panel most eigenvalues stay well inside the circle or well outside. Only the others, the *near* ones, can cross it
@@ -95,7 +95,7 @@ def outwards(g: Spectrum, delta: Array) -> Spectrum:
 
 
 def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
-    """Which eigenvalues of each panel may come to the circle: first and one past the last, shape (P, 2).
+    """Range of the eigenvalues of each panel that may reach the circle: first and one past the last, shape (P, 2).
 
     Args:
         g: sorted by :func:`outwards`, shape (P, nodes, m).

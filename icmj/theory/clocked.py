@@ -12,7 +12,7 @@ from icmj.plant.linear_plant import LinearPlant
 
 
 def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
-    """What (x, a) right after one event becomes right after the next, shape (n + N_a, n + N_a).
+    """Matrix from (x, a) right after one event to (x, a) right after the next, shape (n + N_a, n + N_a).
 
     Args:
         plant: the actual plant.

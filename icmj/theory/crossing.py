@@ -54,7 +54,7 @@ def change_outside(crossing: Crossing) -> int:
 
 
 def distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
-    """Without those that two neighbouring panels, or a panel and a zoom, both report."""
+    """Crossings without duplicates from neighbouring panels, or from a panel and a zoom."""
     kept: list[Crossing] = []
     for c in found:
         same = [

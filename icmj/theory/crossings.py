@@ -103,7 +103,7 @@ def search(
     reduced: Reduction | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Search:
-    """As :func:`crossings`, and says how far eigenvalues could be told from rounding.
+    """As :func:`crossings`, with the range of Δ in which eigenvalues exceed rounding errors.
 
     Args:
         system, delta_max, delta_start, resolution, prepared: as there.
@@ -283,7 +283,7 @@ class _Finder:
         ]
 
     def _ways(self, kind: Kind, delta: float, at: Branch, tangent: bool) -> dict[Direction, int]:
-        """How many of the eigenvalues at a crossing go which way."""
+        """Number of eigenvalues at a crossing that leave and that enter the circle."""
         if at.count == 1 or np.isfinite(at.rates).all():
             if tangent:
                 return {"tangent": at.count}

@@ -120,7 +120,7 @@ def test_nothing_but_page_and_figures_is_left(report):
 
 def test_figures_go_where_told(tmp_path):
     build_report([result("exact")], tmp_path / "r.html", figures=tmp_path / "elsewhere")
-    assert len(list((tmp_path / "elsewhere").iterdir())) == 2 * (len(PANELS) + 1)
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 2 * (len(PANELS) + 2)
     assert not (tmp_path / "r_figures").exists()
 
 
