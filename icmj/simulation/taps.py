@@ -156,7 +156,7 @@ def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -
 
 
 def signals_of(realisation: Realisation, n_y: int) -> int:
-    """Number of signals that the controller is given: its readings less the ``n_y`` outputs."""
+    """Number of signals that the controller is given: its readings less those that its taps make of ``n_y`` outputs."""
     n_u, n_v = realisation.modes[0].S.shape
     return n_v - len(realisation.taps) * (n_y + (n_u if realisation.commands else 0))
 
