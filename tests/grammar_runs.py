@@ -303,7 +303,9 @@ def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
 def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
     start = positive(rng, duration / 2, duration / 10, low=0.0)
     base = {"size": number(rng, 0.1, 1.0), **({"start": start} if rng.random() < 0.5 else {})}
-    kind = rng.choice(("impulse", "step", "noise", "bias", "noise", "gaussian", "sinusoids", "os:system"))
+    kind = rng.choice(
+        ("impulse", "step", "noise", "bias", "noise", "gaussian", "sinusoids", "sines", "ternary", "os:system")
+    )
     on_input = kind in ("impulse", "step") or (kind != "bias" and rng.random() < 0.5)
     port = {"input": rng.choice(list(names.inputs))} if on_input else {"output": rng.choice(list(names.outputs))}
     if kind == "sinusoids":
@@ -320,6 +322,17 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
         found[rng.choice(("bandwidth", "corner"))] = positive(rng, 1.0, 10.0, 0.1 / duration)
         if rng.random() < 0.2:
             found["terms"] = rng.choice((1, 2, 400, 2000))
+    if kind == "sines":
+        found["frequencies"] = [positive(rng, 0.1, 1.0, 10.0) for _ in range(rng.choice((1, 3, 30)))]
+    if kind in ("sines", "ternary"):
+        found.pop("start", None)
+    if kind != "bias" and rng.random() < 0.1:
+        for key in ("input", "output"):
+            found.pop(key, None)
+        found["surface"] = rng.choice(("translation", "tilt", "tilt", "turning"))
+        keys = {"axis": lambda: rng.choice(([0, 1, 0], [0, 0, 0], [1e12, 0, 0])), "point": lambda: [0, 0, 1.0]}
+        keys["vertical"] = lambda: {rng.choice(list(names.outputs)): number(rng, 0.5, 1.0)}
+        found |= _some(rng, 0.5, keys)
     if kind == "gaussian":
         found |= {"size": abs(found["size"]) or 0.1, "seed": rng.choice((0, 1, 2**63 - 1))}
         keys = {"corner": lambda: positive(rng, 1.0, 0.1), "interval": lambda: positive(rng, 0.01, duration / 100)}

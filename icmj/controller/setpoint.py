@@ -25,6 +25,8 @@ from icmj.plant.linear_plant import LinearPlant
 
 _REST = 1e-9  # relative: what a steady state may miss, by rounding of its equations
 _REGISTER, _TAPS = (2, 0, 2, 0, 2), (0, 0, 1, -1, -1)
+TERNARY_INTERVALS = 3 ** len(_REGISTER) - 1
+"""Intervals of a pseudo-random ternary sequence before it repeats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +183,7 @@ def ternary(size: float, interval: float, start: float, end: float) -> Array:
     A shift register of five stages gives 242 velocities −v, 0 or v of ``interval`` [s] each, then the same again.
     """
     register, velocity = list(_REGISTER), []
-    for _ in range(3 ** len(register) - 1):
+    for _ in range(TERNARY_INTERVALS):
         number = sum(tap * stage for tap, stage in zip(_TAPS, register, strict=True)) % 3
         register = [number, *register[:-1]]
         velocity.append(number if number < 2 else -1)

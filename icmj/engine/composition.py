@@ -29,7 +29,7 @@ from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import compiled, model_name
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pushing import places
+from icmj.engine.pushing import places, spread
 from icmj.errors import ModelError
 from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, no_disturbance
 from icmj.simulation.taps import POWERS
@@ -166,6 +166,7 @@ def _packed(
         amplitude=errors.amplitude / g[errors.input],
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
+    pushes = spread(plant.model, point, pushes)
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
     scaled = replace(controls, modes=(replace(controls.modes[0], K=K, N=N),))
     drawn = (

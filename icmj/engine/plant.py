@@ -28,7 +28,7 @@ from icmj.engine.model import (
 )
 from icmj.engine.muscle import muscles_of, sizes_without, with_muscles, without_muscles
 from icmj.engine.ports import ports_of
-from icmj.engine.pushing import effects, places
+from icmj.engine.pushing import effects, on_bodies, places
 from icmj.engine.sensing import sensed
 from icmj.engine.soundness import check_names, check_plant, check_sizes, sound
 from icmj.engine.stance import moved
@@ -114,11 +114,13 @@ class MujocoPlant:
         Raises:
             SimulationError: if there is no such body.
         """
-        here, wanted = self.linearisation, [push for push in pushes if push.body is not None]
+        here, wanted = self.linearisation, [push for push in pushes if push.input is None]
         if not wanted:
             return here.plant
-        found = effects(self.model, here.point, places(self.model, wanted, (), ()))[here.ports.states]
-        return replace(here.plant, pushes=dict(zip(wanted, found.T, strict=True)))
+        parts = [on_bodies(self.model, here.point, push) for push in wanted]
+        tables = (places(self.model, each, (), ()) for each in parts)
+        found = [effects(self.model, here.point, table)[here.ports.states].sum(axis=1) for table in tables]
+        return replace(here.plant, pushes=dict(zip(wanted, found, strict=True)))
 
     def limits(self, limit: Limit) -> Array:
         """The departure of each position of the model at which the body has fallen [rad or m], shape (nv,).

@@ -20,7 +20,7 @@ from icmj.engine.callbacks import installed
 from icmj.engine.hush import hushed
 from icmj.engine.model import solved_to_the_end
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pushing import forces, places
+from icmj.engine.pushing import forces, on_bodies, places
 from icmj.errors import ModelError
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
@@ -53,8 +53,12 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
     if not ground.stands:
         raise ModelError(f"{plant.path}: nothing stands on the ground at the operating point")
     events, moved = simulation.events, simulation.applied if simulation.applied.size else simulation.u
-    table = places(ground.model, simulation.pushes, simulation.labels.inputs, plant.linearisation.ports.actuators)
-    centre, load = ground.reactions(simulation.x, moved, simulation.qpos, (table, simulation.pushed))
+    parts = [on_bodies(ground.model, plant.linearisation.point, push) for push in simulation.pushes]
+    pushes = [push for each in parts for push in each]
+    column = np.repeat(np.arange(len(parts)), list(map(len, parts)))  # of `pushed`, for each of them
+    table = places(ground.model, pushes, simulation.labels.inputs, plant.linearisation.ports.actuators)
+    sizes = simulation.pushed[:, column] if parts else simulation.pushed
+    centre, load = ground.reactions(simulation.x, moved, simulation.qpos, (table, sizes))
     after = slice(0, 0)
     u = np.zeros((0, moved.shape[1]))
     at = np.searchsorted(simulation.t, events.t)
@@ -63,7 +67,7 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
         if not simulation.precision.get("saturated_share"):  # else the engine's own limits say what acts
             u = u + (moved - simulation.u)[at]
     qpos = simulation.qpos[at][after] if simulation.qpos.size else simulation.qpos
-    pushed = simulation.pushed[at][after] if simulation.pushes else simulation.pushed
+    pushed = sizes[at][after] if simulation.pushes else sizes
     centre_after, load_after = ground.reactions(events.x[after], u, qpos, (table, pushed))
     used = np.flatnonzero(ground.load + load.sum(axis=0) + load_after.sum(axis=0))
     return Pressure(

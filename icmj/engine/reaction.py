@@ -85,7 +85,7 @@ def ground_force(plant: MujocoPlant, simulation: Simulation, level: float | None
     n = len(plant.linearisation.ports.states)
     if simulation.x.shape[1] != n:
         raise ModelError(f"{plant.path}: the simulation has {simulation.x.shape[1]} states, not {n}")
-    bodies = [push.where for push in simulation.pushes if push.body is not None]
+    bodies = [push.where for push in simulation.pushes if push.input is None]
     if bodies:
         raise ModelError(f"{plant.path}: {bodies[0]} is pushed, so that its motion does not tell the ground's force")
     acting = simulation.applied if simulation.applied.size else simulation.u

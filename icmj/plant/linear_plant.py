@@ -122,7 +122,7 @@ class LinearPlant:
             return np.asarray(self.B_d[:, self.inputs.index(push.input)])
         if push not in self.pushes:
             raise SimulationError(
-                f"push on body {push.body!r}: a linear plant knows no bodies; push an input, or take the linear plant "
+                f"push on {push.where!r}: a linear plant knows no bodies; push an input, or take the linear plant "
                 "of a model for these pushes, plant.pushed(settings.pushes)"
             )
         return self.pushes[push]

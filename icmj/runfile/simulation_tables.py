@@ -54,8 +54,7 @@ class SimulationTable(TomlTable):
             SimulationError: if they do not fit together.
         """
         plain = {name: getattr(self, name) for name in type(self).model_fields}
-        sources = (table.source() for table in self.disturbance)
-        return Settings(**plain | {"disturbance": tuple(source for source in sources if source is not None)})
+        return Settings(**plain | {"disturbance": tuple(one for table in self.disturbance for one in table.sources())})
 
     @model_validator(mode="before")
     @classmethod

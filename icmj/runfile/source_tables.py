@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from icmj.errors import RunFileError, SimulationError
-from icmj.plant.push import ZERO
+from icmj.errors import RunFileError
 from icmj.runfile.messages import short
+from icmj.runfile.periodic_tables import SinesTable, TernaryTable
+from icmj.runfile.place_table import PlaceTable
 from icmj.runfile.table import (
     LARGEST,
     Finite,
@@ -29,47 +30,11 @@ from icmj.simulation.sources import (
     Gaussian,
     Impulse,
     Noise,
-    On,
     Sinusoids,
     Source,
     Step,
 )
 from icmj.work.own_code import Code, accepted, digest_of
-
-Vector = tuple[Finite, Finite, Finite]
-
-
-class PlaceTable(TomlTable):
-    """Where a disturbance acts: on an input, or at any point of any body of a model."""
-
-    input: str | None = None
-    """Name of the input that is disturbed; give either ``input`` or ``body``."""
-    on: On | None = None
-    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the
-    actuator has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to
-    the command and passes through all these (default of noise)."""
-    body: str | None = None
-    """Name of the body that is pushed; needs a model."""
-    force: Vector = ZERO
-    """Force on the body in world axes, multiplied by ``size`` [N]."""
-    torque: Vector = ZERO
-    """Torque on the body in world axes, multiplied by ``size`` [N m]."""
-    point: Vector | None = None
-    """Point of application in the frame of the body [m] (default: its centre of mass)."""
-
-    @property
-    def placed(self) -> dict[str, Any]:
-        """The keys of the place that are given, as :class:`icmj.simulation.sources.Placed` takes them."""
-        keys = ("on", "body", "force", "torque", "point")
-        return {
-            key: getattr(self, key) for key in keys if key in self.model_fields_set and getattr(self, key) is not None
-        }
-
-    def sized(self, size: float | None) -> float:
-        """The size; 1 where force and torque are given and it is left out."""
-        if size is None and self.body is None:
-            raise SimulationError("size is required")
-        return 1.0 if size is None else size
 
 
 class ImpulseTable(PlaceTable):
@@ -178,9 +143,9 @@ class BiasTable(TomlTable):
     start: NonNegative = 0.0
     """Start [s]."""
 
-    def source(self) -> Source:
+    def sources(self) -> Iterator[Source]:
         """The source that it stands for."""
-        return Bias(self.output, self.size, self.start)
+        yield Bias(self.output, self.size, self.start)
 
 
 class SinusoidsTable(PlaceTable):
@@ -251,6 +216,8 @@ SourceTable = Annotated[
     | Annotated[GaussianTable, Tag("gaussian")]
     | Annotated[BiasTable, Tag("bias")]
     | Annotated[SinusoidsTable, Tag("sinusoids")]
+    | Annotated[SinesTable, Tag("sines")]
+    | Annotated[TernaryTable, Tag("ternary")]
     | Annotated[OwnNoiseTable, Tag("own")],
     Discriminator(_kind),
 ]

@@ -125,7 +125,7 @@ def pushes_of(settings: Settings) -> Pushes:
     for source in settings.disturbance:
         if isinstance(source, Placed) and source.push is not None:
             place = places.index(source.push)
-            terms += [(place, *term) for term in _terms(source)]
+            terms += [(place, *term) for term in terms_of(source)]
             gaussian += [(place, source)] if isinstance(source, Gaussian) else []
     return Pushes(places, _from_terms(len(places), terms, gaussian))
 
@@ -204,7 +204,7 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
 
 def realised(noise: Noise, end: float) -> tuple[float, float]:
     """Mean and standard deviation of this realisation from its start to ``end`` [its unit]."""
-    drawn = _from_terms(1, [(0, *term) for term in _terms(noise)])
+    drawn = _from_terms(1, [(0, *term) for term in terms_of(noise)])
     values = drawn(np.linspace(noise.start, end, _FINE, endpoint=False))[:, 0]
     return float(values.mean()), float(values.std())
 
@@ -225,7 +225,7 @@ def _expected(flat: bool, periods: float, terms: int) -> tuple[float, float]:
     spread = []
     for seed in range(_SEEDS):
         noise = Noise(input="u", size=1.0, seed=seed, terms=terms, **edge)  # type: ignore[arg-type]
-        spread.append(_from_terms(1, [(0, *term) for term in _terms(noise)])(t)[:, 0].std())
+        spread.append(_from_terms(1, [(0, *term) for term in terms_of(noise)])(t)[:, 0].std())
     low, high = np.quantile(spread, [0.025, 0.975])
     return float(low), float(high)
 
@@ -238,12 +238,12 @@ def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], wha
             continue
         if name not in names:
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
-        terms += [(names.index(name), *term) for term in _terms(source)]
+        terms += [(names.index(name), *term) for term in terms_of(source)]
         gaussian += [(names.index(name), source)] if isinstance(source, Gaussian) else []
     return _from_terms(len(names), terms, gaussian)
 
 
-def _terms(source: Source) -> list[tuple[float, ...]]:
+def terms_of(source: Source) -> list[tuple[float, ...]]:
     """(a, ω, φ, start, end) of every term; Gaussian noise has none."""
     if isinstance(source, Gaussian):
         return []

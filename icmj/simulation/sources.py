@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from icmj.errors import SimulationError
-from icmj.plant.push import ZERO, Push, Vector
+from icmj.plant.push import ZERO, Push, Surface, Vector
 
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 GRID = 0.01  # s, between two values of Gaussian noise: beyond 20 Hz a body does not follow
@@ -26,6 +26,8 @@ class Placed:
         body: instead of an input, the body of a model that is pushed.
         force, torque: on it of size 1 [N, N m], along the axes of the world.
         point: where the force acts, in the body's frame [m]; its centre of mass if ``None``.
+        surface, axis: instead, a motion of the support surface, and its direction or axis; ``point`` is then on the
+            axis of a ``turning`` (:class:`icmj.plant.push.Push`).
     """
 
     on: On = "body"
@@ -33,10 +35,14 @@ class Placed:
     force: Vector = ZERO
     torque: Vector = ZERO
     point: Vector | None = None
+    surface: Surface | None = None
+    axis: Vector = ZERO
 
     @property
     def push(self) -> Push | None:
         """Where it acts on the plant itself; ``None`` beside a command, or on a reading."""
+        if self.surface is not None:
+            return Push(point=self.point, surface=self.surface, axis=self.axis)
         of: str | None = getattr(self, "input", None)
         if self.body is None and (self.on == "command" or of is None):
             return None
@@ -44,13 +50,14 @@ class Placed:
 
     def _check_place(self, what: str) -> str:
         """The name of where it acts; SimulationError if that is not one place."""
-        named = {key: getattr(self, key, None) for key in ("input", "output", "body")}
+        named = {key: getattr(self, key, None) for key in ("input", "output", "body", "surface")}
         there = [key for key, name in named.items() if name is not None]
-        known = "input, output and body" if hasattr(self, "output") else "input and body"
+        known = "input, output, body and surface" if hasattr(self, "output") else "input, body and surface"
         require(len(there) == 1, f"{what}: give one of {known}")
         require(self.on in get_args(On), f"{what}: on {self.on!r}; expected one of {', '.join(get_args(On))}")
         require(self.body is None or self.on == "body", f"{what} on body {self.body!r}: a body has no command")
-        loose = self.body is None and (any(self.force) or any(self.torque) or self.point is not None)
+        of_body = any(self.force) or any(self.torque) or (self.point is not None and self.surface is None)
+        loose = self.body is None and of_body
         require(not loose, f"{what}: force, torque and point are those of a body; name it")
         return str(self.push.where if self.push else named[there[0]])
 
@@ -120,7 +127,7 @@ class Noise(Placed):
     on: On = field(default="command", kw_only=True)
 
     def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
+        if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
         where = f"noise on {self._check_place('noise')!r}"
         require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
@@ -149,7 +156,7 @@ class Sinusoids(Placed):
     on: On = "command"
 
     def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
+        if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
         where = f"sinusoids on {self._check_place('sinusoids')!r}"
         object.__setattr__(self, "terms", tuple(tuple(map(float, term)) for term in self.terms))
@@ -202,7 +209,7 @@ class Gaussian(Placed):
     on: On = "command"
 
     def __post_init__(self) -> None:
-        if self.body is not None and self.on == "command":  # not said
+        if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
         where = f"gaussian noise on {self._check_place('gaussian noise')!r}"
         _check(self, "gaussian noise", "size", "interval", "start", *(["corner"] if self.corner is not None else []))

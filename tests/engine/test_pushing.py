@@ -278,7 +278,7 @@ def test_what_is_not_there_cannot_be_pushed(source, words):
     with pytest.raises(SimulationError, match=words):
         simulate(body, control, Settings(duration=0.1, disturbance=(source,)))
     if source.body is not None:
-        with pytest.raises(SimulationError, match=f"push on body '{source.body}': a linear plant knows no bodies"):
+        with pytest.raises(SimulationError, match=f"push on '{source.body}': a linear plant knows no bodies"):
             simulate_linear(body.linearisation.plant, control, Settings(disturbance=(source,)))
 
 

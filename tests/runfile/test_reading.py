@@ -70,8 +70,11 @@ NOISE = '[[simulation.disturbance]]\nkind = "noise"\nsize = 1.0\nseed = 1\n'
         (GOOD + '[[simulation.disturbance]]\nkind = "step"\nbody = "b"\nforce = [1, 0]', ["force"]),
         (GOOD + '[[simulation.disturbance]]\nkind = "step"\ninput = "u"\nsize = 1.0\non = "floor"', ["on", "command"]),
         (GOOD + '[[simulation.disturbance]]\nkind = "storm"\ninput = "u"', ["disturbance", "storm"]),
-        (GOOD + NOISE + 'input = "u"\noutput = "y"\ncorner = 1.0', ["simulation", "one of input, output and body"]),
-        (GOOD + NOISE + "corner = 1.0", ["simulation", "one of input, output and body"]),
+        (
+            GOOD + NOISE + 'input = "u"\noutput = "y"\ncorner = 1.0',
+            ["simulation", "one of input, output, body and surface"],
+        ),
+        (GOOD + NOISE + "corner = 1.0", ["simulation", "one of input, output, body and surface"]),
         (GOOD + NOISE + 'output = "y"\ncorner = 1.0\nbandwidth = 2.0', ["simulation", "one of bandwidth and corner"]),
         (GOOD + NOISE + 'output = "y"', ["simulation", "one of bandwidth and corner"]),
         (GOOD + NOISE + 'output = "y"\ncorner = -1.0', ["corner", "greater than 0"]),
@@ -149,7 +152,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         ),
         (
             GOOD + "[[simulation.disturbance]]\nkind = 'step'\nsize = 1.0\ncorner = 1.0",
-            "simulation.disturbance[0].corner: no such key; there are body, force, input, kind, on, point, size, start",
+            "simulation.disturbance[0].corner: no such key; there are axis, body, force, "
+            "input, kind, on, point, size, start, surface, torque, vertical",
         ),
         (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
         (GOOD.replace("0.01", "1e308"), "controller.q_t: must be at most 1e+12, got 1e+308"),

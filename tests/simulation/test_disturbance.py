@@ -169,9 +169,9 @@ def test_where_something_acts_is_apart_from_how_it_goes() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Step(), "step: give one of input and body"),
-        (lambda: Step("u", body="b", force=(1, 0, 0)), "step: give one of input and body"),
-        (lambda: Noise("u", output="y", corner=1.0), "noise: give one of input, output and body"),
+        (lambda: Step(), "step: give one of input, body and surface"),
+        (lambda: Step("u", body="b", force=(1, 0, 0)), "step: give one of input, body and surface"),
+        (lambda: Noise("u", output="y", corner=1.0), "noise: give one of input, output, body and surface"),
         (lambda: Step(body="b"), "push on body 'b': give it a force"),
         (lambda: Step(body="b", force=(1, 0)), r"push on 'b': force \[1.0, 0.0\]: expected three finite numbers"),
         (lambda: Step(body="b", force=(1, 0, np.nan)), "expected three finite numbers"),

@@ -53,8 +53,8 @@ def test_bad_sources_are_refused(make) -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ({"size": 1.0, "bandwidth": 1.0}, "one of input, output and body"),
-        ({"input": "u", "output": "y", "size": 1.0, "bandwidth": 1.0}, "one of input, output and body"),
+        ({"size": 1.0, "bandwidth": 1.0}, "one of input, output, body and surface"),
+        ({"input": "u", "output": "y", "size": 1.0, "bandwidth": 1.0}, "one of input, output, body and surface"),
         ({"output": "y", "size": 1.0}, "noise on 'y': give one of bandwidth and corner"),
         (
             {"output": "y", "size": 1.0, "bandwidth": 1.0, "corner": 1.0},
@@ -89,7 +89,7 @@ def test_the_run_file_s_tables_say_all_that_the_dataclasses_hold() -> None:
     pairs = [(SimulationTable, Settings), (ImpulseTable, Impulse), (StepTable, Step), (NoiseTable, Noise)]
     pairs += [(BiasTable, Bias)]
     for table, data in pairs:
-        assert set(table.model_fields) - {"kind"} == {field.name for field in fields(data)}
+        assert set(table.model_fields) - {"kind", "vertical"} == {field.name for field in fields(data)}
     assert SimulationTable().settings() == Settings()
 
 

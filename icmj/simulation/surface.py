@@ -1,0 +1,67 @@
+"""A tilt of the support surface as what it does: it turns gravity, accelerates every mass, and is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
+from icmj.errors import SimulationError
+from icmj.plant.push import Vector
+from icmj.simulation.disturbance import terms_of
+from icmj.simulation.sources import Noise, Sinusoids, Source
+
+
+def tilted(source: Source, vertical: Mapping[str, float], point: Vector | None = None) -> Iterator[Source]:
+    """What a tilt φ(t) is to a body that is seen from the surface, to first order.
+
+    Args:
+        source: φ(t) with its axis, a sum of sinusoids that acts from the beginning.
+        vertical: share of φ that is added to the observer's reading of each output, by name.
+        point: on the axis, in the world [m]; the origin if ``None``.
+
+    Raises:
+        SimulationError: if it is of another kind, whose angular acceleration is not finite.
+    """
+    if not isinstance(source, Noise | Sinusoids):
+        kind = type(source).__name__.lower()
+        raise SimulationError(f"a tilt of kind {kind!r} has no finite acceleration; give sines, ternary or noise")
+    terms = np.array([term[:5] for term in terms_of(source)])
+    if (terms[:, 3] > 0).any() or np.isfinite(terms[:, 4]).any():
+        raise SimulationError("a tilt that begins or ends at an instant has no finite acceleration; let it last")
+    angle = terms[:, :3]
+
+    def sinusoids(factor: Array | float, **where: object) -> Sinusoids:
+        of = angle.copy()
+        of[:, 0] *= factor
+        return Sinusoids(terms=tuple(map(tuple, of.tolist())), **where)  # type: ignore[arg-type]
+
+    yield sinusoids(1.0, surface="gravity", axis=source.axis, on="body")
+    yield sinusoids(-(angle[:, 1] ** 2), surface="turning", axis=source.axis, point=point, on="body")
+    for output, share in vertical.items():
+        if share:
+            yield sinusoids(share, output=output)
+
+
+def ternary_lines(size: float, interval: float, highest: float) -> Array:
+    """The lines of an integrated pseudo-random ternary sequence, without its mean.
+
+    Args:
+        size: of the sequence from peak to peak.
+        interval: between its corners [s]; it repeats after 242 of them.
+        highest: frequency of the last line [Hz].
+
+    Returns:
+        (a, ω, φ) of each a cos(ωt + φ) that is not zero, shape (L, 3).
+    """
+    period = TERNARY_INTERVALS * interval
+    slopes = ternary(size, interval, 0.0, period)
+    k = np.arange(1, int(np.floor(highest * period * (1 + 1e-12))) + 1)
+    omega = 2 * np.pi * k / period
+    # of a periodic path with slopes v_j from t_j to t_j': c_k = Σ v_j (e^{−iωt_j'} − e^{−iωt_j}) / (ω² T)
+    turns = np.exp(-1j * np.outer(omega, slopes[:, 4])) - np.exp(-1j * np.outer(omega, slopes[:, 3]))
+    c = (turns @ slopes[:, 0]) / (period * omega**2)
+    there = np.abs(c) > 1e-12 * np.abs(c).max(initial=0.0)
+    return np.column_stack([2 * np.abs(c), omega, np.angle(c)])[there]
