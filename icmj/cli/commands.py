@@ -49,6 +49,7 @@ execute.register(starting.new)
 execute.register(starting.schema)
 execute.register(series_commands.export)
 execute.register(series_commands.measure)
+execute.register(series_commands.replay)
 execute.register(experimenting.experiment)
 
 
@@ -219,14 +220,6 @@ def report(command: arguments.Report) -> None:
         return
     _tell_page(page)
     OUT.say(f"report  {command.out}", wrap=False)
-
-
-@execute.register
-def replay(command: arguments.Replay) -> None:
-    """Open, serve or picture a log."""
-    from icmj.log.replay import replay as show
-
-    show(command.log, web=command.web, screenshot=command.screenshot, time=command.time, say=ERR.say)
 
 
 @execute.register

@@ -1,11 +1,13 @@
-"""The commands that export and measure time series."""
+"""The commands that export, measure and replay logs and time series."""
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from icmj.cli import series_arguments as arguments
+from icmj.cli.arguments import Replay
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
 
@@ -70,6 +72,14 @@ def measure(command: arguments.Measure) -> None:
         notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
     for note in notes:
         OUT.note(note)
+
+
+def replay(command: Replay) -> None:
+    """Open, serve or picture a log."""
+    from icmj.log.replay import replay as show
+
+    with Working(f"rendering {command.screenshot}", ERR) if command.screenshot else nullcontext():
+        show(command.log, web=command.web, screenshot=command.screenshot, time=command.time, say=ERR.say)
 
 
 def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import time
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -25,11 +26,12 @@ class Terminal(Console):
 
     Attributes:
         brief: leave out notes, as ``--quiet`` asks.
+        began: when the present command began, by ``time.monotonic``.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **options)
-        self.brief = False
+        self.brief, self.began = False, time.monotonic()
 
     @property  # type: ignore[misc]  # nobody sets it
     def size(self) -> ConsoleDimensions:
@@ -75,6 +77,7 @@ def talking(quiet: bool, verbose: bool) -> Iterator[None]:
     handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s"))
     level = log.level
     OUT.brief = ERR.brief = quiet
+    OUT.began = ERR.began = time.monotonic()
     if verbose:
         log.addHandler(handler)
         log.setLevel(logging.DEBUG)

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from icmj.base.compiling import compiling
 from icmj.cli.terminal import Terminal
 
-FIRST = 2.0  # s of silence before the first word
+FIRST, LEAST = 2.0, 0.7  # s of silence before the first word: since the command began, and since the work did
 PAUSE = 5.0  # s between two lines, where there is no terminal to draw a bar on
 COMPILING = "compiling, once"
 LOG = logging.getLogger("icmj")
@@ -47,6 +47,10 @@ class Working:
         if self._thread.is_alive():
             self._thread.join(2)
 
+    def _silence(self) -> float:
+        """How long to wait for the end before the first word [s]; importing libraries has taken a part already."""
+        return max(min(LEAST, FIRST), FIRST - (time.monotonic() - self._console.began))
+
     def _show(self) -> None:
         if self._console.is_terminal:
             self._bar()
@@ -54,7 +58,7 @@ class Working:
             self._lines()
 
     def _bar(self) -> None:
-        if self._ended.wait(FIRST):
+        if self._ended.wait(self._silence()):
             return
         columns = TextColumn("{task.description:<24}", markup=False), BarColumn(), TimeElapsedColumn()
         # nobody may listen any more
@@ -65,7 +69,7 @@ class Working:
                 bar.update(task, description=label, completed=self._done, total=1.0 if self._done > 0 else None)
 
     def _lines(self) -> None:
-        start, pause = time.monotonic(), FIRST
+        start, pause = self._console.began, self._silence()
         while not self._ended.wait(pause):
             part = f", {100 * self._done:.0f} %" if self._done > 0 else ""
             what = f": {COMPILING}," if compiling() else ""
