@@ -71,7 +71,7 @@ def _plants(draft: Draft) -> Iterable[str]:
     yield f"model = {value_text(_place(draft))}"
     others = [name for name in there.keyframes if name != draft.keyframe]
     if draft.keyframe is not None:
-        yield _line(f"keyframe = {value_text(draft.keyframe)}", f"or {_some(others)}" if others else "")
+        yield _line(f"keyframe = {value_text(draft.keyframe)}", f"or {_joined(others)}" if others else "")
     elif there.keyframes:
         yield _line(f"# keyframe = {value_text(there.keyframes[0])}", "the reference configuration, if none is named")
     said = {
@@ -170,7 +170,7 @@ def _listed(kind: str, names: Mapping[str, str]) -> Iterable[str]:
     )
 
 
-def _some(names: list[str]) -> str:
+def _joined(names: list[str]) -> str:
     return ", ".join(map(_plain, names[:5])) + (", …" if len(names) > 5 else "")
 
 

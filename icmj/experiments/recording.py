@@ -33,7 +33,7 @@ class Finding(Protocol):
 
     Attributes:
         numbers: by name, with the unit in brackets; NaN where there is none.
-        curves: columns of one length by name, likewise.
+        curves: columns of one length by name, with the unit in brackets.
         words: one sentence.
     """
 

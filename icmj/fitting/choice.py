@@ -84,7 +84,7 @@ class Confusion:
     Attributes:
         families: their names.
         counts: people of a family (rows) who were given to a family (columns), the most probable; shape (m, m).
-        mean: mean probability, likewise.
+        mean: mean probability, of families (rows) by families (columns); shape (m, m).
         confidence: mean of the largest probability.
         accuracy: share of people given to their own family.
         error: standard error of the accuracy; a confidence within two of it is calibrated.

@@ -1,12 +1,13 @@
 """Whether a distribution has one mode or several: Silverman's critical bandwidth, compared with surrogates of one mode.
 
 A Gaussian kernel of width h smooths a sample; the wider it is, the fewer modes are left. The *critical bandwidth* is
-the least width with a single one: large beside the deviation where there are two heaps (Silverman 1981, J. R. Stat.
-Soc. B 43:97–99). Independent values are compared with samples of the smoothed distribution itself, which has one mode,
-as he does. Values of a signal are not independent: a slow signal of one mode lingers here and there, too. They are
-compared with signals of the same spectrum and random phases, which are Gaussian (Theiler et al. 1992, Physica D
-58:77–94). The test errs on the safe side where the one mode is a heap, and on the other where it is flat, so that only
-a very small p says that there are several. The outermost 5 % of the values are left out: bumps of a tail are no modes.
+the least width with a single one: large relative to the standard deviation where there are two clusters (Silverman
+1981, J. R. Stat. Soc. B 43:97–99). Independent values are compared with samples of the smoothed distribution itself,
+which has one mode, as Silverman does. Values of a signal are not independent: a slow signal of one mode also stays
+near some values for long. They are compared with signals of the same spectrum and random phases, which are Gaussian
+(Theiler et al. 1992, Physica D 58:77–94). The test is conservative where the single mode is peaked, and not where it
+is flat, so that only a very small p indicates several modes. The outermost 5 % of the values are left out: bumps of a
+tail are no modes.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class SwitchingChannel(TomlTable):
     position: Combination
     """What it feeds back: an output θ, or weights of several by name, ``{ ankle = 0.6, hip = 0.3 }``."""
     rate: Combination
-    """The rate θ', likewise."""
+    """The rate θ' that it feeds back: an output, or weights of several by name."""
     P: Finite
     """Gain of the position [input per output]."""
     D: Finite
@@ -88,7 +88,7 @@ class Switching(TomlTable):
     P: Finite | Numbers
     """Gain of the position: a number for all inputs, or one for each [input per output]."""
     D: Finite | Numbers
-    """Gain of the rate, likewise."""
+    """Gain of the rate: a number for all inputs, or one for each [input per output]."""
     slope: Finite = 0.0
     """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
     share: Share | None = None

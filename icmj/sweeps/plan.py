@@ -119,7 +119,7 @@ class Plan:
         """Check that every value is allowed in its field, one field at a time."""
         middle = list(self.points.at(0))
         for i, (vary, listed) in enumerate(zip(self.points.vary, self.points.lists, strict=True)):
-            for value in (vary.low, vary.high) if listed is None else _some(listed):
+            for value in (vary.low, vary.high) if listed is None else _thinned(listed):
                 try:
                     self.run((*middle[:i], value, *middle[i + 1 :]))
                 except RunFileError as error:
@@ -139,7 +139,7 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _some(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:
+def _thinned(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:
     """All values, or the first, the last and some between."""
     step = max(1, -(-len(listed) // most))
     return [*listed[::step], listed[-1]]

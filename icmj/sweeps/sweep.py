@@ -109,7 +109,7 @@ def carry_out(
                 _place(dataset, chunk, computed)
                 tally.add(chunk, computed)
         for chunk in lost:
-            computed = _again(plan, chunk, crew)
+            computed = _retried(plan, chunk, crew)
             _place(dataset, chunk, computed)
             tally.add(chunk, computed)
         return tally.progress
@@ -126,7 +126,7 @@ def _see_one_survive(plan: Plan, crew: Crew) -> None:
             raise SweepError(f"{plan.file.path}: processes die even without a point to compute ({why})")
 
 
-def _again(plan: Plan, chunk: int, crew: Crew) -> Computed:
+def _retried(plan: Plan, chunk: int, crew: Crew) -> Computed:
     """Repeat a chunk whose process died, then its points one by one; a point that dies gets a row that says so."""
     ((_, whole, _),) = crew.compute(plan, iter([plan.range(chunk)]))
     if whole is not None:
