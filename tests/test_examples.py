@@ -23,7 +23,7 @@ import pytest
         ("muscle.py", "Settled on a period-1 cycle of 1.16"),
         ("rigid_person.py", "continuous, MuJoCo, 5.12 s: off by 0.38 % from 1 Hz on"),
         ("deciding.py --people 2 --trials 1", "events – predictor                        1            1"),
-        ("sway.py", "person: RMS 3.0 mm, mean speed 6 mm/s, H on short times 0.71\nmodel: RMS 4."),
+        ("sway.py", "intersection point, mujoco: 0.0"),
     ],
 )
 def test_example_runs(root, command, words):

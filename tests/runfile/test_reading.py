@@ -31,7 +31,7 @@ def test_shipped_run_files_are_the_eleven_cases(root):
     assert [(r.path.stem, r.actual.gain, r.actual.dynprm.get("torque")) for r in runs] == [
         ("neglected-0.1", 1.0, [10.0, 0.1]),
         ("neglected-0.5", 1.0, [10.0, 0.5]),
-        ("quiet-standing", 1.075, None),
+        ("quiet-standing", 1.035, None),
         ("simple-0.8", 0.8, None),
         ("simple-1.2", 1.2, None),
         ("simple-1.7", 1.7, None),
