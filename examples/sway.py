@@ -3,7 +3,9 @@
 
 The shipped case ``quiet-standing`` beside young people who stand quietly: its centre of pressure front to back, and the
 intersection point of the ground's forces, on both plants. Grey: mean and standard deviation of young people, over 24
-trials of eight of them, and for the intersection point over 65 of them (``young_people.csv`` says whence).
+trials of eight of them, and for the intersection point over 65 of them. Their numbers and sources are in
+:download:`young_people.csv <../../examples/young_people.csv>`, a recording in :download:`standing.csv
+<../../examples/standing.csv>`; put both beside the notebook.
 """
 
 import csv
@@ -16,8 +18,8 @@ import icmj
 from icmj.engine.reaction import reaction
 from icmj.study.timing import sampled
 
-SEEDS, SETTLE, RATE = range(4), 10.0, 100.0
-examples = Path(__file__).resolve().parent
+SEEDS, SETTLE, RATE = range(3), 10.0, 100.0
+examples = Path(__file__).resolve().parent if "__file__" in globals() else Path()
 
 with (examples / "young_people.csv").open(encoding="utf-8") as file:
     rows = list(csv.reader((line for line in file if not line.startswith("#")), delimiter=";"))[1:]
