@@ -27,6 +27,7 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.stimulus_tables import IntersectionPointTable
 from icmj.series.even import even_series
 from icmj.series.series import Series
+from icmj.simulation.disturbance import LOW_PASS_END
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Gaussian, Noise, Source
 from icmj.study.kind import Kind, Told
@@ -185,9 +186,10 @@ def _density(source: Source, frequency: Array) -> Array:
     """Root of the density of its spectrum, but for a factor that is the same for all noises."""
     assert isinstance(source, Noise | Gaussian)
     if source.corner is not None:
-        return np.asarray(
-            source.size / np.sqrt(source.corner * (1 + (frequency / source.corner) ** 2)) * np.sqrt(2 / np.pi)
-        )
+        # a sum of sinusoids ends somewhere
+        end = LOW_PASS_END if isinstance(source, Noise) else np.inf
+        whole = source.corner * np.arctan(end) * (1 + (frequency / source.corner) ** 2)
+        return np.asarray(source.size / np.sqrt(whole) * (frequency <= end * source.corner))
     if isinstance(source, Noise):
         assert source.bandwidth is not None
         return np.asarray(source.size / np.sqrt(source.bandwidth) * (frequency <= source.bandwidth))
