@@ -1,0 +1,163 @@
+"""Figures of a fit: posterior beside prior, recorded beside simulated sway, calibration, confusion, groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.report import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_POSTERIOR, _PRIOR, _RECORDED, _BAD = "#0072b2", "#b8b2a0", "#222222", "#d55e00"
+_ACROSS = 4
+
+
+def posterior_figure(
+    names: Sequence[str], units: Sequence[str], theta: Array, prior: Array, notes: Sequence[str]
+) -> Figure:
+    """The marginal posteriors of p numbers (draws, p), each before its prior, with a note such as ``identified``."""
+    figure, every = _grid(len(names))
+    for axes, name, unit, drawn, before, note in zip(every, names, units, theta.T, prior.T, notes, strict=True):
+        low, high = np.quantile(before, (0.002, 0.998))
+        logarithmic = low > 0 and high > 8 * low
+        edges = np.geomspace(low, high, 41) if logarithmic else np.linspace(low, high, 41)
+        for values, look in (
+            (before, {"color": _PRIOR, "alpha": 0.55}),
+            (drawn, {"color": _POSTERIOR if note == "identified" else "#7f9fb5", "alpha": 0.8}),
+        ):
+            share = np.histogram(values, edges)[0] / len(values)
+            axes.stairs(share, edges, fill=True, **look)
+        if logarithmic:
+            axes.set_xscale("log")
+        axes.set(yticks=[], ylim=(0, None), xlabel=f"{name} ({unit})" if unit else name)
+        axes.spines["left"].set_visible(False)
+        axes.set_title(note, fontsize="small", color="#222222" if note == "identified" else "#8a8a8a")
+    return figure
+
+
+def sway_figure(
+    recorded: Sequence[Array],
+    simulated: Sequence[Array],
+    rate: float,
+    names: Sequence[str],
+    units: Sequence[str],
+    predicted: Array,
+    observed: Array,
+) -> Figure:
+    """Recorded beside simulated sway: paths, spectra, and each measure with its predictive interval of 90 %.
+
+    Args:
+        recorded, simulated: centre of pressure of trials [m].
+        rate: of them [Hz].
+        names, units: of m measures.
+        predicted, observed: what simulated trials (n, m) and recorded ones (k, m) measure.
+    """
+    from matplotlib.figure import Figure
+    from scipy.signal import welch
+
+    figure = Figure(figsize=(170 * style.MM, 120 * style.MM), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1))
+    path, spectrum = above.subplots(1, 2, width_ratios=(1.7, 1))
+    told: set[str] = set()
+    lines = [(x, _RECORDED, "recorded") for x in recorded] + [(x, _POSTERIOR, "simulated") for x in simulated]
+    room = 1000 * max(float(np.ptp(x)) for x, _, _ in lines)
+    for i, (x, colour, name) in enumerate(lines):
+        path.plot(np.arange(len(x)) / rate, 1000 * (x - x.mean()) - 1.05 * i * room, color=colour, linewidth=0.7)
+        f, power = welch(x, rate, nperseg=min(len(x), int(20.48 * rate)), detrend="linear")
+        kept = (f > 0) & (f <= 10)
+        label = None if name in told else name
+        spectrum.loglog(f[kept], 1e6 * power[kept], color=colour, linewidth=0.8, alpha=0.8, label=label)
+        told.add(name)
+    path.set(xlabel="time (s)", ylabel="centre of pressure (mm), shifted", yticks=[])
+    path.plot([0, 0], [0.1 * room, 0.1 * room + 10], color="#8a8a8a", linewidth=2)
+    path.annotate("10 mm", (0, 0.1 * room + 5), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7)
+    spectrum.set(xlabel="frequency (Hz)", ylabel="power (mm²/Hz)")
+    spectrum.legend()
+    for axes, name, unit, made, seen in zip(
+        below.subplots(1, len(names)), names, units, predicted.T, observed.T, strict=True
+    ):
+        low, high = np.quantile(made, (0.05, 0.95))
+        axes.fill_between([-0.3, 0.3], low, high, color=_POSTERIOR, alpha=0.25, linewidth=0)
+        axes.plot([-0.3, 0.3], [np.median(made)] * 2, color=_POSTERIOR, linewidth=1.2)
+        at = np.linspace(-0.15, 0.15, len(seen)) if len(seen) > 1 else np.zeros(1)
+        good = (seen >= low) & (seen <= high)
+        axes.plot(at[good], seen[good], "o", color=_RECORDED, markersize=3.5)
+        axes.plot(at[~good], seen[~good], "o", color=_BAD, markersize=3.5)
+        axes.set(xticks=[], xlim=(-0.6, 0.6), xlabel=name)
+        axes.set_title(unit or "1", fontsize="small", color="#8a8a8a")
+        if low > 0 and min(seen) > 0:
+            axes.set_ylim(0, None)
+    return figure
+
+
+def calibration_figure(names: Sequence[str], ranks: Array, notes: Sequence[str]) -> Figure:
+    """How far the distribution of each number's ranks (n, p) is from the uniform one, with its band of 95 %."""
+    figure, every = _grid(len(names))
+    n = len(ranks)
+    x = np.linspace(0, 1, 201)
+    band = 1.96 * np.sqrt(x * (1 - x) / n)
+    for axes, name, column, note in zip(every, names, ranks.T, notes, strict=True):
+        axes.fill_between(x, -band, band, color=_PRIOR, alpha=0.5, linewidth=0)
+        share = np.searchsorted(np.sort(column), x, side="right") / n - x
+        axes.plot(x, share, color=_BAD if note == "not calibrated" else _POSTERIOR, linewidth=1.0)
+        axes.set(xlabel=f"rank of {name}", ylim=(-0.2, 0.2), xticks=[0, 0.5, 1])
+        axes.set_title(note, fontsize="small", color="#222222" if note == "identified" else "#8a8a8a")
+    return figure
+
+
+def confusion_figure(families: Sequence[str], counts: Array) -> Figure:
+    """Synthetic people of each family (rows), and the family that they were given to (columns), in shares."""
+    from matplotlib.figure import Figure
+
+    m = len(families)
+    figure = Figure(figsize=((40 + 18 * m) * style.MM, (28 + 12 * m) * style.MM), layout="constrained")
+    axes: Axes = figure.subplots()
+    share = counts / counts.sum(axis=1, keepdims=True)
+    axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for i in range(m):
+        for j in range(m):
+            colour = "white" if share[i, j] > 0.6 else "#222222"
+            axes.text(j, i, f"{share[i, j]:.0%}", ha="center", va="center", color=colour)
+    axes.set(xlabel="given to", ylabel="simulated as", yticks=range(m), yticklabels=families)
+    axes.set_xticks(range(m), families, rotation=30, ha="right")
+    for side in ("left", "bottom"):
+        axes.spines[side].set_visible(False)
+    axes.tick_params(length=0)
+    return figure
+
+
+def groups_figure(labels: Sequence[str], value: Array, low: Array, high: Array, verdicts: Sequence[str]) -> Figure:
+    """Differences between groups with their intervals of 95 %; what cannot be told has a label alone."""
+    from matplotlib.figure import Figure
+
+    n = len(labels)
+    figure = Figure(figsize=(130 * style.MM, (18 + 6 * n) * style.MM), layout="constrained")
+    axes: Axes = figure.subplots()
+    for i in range(n):
+        if not np.isfinite(value[i]):
+            axes.annotate(verdicts[i], (0.02, i), xycoords=("axes fraction", "data"), va="center", color="#8a8a8a")
+            continue
+        colour = _BAD if verdicts[i] == "differs" else _POSTERIOR
+        axes.plot([low[i], high[i]], [i, i], color=colour, linewidth=1.2)
+        axes.plot(value[i], i, "o", color=colour, markersize=4)
+    axes.axvline(0, color="#8a8a8a", linewidth=0.7)
+    axes.set(ylim=(n - 0.5, -0.5), yticks=range(n), yticklabels=labels)
+    axes.set_xlabel("difference (standard deviations of the prior)")
+    return figure
+
+
+def _grid(count: int) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    rows = -(-count // _ACROSS)
+    figure = Figure(figsize=(170 * style.MM, (6 + 33 * rows) * style.MM), layout="constrained")
+    every = list(np.ravel(figure.subplots(rows, _ACROSS, squeeze=False)))
+    for axes in every[count:]:
+        axes.set_axis_off()
+    return figure, every[:count]
