@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from icmj.cli.experiment_arguments import Experiment
+from icmj.cli.fit_arguments import Fit
 from icmj.cli.overrides import Overrides, Shared
 from icmj.cli.series_arguments import Export, Measure
 from icmj.cli.starting_arguments import Cases, Linearise, New, Person, Schema
@@ -167,13 +168,14 @@ Command = (
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Measure, tyro.conf.subcommand("measure")]
     | Annotated[Identify, tyro.conf.subcommand("identify")]
+    | Annotated[Fit, tyro.conf.subcommand("fit")]
 )
 
 GROUPS = {
     "Begin": ("cases", "new", "person", "linearise", "schema"),
     "Predict": ("analyse", "cycle", "continue"),
     "Simulate": ("run", "study", "sweep", "experiment"),
-    "Use the logs": ("report", "replay", "export", "measure", "identify"),
+    "Use the logs": ("report", "replay", "export", "measure", "identify", "fit"),
 }
 
 DESCRIPTION = """Event-driven intermittent control of human standing: predict limit cycles from the linear theory,

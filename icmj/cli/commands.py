@@ -12,7 +12,7 @@ from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
 from icmj.base.plain import plain
 from icmj.base.signals import heard_once
-from icmj.cli import arguments, experimenting, series_commands, starting, starting_arguments
+from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
 from icmj.cli.records import plain_runs
 from icmj.cli.tables import Column, show_table
@@ -51,6 +51,7 @@ execute.register(series_commands.export)
 execute.register(series_commands.measure)
 execute.register(series_commands.replay)
 execute.register(experimenting.experiment)
+execute.register(fitting.fit)
 
 
 @execute.register

@@ -20,7 +20,7 @@ from icmj.errors import FitError
 IDENTIFIED = 0.5
 """Contraction from which a number is called identified: the posterior's variance is at most half of the prior's."""
 MASS = 0.9
-_REFUSED = 0.01  # p-value, for all numbers together
+_REFUSED = 0.01  # p-value, for each number: rather one too many is refused
 _LEAST = 20  # people
 
 
@@ -66,8 +66,8 @@ class Calibration:
 def calibrate(z: ArrayLike, draws: ArrayLike, names: Sequence[str], spread: ArrayLike = 1.0) -> Calibration:
     """Compare posteriors with the truth.
 
-    A number is ``identified`` if its contraction is at least ``IDENTIFIED``, ``not calibrated`` if its p-value is
-    below 1 % divided by the number of numbers, whatever its contraction, else ``not identified``.
+    A number is ``not calibrated`` if its p-value is below 1 %, else ``identified`` if its contraction is at least
+    ``IDENTIFIED``, else ``not identified``.
 
     Args:
         z: true numbers of n people, shape (n, p).
@@ -96,7 +96,7 @@ def calibrate(z: ArrayLike, draws: ArrayLike, names: Sequence[str], spread: Arra
     mean, deviation = drawn.mean(axis=1), drawn.std(axis=1)
     contraction = 1 - (deviation**2).mean(axis=0) / np.broadcast_to(np.square(spread), p)
     verdicts = tuple(
-        "not calibrated" if worth < _REFUSED / p else "identified" if told >= IDENTIFIED else "not identified"
+        "not calibrated" if worth < _REFUSED else "identified" if told >= IDENTIFIED else "not identified"
         for worth, told in zip(p_values, contraction, strict=True)
     )
     return Calibration(

@@ -1,9 +1,9 @@
 """Groups of people: in which number they differ, and of which the data cannot tell.
 
-Each person's posterior is taken as normal in the standard normal variable z of a number. The prior, which draws its mean
-towards zero, is divided out; what is left is what the trials alone say. A person whose trials say next to nothing is
-left out. Means of groups are compared with regard to the spread between people (DerSimonian and Laird) and with Hartung
-and Knapp's interval; where the same people stood under both conditions, it is the differences within them.
+Each person's posterior is taken as normal in the standard normal variable z of a number. The prior, which draws its
+mean towards zero, is divided out; what is left is what the trials alone say. A person whose trials say next to nothing
+is left out. Means of groups are compared with regard to the spread between people (DerSimonian and Laird) and with
+Hartung and Knapp's interval; where the same people stood under both conditions, it is the differences within them.
 """
 
 from __future__ import annotations

@@ -22,10 +22,12 @@ def posterior_figure(
     names: Sequence[str], units: Sequence[str], theta: Array, prior: Array, notes: Sequence[str]
 ) -> Figure:
     """The marginal posteriors of p numbers (draws, p), each before its prior, with a note such as ``identified``."""
+    from matplotlib.ticker import NullFormatter
+
     figure, every = _grid(len(names))
     for axes, name, unit, drawn, before, note in zip(every, names, units, theta.T, prior.T, notes, strict=True):
         low, high = np.quantile(before, (0.002, 0.998))
-        logarithmic = low > 0 and high > 8 * low
+        logarithmic = low > 0 and high > 15 * low
         edges = np.geomspace(low, high, 41) if logarithmic else np.linspace(low, high, 41)
         for values, look in (
             (before, {"color": _PRIOR, "alpha": 0.55}),
@@ -35,6 +37,7 @@ def posterior_figure(
             axes.stairs(share, edges, fill=True, **look)
         if logarithmic:
             axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set(yticks=[], ylim=(0, None), xlabel=f"{name} ({unit})" if unit else name)
         axes.spines["left"].set_visible(False)
         axes.set_title(note, fontsize="small", color="#222222" if note == "identified" else "#8a8a8a")
@@ -62,7 +65,7 @@ def sway_figure(
     from scipy.signal import welch
 
     figure = Figure(figsize=(170 * style.MM, 120 * style.MM), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1))
+    above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1), squeeze=False))
     path, spectrum = above.subplots(1, 2, width_ratios=(1.7, 1))
     told: set[str] = set()
     lines = [(x, _RECORDED, "recorded") for x in recorded] + [(x, _POSTERIOR, "simulated") for x in simulated]
@@ -79,9 +82,8 @@ def sway_figure(
     path.annotate("10 mm", (0, 0.1 * room + 5), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7)
     spectrum.set(xlabel="frequency (Hz)", ylabel="power (mm²/Hz)")
     spectrum.legend()
-    for axes, name, unit, made, seen in zip(
-        below.subplots(1, len(names)), names, units, predicted.T, observed.T, strict=True
-    ):
+    row = np.ravel(below.subplots(1, len(names), squeeze=False))
+    for axes, name, unit, made, seen in zip(row, names, units, predicted.T, observed.T, strict=True):
         low, high = np.quantile(made, (0.05, 0.95))
         axes.fill_between([-0.3, 0.3], low, high, color=_POSTERIOR, alpha=0.25, linewidth=0)
         axes.plot([-0.3, 0.3], [np.median(made)] * 2, color=_POSTERIOR, linewidth=1.2)
@@ -90,7 +92,7 @@ def sway_figure(
         axes.plot(at[good], seen[good], "o", color=_RECORDED, markersize=3.5)
         axes.plot(at[~good], seen[~good], "o", color=_BAD, markersize=3.5)
         axes.set(xticks=[], xlim=(-0.6, 0.6), xlabel=name)
-        axes.set_title(unit or "1", fontsize="small", color="#8a8a8a")
+        axes.set_title(unit or "–", fontsize="small", color="#8a8a8a")
         if low > 0 and min(seen) > 0:
             axes.set_ylim(0, None)
     return figure

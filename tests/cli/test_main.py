@@ -18,7 +18,7 @@ from icmj.simulation.disturbance import disturbance_of
 
 COMMANDS = (
     "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
-    "continue", "new", "identify", "experiment",
+    "continue", "new", "identify", "experiment", "fit",
 )  # fmt: skip
 
 

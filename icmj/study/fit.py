@@ -1,0 +1,345 @@
+"""The fit: families trained once, then each person's posterior, what it predicts, and which family.
+
+    TRAINED/NAME-FINGERPRINT/bank, check   simulated people to train on, and others to calibrate with
+    TRAINED/NAME-FINGERPRINT/posterior-*.npz, TRAINED/choice-*.npz   networks
+    OUT/people/*.npz   draws of each person and family: what stands there is done
+
+Whatever is finished is kept and found again by what it was made of, so that a fit goes on where it was killed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.files import ready, whole
+from icmj.base.npz import read_npz
+from icmj.errors import FitError, IcmjError
+from icmj.fitting.bank import Bank, simulate_bank
+from icmj.fitting.calibration import Calibration, calibrate
+from icmj.fitting.choice import Choice, Confusion, confusion, train_choice
+from icmj.fitting.family import RATE, Family, load_family
+from icmj.fitting.groups import Difference, compare
+from icmj.fitting.posterior import Posterior, train_posterior
+from icmj.fitting.predictive import Predictive, predicted
+from icmj.fitting.seen import Misfit
+from icmj.fitting.summaries import SUMMARIES, measures, summarise
+
+Tell = Callable[[str, float], None]
+SIMULATIONS, CHECK, DRAWS, PREDICTED = 6000, 200, 2000, 100
+_MOST_BYTES = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person in one condition.
+
+    Attributes:
+        name: of the person.
+        trials: front-to-back centre of pressure of each [m] at 100 Hz.
+        held: how many of the last trials are not fitted, but compared with what the fit predicts.
+        group, condition: as a table says; empty where it does not.
+        notes: what was done to the recordings.
+    """
+
+    name: str
+    trials: tuple[Array, ...]
+    held: int = 0
+    group: str = ""
+    condition: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Name and condition."""
+        return f"{self.name}, {self.condition}" if self.condition else self.name
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A family that was simulated and trained.
+
+    Attributes:
+        family: it.
+        words: how many were simulated, how many fell.
+        posterior: for all people.
+        calibration: on synthetic people that it was not trained on.
+        check: their summaries, shape (n, K, s).
+    """
+
+    family: Family
+    words: str
+    posterior: Posterior
+    calibration: Calibration
+    check: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """What is found of one person, if the family is right.
+
+    Attributes:
+        person: whose trials.
+        family: name of the family.
+        z, theta: draws of the numbers, as standard normal variables and in their units, shape (n, p).
+        misfit: whether the person is like anyone simulated.
+        support: effective number of simulated people that the posterior rests on.
+        predictive: measures of simulated trials beside the recorded ones.
+    """
+
+    person: Person
+    family: str
+    z: Array
+    theta: Array
+    misfit: Misfit
+    support: float
+    predictive: Predictive
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fit of people to families.
+
+    Attributes:
+        people: whose.
+        trained: the families, by name.
+        fitted: of each person under each family, people first.
+        confusion: of the choice among families; ``None`` if there is one family.
+        probabilities: of the families for each person, shape (people, families); ``None`` likewise.
+        differences: between groups and between conditions, by the family.
+    """
+
+    people: tuple[Person, ...]
+    trained: Mapping[str, Trained]
+    fitted: tuple[Fitted, ...]
+    confusion: Confusion | None
+    probabilities: Array | None
+    differences: Mapping[str, tuple[Difference, ...]]
+
+
+def fit(
+    people: Sequence[Person],
+    families: Sequence[Family | Path | str],
+    out: Path | str,
+    *,
+    trained: Path | str = Path("runs/out/families"),
+    simulations: int = SIMULATIONS,
+    draws: int = DRAWS,
+    seed: int = 0,
+    jobs: int | None = None,
+    dask: str | None = None,
+    progress: Tell | None = None,
+) -> Fit:
+    """Fit families of controllers to people, or what is left of it; see :mod:`icmj.study.fit`.
+
+    Args:
+        people: their trials.
+        families: their files, or names of shipped ones.
+        out: folder of what is found.
+        trained: folder of banks and networks, which serve for all people.
+        simulations: draws of each family's prior to train on.
+        draws: from each posterior.
+        seed: of everything random.
+        jobs: number of local processes; by default the number of cores.
+        dask: address of a Dask scheduler, whose workers are used instead.
+        progress: called with what is under way and the fraction done, 0–1.
+
+    Raises:
+        FitError: if people or families do not fit together, bayesflow is missing, or a folder cannot be used.
+        RunFileError: if a family file does not validate.
+    """
+    made = [load_family(each) if isinstance(each, (str, Path)) else each for each in families]
+    _checked(people, made)
+    out, trained = Path(out), Path(trained)
+    try:
+        ready(out / "people")
+        ready(trained)
+    except OSError as error:
+        raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
+    tell = progress or (lambda label, done: None)
+    K = max(len(one.trials) - one.held for one in people)
+    known: dict[str, Trained] = {}
+    for i, family in enumerate(made):
+
+        def told(label: str, done: float, i: int = i) -> None:
+            tell(label, 0.9 * (i + done) / len(made))
+
+        known[family.name] = train_family(
+            family, trained, simulations, seed, trials=K, jobs=jobs, dask=dask, progress=told
+        )
+    choice = _choice(made, trained, simulations, seed) if len(made) > 1 else None
+    fitted = []
+    for i, one in enumerate(people):
+        tell(f"fitting {one.label}", 0.92 + 0.08 * i / len(people))
+        fitted += [_fitted(one, known[family.name], out / "people", draws, seed) for family in made]
+    told_apart = probabilities = None
+    if choice is not None:
+        told_apart = confusion(choice, {name: each.check[:, :K] for name, each in known.items()})
+        probabilities = np.array([choice.probabilities(_summaries(one)) for one in people])
+    differences = {name: _differences(each, fitted) for name, each in known.items()}
+    return Fit(tuple(people), known, tuple(fitted), told_apart, probabilities, differences)
+
+
+def train_family(
+    family: Family,
+    folder: Path,
+    simulations: int = SIMULATIONS,
+    seed: int = 0,
+    *,
+    check: int = CHECK,
+    trials: int = 3,
+    jobs: int | None = None,
+    dask: str | None = None,
+    progress: Tell | None = None,
+) -> Trained:
+    """A family simulated, trained and calibrated; what is finished in ``folder`` is taken from there.
+
+    Args:
+        family: the family.
+        folder: of banks and networks.
+        simulations: draws to train on.
+        seed: of everything random.
+        check: draws to calibrate with.
+        trials: of each synthetic person that calibration is shown, 1 to 3.
+        jobs, dask: as :func:`fit`.
+        progress: called with what is under way and the fraction done.
+
+    Raises:
+        FitError: as :func:`fit`.
+    """
+    tell = progress or (lambda label, done: None)
+    home = folder / f"{family.name}-{family.fingerprint}"
+
+    def simulated(name: str, n: int, begin: float, share: float, seed: int) -> Bank:
+        def told(done: float) -> None:
+            tell(f"{family.name}, simulating", begin + share * done)
+
+        return simulate_bank(family, n, seed, folder=home / f"{name}-{seed}", jobs=jobs, dask=dask, progress=told)
+
+    def training(_: str, done: float) -> None:
+        tell(f"{family.name}, training", 0.7 + 0.3 * done)
+
+    bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
+    apart = simulated("check", check, 0.65, 0.05, 2 * seed + 1).stood
+    stood = bank.stood
+    path = home / f"posterior-{simulations}-{seed}.npz"
+    if path.exists():
+        posterior = Posterior.load(path)
+    else:
+        posterior = train_posterior(
+            stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, progress=training
+        )
+        posterior.save(path)
+    if not 1 <= trials <= posterior.seen.trials:
+        raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
+    drawn = posterior.sample_all(apart.summaries[:, :trials], 499, seed)
+    calibration = calibrate(apart.z, drawn, family.prior.names)
+    return Trained(family, bank.words, posterior, calibration, apart.summaries)
+
+
+def _checked(people: Sequence[Person], families: Sequence[Family]) -> None:
+    """See that people and families can be told from each other."""
+    if not people or not families:
+        raise FitError("nothing to fit: give a recording and --model at least")
+    for what, names in (("families", [each.name for each in families]), ("people", [each.label for each in people])):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise FitError(f"two {what} are called {twice[0]}")
+    for one in people:
+        if not 0 <= one.held < len(one.trials):
+            raise FitError(f"{one.label}: {len(one.trials)} trials, of which {one.held} are held out; one is needed")
+
+
+def _choice(
+    families: Sequence[Family],
+    folder: Path,
+    simulations: int,
+    seed: int,
+) -> Choice:
+    """The choice among families, trained or found again."""
+    said = "-".join([*(family.fingerprint for family in families), str(simulations), str(seed)])
+    path = folder / f"choice-{hashlib.sha256(said.encode()).hexdigest()[:16]}.npz"
+    if path.exists():
+        return Choice.load(path)
+    banks = {
+        family.name: simulate_bank(
+            family,
+            simulations,
+            2 * seed,
+            folder=folder / f"{family.name}-{family.fingerprint}" / f"bank-{2 * seed}",
+            jobs=1,
+        ).stood.summaries
+        for family in families
+    }
+    choice = train_choice(banks, SUMMARIES, seed=seed)
+    choice.save(path)
+    return choice
+
+
+def _summaries(person: Person, held: bool = False) -> Array:
+    """Summaries of the trials that are fitted, shape (k, s), or of those that are held out."""
+    kept = len(person.trials) - person.held
+    return np.stack([summarise(trial, RATE) for trial in (person.trials[kept:] if held else person.trials[:kept])])
+
+
+def _fitted(person: Person, trained: Trained, folder: Path, draws: int, seed: int) -> Fitted:
+    """One person under one family; the trials that the posterior predicts are kept."""
+    family, posterior = trained.family, trained.posterior
+    S = _summaries(person)
+    z = posterior.sample(S, draws, seed)
+    theta = family.prior.from_normal(z)
+    prior = np.random.default_rng((seed, 5)).standard_normal((4000, len(family.prior)))
+    chosen = theta[:PREDICTED]
+    mark = hashlib.sha256(chosen.tobytes() + f"{family.fingerprint} {seed}".encode())
+    path = folder / f"{mark.hexdigest()[:24]}.npz"
+    stood = None
+    if path.exists():
+        with suppress(ValueError, OSError, KeyError):
+            stood = read_npz(path, _MOST_BYTES)["stood"]
+    if stood is None:
+        found = [simulated(family, one, seed + i) for i, one in enumerate(chosen)]
+        stood = measures(
+            np.array([summarise(cop, RATE) for cop in found if cop is not None]).reshape(-1, len(SUMMARIES))
+        )
+        try:
+            with whole(path) as part, part.open("wb") as stream:
+                np.savez(stream, stood=stood)
+        except OSError as error:
+            raise FitError(f"{path}: cannot be written: {error.strerror}") from error
+    observed = measures(_summaries(person, held=person.held > 0))
+    predictive = predicted(stood, len(chosen), observed)
+    return Fitted(person, family.name, z, theta, posterior.misfit(S), posterior.support(prior, S), predictive)
+
+
+def simulated(family: Family, theta: Array, seed: int) -> Array | None:
+    """One trial of one member [m] at 100 Hz; ``None`` if it fell, or there is no such controller."""
+    try:
+        return family.member(theta).trial(seed)
+    except IcmjError:
+        return None
+
+
+def _differences(trained: Trained, fitted: Sequence[Fitted]) -> tuple[Difference, ...]:
+    """Between groups, within each condition; and between conditions, within each group."""
+    names, told = trained.family.prior.names, trained.calibration.identified
+    here = [one for one in fitted if one.family == trained.family.name and not one.misfit.outside]
+    found: list[Difference] = []
+    for by, within in (("group", "condition"), ("condition", "group")):
+        for other in sorted({getattr(one.person, within) for one in here}):
+            some = [one for one in here if getattr(one.person, within) == other]
+            levels = [getattr(one.person, by) for one in some]
+            if len(set(levels)) < 2 or "" in levels:
+                continue
+            means = np.array([one.z.mean(axis=0) for one in some])
+            variances = np.array([one.z.var(axis=0) for one in some])
+            people = [one.person.name for one in some]
+            suffix = f", {other}" if other else ""
+            compared = compare(names, means, variances, levels, people, told)
+            found += [replace(one, name=one.name + suffix) for one in compared]
+    return tuple(found)

@@ -1,0 +1,272 @@
+"""What a fit leaves in its folder: tables as Parquet, numbers as JSON, a file for ArviZ each, figures, and a page."""
+
+from __future__ import annotations
+
+import base64
+import json
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from icmj.base.files import whole, write_bytes, write_text
+from icmj.base.plain import plain
+from icmj.base.version import VERSION
+from icmj.errors import FitError
+from icmj.fitting.archive import write_archive
+from icmj.fitting.family import RATE
+from icmj.fitting.summaries import MEASURE_UNITS, MEASURES
+from icmj.report import style
+from icmj.report.builder import filled
+from icmj.report.experiment import number
+from icmj.report.fit import calibration_figure, confusion_figure, groups_figure, posterior_figure, sway_figure
+from icmj.report.sections import Picture, Section
+from icmj.study.fit import PREDICTED, Fit, Fitted, Trained, simulated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RESULTS, SUMMARY, PAGE = "results.parquet", "summary.json", "report.html"
+LEAD = (
+    "Numbers of a controller, inferred from recordings of standing by simulations of people like them. What is said "
+    "holds if the family is right, and among controllers that stand."
+)
+_SHOWN = 12  # people with pictures
+
+
+def write_fit(found: Fit, out: Path) -> None:
+    """Write everything into the folder.
+
+    Raises:
+        FitError: if a file cannot be written.
+    """
+    try:
+        with whole(out / RESULTS) as part:
+            pq.write_table(table(found), part)
+        write_text(out / SUMMARY, json.dumps(summary(found), indent=1, ensure_ascii=False) + "\n")
+        for one in found.fitted:
+            _archive(found, one, out / f"{stem(one)}.nc")
+        with style.applied():
+            items = _items(found, out)
+        section = Section("fit", "Fit", "fit.html.j2", {"items": items})
+        page = filled([section], title="Fit", subtitle="Numbers of a controller", abstract=LEAD, kicker="Fit")
+        write_text(out / PAGE, page)
+    except OSError as error:
+        raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
+
+
+def stem(one: Fitted) -> str:
+    """Begins the names of the files of one person under one family."""
+    parts = [one.person.name, one.person.condition, one.family]
+    return ".".join("".join(c if c.isalnum() or c in "-_" else "-" for c in part) for part in parts if part)
+
+
+def table(found: Fit) -> pa.Table:
+    """A row for each number of each person under each family."""
+    rows = []
+    for one in found.fitted:
+        trained = found.trained[one.family]
+        low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
+        probability = _probability(found, one)
+        for i, name in enumerate(trained.family.prior.names):
+            rows.append(
+                {
+                    "person": one.person.name,
+                    "group": one.person.group,
+                    "condition": one.person.condition,
+                    "family": one.family,
+                    "number": name,
+                    "unit": trained.family.prior.units[i],
+                    "median": float(median[i]),
+                    "low": float(low[i]),
+                    "high": float(high[i]),
+                    "z_mean": float(one.z[:, i].mean()),
+                    "z_deviation": float(one.z[:, i].std()),
+                    "verdict": trained.calibration.verdicts[i],
+                    "support": one.support,
+                    "misfit": one.misfit.words,
+                    "family_probability": probability,
+                }
+            )
+    return pa.Table.from_pylist(rows)
+
+
+def summary(found: Fit) -> dict[str, Any]:
+    """All numbers, for programs."""
+    families = {name: _family(each) for name, each in found.trained.items()}
+    people = []
+    for i, one in enumerate(found.people):
+        fits = {each.family: _person(found, each) for each in found.fitted if each.person is one}
+        chosen = None
+        if found.probabilities is not None:
+            chosen = dict(zip(found.trained, map(float, found.probabilities[i]), strict=True))
+        facts = {"person": one.name, "group": one.group, "condition": one.condition, "trials": len(one.trials)}
+        people.append({**facts, "held_out": one.held, "probabilities": chosen, "fits": fits})
+    choice = None
+    if found.confusion is not None:
+        c = found.confusion
+        choice = {
+            "families": list(c.families),
+            "counts": c.counts.tolist(),
+            "accuracy": c.accuracy,
+            "confidence": c.confidence,
+            "error": c.error,
+            "not_told_apart": [list(pair) for pair in c.alike],
+            "words": c.words,
+        }
+    groups = {
+        name: [{key: getattr(one, key) for key in ("name", "groups", "people", "paired", "value", "low", "high", "p")}
+               | {"holm": one.holm, "verdict": one.verdict, "words": one.words} for one in each]
+        for name, each in found.differences.items()
+    }  # fmt: skip
+    made = {"icmj": VERSION, "families": families, "people": people, "choice": choice, "differences": groups}
+    return dict(plain(made))
+
+
+def _family(trained: Trained) -> dict[str, Any]:
+    c, prior = trained.calibration, trained.family.prior
+    numbers = {
+        name: {
+            "unit": prior.units[i],
+            "verdict": c.verdicts[i],
+            "contraction": float(c.contraction[i]),
+            "coverage": float(c.coverage[i]),
+            "coverage_low": float(c.coverage_low[i]),
+            "coverage_high": float(c.coverage_high[i]),
+            "p": float(c.p_values[i]),
+        }
+        for i, name in enumerate(c.names)
+    }
+    return {"title": trained.family.title, "bank": trained.words, "people": len(c.ranks), "numbers": numbers}
+
+
+def _person(found: Fit, one: Fitted) -> dict[str, Any]:
+    prior, p = found.trained[one.family].family.prior, one.predictive
+    low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
+    numbers = {
+        name: {"median": float(median[i]), "low": float(low[i]), "high": float(high[i])}
+        for i, name in enumerate(prior.names)
+    }
+    sway = {
+        name: {
+            "unit": MEASURE_UNITS[i], "low": float(p.low[i]), "high": float(p.high[i]),
+            "recorded": p.observed[:, i].tolist(), "inside": p.inside[:, i].tolist(),
+        }
+        for i, name in enumerate(MEASURES)
+    }  # fmt: skip
+    facts = {"misfit": one.misfit.words, "support": one.support, "draws": len(one.z), "fell": p.fell}
+    return {**facts, "numbers": numbers, "predicted": sway}
+
+
+def _probability(found: Fit, one: Fitted) -> float:
+    if found.probabilities is None:
+        return 1.0
+    return float(found.probabilities[found.people.index(one.person), list(found.trained).index(one.family)])
+
+
+def _archive(found: Fit, one: Fitted, path: Path) -> None:
+    prior = found.trained[one.family].family.prior
+    facts = {"family": one.family, "person": one.person.name, "misfit": one.misfit.words, "icmj": VERSION}
+    facts |= {"group": one.person.group, "condition": one.person.condition}
+    write_archive(
+        path, prior.names, prior.units, one.theta, prior.draw(len(one.theta), 1), MEASURES,
+        one.predictive.simulated, one.predictive.observed, {**facts, "support": one.support},
+    )  # fmt: skip
+
+
+def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
+    """The parts of the page, whose figures are written beside it."""
+    items = []
+    if found.confusion is not None and found.probabilities is not None:
+        c = found.confusion
+        rows = [
+            (one.label, *(f"{p:.2f}" for p in each))
+            for one, each in zip(found.people, found.probabilities, strict=True)
+        ]
+        words = [f"{c.words}. Their mean confidence is {c.confidence:.2f}, their accuracy {c.accuracy:.2f}."]
+        picture = _picture(confusion_figure(c.families, c.counts), out, "families")
+        caption = "Synthetic people, by the family that they were simulated with and the one they are given to."
+        items.append(_item("Which family", words, [(("Probability", *c.families), rows)], [(picture, caption)]))
+    for name, differences in found.differences.items():
+        if differences:
+            labels = [f"{one.name}: {one.groups[1]} − {one.groups[0]}" for one in differences]
+            value, low, high = (
+                np.array([getattr(one, key) for one in differences]) for key in ("value", "low", "high")
+            )
+            figure = groups_figure(labels, value, low, high, [one.verdict for one in differences])
+            caption = "Differences between groups, with 95 % intervals; what cannot be told has none."
+            words = [one.words + "." for one in differences]
+            title = f"Groups, under {found.trained[name].family.title}"
+            items.append(_item(title, words, [], [(_picture(figure, out, f"groups.{name}"), caption)]))
+    items += [
+        _person_item(found, one, out, drawn=i < _SHOWN * len(found.trained)) for i, one in enumerate(found.fitted)
+    ]
+    return items + [_family_item(each, out) for each in found.trained.values()]
+
+
+def _family_item(trained: Trained, out: Path) -> dict[str, Any]:
+    c, prior = trained.calibration, trained.family.prior
+    rows = [
+        (
+            f"{name} ({prior.units[i]})" if prior.units[i] else name, c.verdicts[i], f"{c.contraction[i]:.2f}",
+            f"{c.coverage[i]:.0%} ({c.coverage_low[i]:.0%} to {c.coverage_high[i]:.0%})", f"{c.p_values[i]:.2g}",
+        )
+        for i, name in enumerate(c.names)
+    ]  # fmt: skip
+    head = ("Number", "Verdict", "Contraction", "Coverage of 90 %", "p")
+    words = [trained.words, f"Calibrated on {len(c.ranks)} synthetic people that it was not trained on."]
+    picture = _picture(calibration_figure(c.names, c.ranks, c.verdicts), out, f"calibration.{trained.family.name}")
+    caption = "Distribution of the true numbers' ranks less the uniform one, with the band of 95 % at each rank."
+    return _item(f"How far to trust it: {trained.family.title}", words, [(head, rows)], [(picture, caption)])
+
+
+def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, Any]:
+    trained, p = found.trained[one.family], one.predictive
+    prior, verdicts = trained.family.prior, trained.calibration.verdicts
+    low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
+    rows = [
+        (
+            f"{name} ({prior.units[i]})" if prior.units[i] else name,
+            *map(number, (median[i], low[i], high[i])),
+            verdicts[i],
+        )
+        for i, name in enumerate(prior.names)
+    ]
+    words = [words_of(one)]
+    pictures = []
+    if drawn:
+        sample = prior.draw(4000, 1)
+        figure = posterior_figure(prior.names, prior.units, one.theta, sample, verdicts)
+        pictures.append((_picture(figure, out, f"posterior.{stem(one)}"), "Posterior (blue) and prior (grey)."))
+        made = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
+        shown = [cop for cop in made if cop is not None][: len(one.person.trials)]
+        figure = sway_figure(one.person.trials, shown, RATE, MEASURES, MEASURE_UNITS, p.simulated, p.observed)
+        caption = "Recorded and simulated trials; their measures (dots) and the predictive interval of 90 %."
+        pictures.append((_picture(figure, out, f"sway.{stem(one)}"), caption))
+    head = ("Number", "Median", "5 %", "95 %", "Verdict")
+    return _item(f"{one.person.label}: {trained.family.title}", words, [(head, rows)], pictures)
+
+
+def words_of(one: Fitted) -> str:
+    """One sentence on one person under one family, the misfit first."""
+    p = one.predictive
+    held = "held-out" if one.person.held else "fitted"
+    inside = f"the predictive intervals of 90 % hold {p.inside.sum()} of {p.inside.size} measures of {held} trials"
+    rests = f"the posterior rests on {one.support:.0f} effective simulated people; {inside}"
+    fell = f"; {p.fell:.0%} of {PREDICTED} draws fell" if p.fell > 0 else ""
+    return f"{'Misfit: ' + one.misfit.words + '. ' if one.misfit else ''}{rests[0].upper()}{rests[1:]}{fell}."
+
+
+def _item(title: str, words: list[str], tables: list[Any], pictures: list[Any]) -> dict[str, Any]:
+    return {"title": title, "words": words, "tables": tables, "pictures": pictures}
+
+
+def _picture(figure: Figure, out: Path, name: str) -> Picture:
+    svg, png = style.save(figure, "svg"), BytesIO()
+    figure.savefig(png, format="png", dpi=160, metadata={"Software": None})
+    write_bytes(out / f"{name}.svg", svg)
+    write_bytes(out / f"{name}.png", png.getvalue())
+    return Picture(name, f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}", name)

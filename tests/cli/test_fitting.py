@@ -1,0 +1,71 @@
+"""What ``icmj fit`` refuses, in one line each, before anything is simulated; and people by a table."""
+
+import numpy as np
+import pytest
+
+from icmj.cli.fit_arguments import Fit
+from icmj.cli.fitting import people_of
+from icmj.cli.main import main
+
+
+@pytest.fixture
+def recording(tmp_path):
+    generator = np.random.default_rng(0)
+    x = np.cumsum(generator.normal(size=(6000, 2)), axis=0)
+    x = 5 * (x - x.mean(axis=0)) / x.std(axis=0)
+    rows = "\n".join(f"{i / 100:.2f},{a:.6f},{b:.6f}" for i, (a, b) in enumerate(x))
+    path = tmp_path / "anna.csv"
+    path.write_text(f"t [s],first [mm],second [mm]\n{rows}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ((), "no family; give --model"),
+        (("--model", "event", "--table", "people.csv"), "either recordings or --table"),
+        (("--model", "event", "--simulations", "10"), "--simulations 10: expected at least 200"),
+        (("--model", "event", "--draws", "1"), "--draws 1: expected at least 100"),
+        (("--model", "event", "--hold-out", "-1"), "--hold-out -1: expected at least 0"),
+        (("--model", "event", "--jobs", "0"), "--jobs 0: expected at least 1"),
+        (("--model", "event"), "which column is front to back"),
+    ],
+)
+def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
+    assert main(["fit", str(recording), *more, "--out", str(tmp_path / "out")]) != 0
+    said = capsys.readouterr().err.strip()
+    assert line in said
+    assert "\n" not in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ("file,who\nanna.csv,anna\n", "no column 'person'"),
+        ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
+        ("file,person\n", "lists nobody"),
+        ("file,person\nanna.csv,\n", "line 2: names no file or no person"),
+        ("file,person,column\nanna.csv,anna,third\n", "third"),
+        ("file,person\nberta.csv,berta\n", "berta.csv"),
+    ],
+)
+def test_a_wrong_table_is_one_line(recording, table, line, capsys, tmp_path) -> None:
+    path = tmp_path / "people.csv"
+    path.write_text(table)
+    assert main(["fit", "--table", str(path), "--model", "event"]) != 0
+    said = capsys.readouterr().err.strip()
+    assert line in said
+    assert "\n" not in said
+
+
+def test_a_table_says_whose_trials_belong_together(recording, tmp_path) -> None:
+    path = tmp_path / "people.csv"
+    rows = ["first,anna,old,open", "second,anna,old,open", "first,anna,old,closed", "second,ben,young,open"]
+    path.write_text("file,column,person,group,condition\n" + "\n".join(f"anna.csv,{row}" for row in rows))
+    found = people_of(Fit(model=("event",), table=path, hold_out=1))
+    assert [(one.label, one.group, len(one.trials)) for one in found] == [
+        ("anna, open", "old", 2), ("anna, closed", "old", 1), ("ben, open", "young", 1),
+    ]  # fmt: skip
+    assert found[0].held == 1
+    assert np.std(found[0].trials[0]) == pytest.approx(0.005)
