@@ -28,12 +28,9 @@ if TYPE_CHECKING:
     from icmj.study.page import Page
 
 CROSSINGS = (
-    Column("Δ (s)"),
-    Column("eigenvalue"),
-    Column("kind", rank=2),
-    Column("direction", rank=1),
+    Column("Δ (s)"), Column("eigenvalue"), Column("kind", rank=2), Column("direction", rank=1),
     Column("largest other |λ|"),
-)
+)  # fmt: skip
 STABLE = {True: "stable", False: "unstable"}
 TOLD = 10.0  # s of estimated work that is announced
 

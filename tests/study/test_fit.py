@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,6 +13,7 @@ from icmj.fitting.bank import Bank
 from icmj.fitting.prior import Distribution, Prior
 from icmj.fitting.summaries import summarise
 from icmj.study import fit as fits
+from icmj.study import fit_page
 from icmj.study.fit import Person, fit
 from icmj.study.fit_page import write_fit
 
@@ -51,7 +53,11 @@ class Toy:
 
 def toy_bank(family: Toy, n: int, seed: int, *, folder, **_) -> Bank:
     folder.mkdir(parents=True, exist_ok=True)
-    n = min(n, 60) if seed % 2 else n
+    return simulated_toy(family, min(n, 40) if seed % 2 else n, seed)
+
+
+@cache
+def simulated_toy(family: Toy, n: int, seed: int) -> Bank:
     theta = family.prior.draw(n, seed + 10)
     S = np.array([[summarise(family.member(t).trial(31 * i + k)) for k in range(2)] for i, t in enumerate(theta)])
     return Bank(family.name, family.prior, "", theta, S, np.zeros(n, dtype=bool), seed)
@@ -68,16 +74,18 @@ class Killed(Exception):
 @pytest.mark.slow
 def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(fits, "simulate_bank", toy_bank)
+    monkeypatch.setattr(fits, "PREDICTED", 25)
+    monkeypatch.setattr(fit_page, "_SHOWN", 0.5)  # the first person under the first family
     trainings = []
     train_posterior, train_choice = fits.train_posterior, fits.train_choice
 
     def counted_posterior(*given, **more):
-        made = train_posterior(*given, epochs=20, depth=1, **more)
+        made = train_posterior(*given, epochs=8, depth=1, **more)
         trainings.append("posterior")
         return made
 
     def counted_choice(*given, **more):
-        made = train_choice(*given, epochs=20, **more)
+        made = train_choice(*given, epochs=8, **more)
         trainings.append("choice")
         return made
 
@@ -112,7 +120,7 @@ def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch
     assert anna.predictive.observed.shape == (1, 6)
     assert "log rms" in ben.misfit.outside  # a hundred times as large as anyone simulated
     assert found.probabilities is not None
-    assert found.probabilities[0, 0] > 0.9
+    assert found.probabilities[0, 0] > 0.5
 
     write_fit(found, tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}
@@ -122,7 +130,7 @@ def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch
     assert pq.read_table(tmp_path / "out" / "results.parquet").num_rows == 2 * 2 * 3
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told["people"][0]["fits"]["one"]["numbers"]["size"]["low"] < 4e-3
-    assert told["choice"]["counts"][0][0] > 40
+    assert told["choice"]["counts"][0][0] > 20
 
 
 def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> None:
