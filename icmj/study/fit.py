@@ -1,8 +1,7 @@
 """The fit: families trained once, then each person's posterior, what it predicts, and which family.
 
-    TRAINED/NAME-FINGERPRINT/bank, check   simulated people to train on, and others to calibrate with
-    TRAINED/NAME-FINGERPRINT/posterior-*.npz, TRAINED/choice-*.npz   networks
-    OUT/people/*.npz   draws of each person and family: what stands there is done
+    TRAINED/           banks and networks (:mod:`icmj.study.families`)
+    OUT/people/*.npz   what draws of each posterior measure: what stands there is done
 
 Whatever is finished is kept and found again by what it was made of, so that a fit goes on where it was killed.
 """
@@ -21,18 +20,16 @@ from icmj.base.array import Array
 from icmj.base.files import ready, whole
 from icmj.base.npz import read_npz
 from icmj.errors import FitError, IcmjError
-from icmj.fitting.bank import Bank, simulate_bank
-from icmj.fitting.calibration import Calibration, calibrate
-from icmj.fitting.choice import Choice, Confusion, confusion, train_choice
+from icmj.fitting.choice import Confusion, confusion
 from icmj.fitting.family import RATE, Family, load_family
 from icmj.fitting.groups import Difference, compare
-from icmj.fitting.posterior import Posterior, train_posterior
 from icmj.fitting.predictive import Predictive, predicted
 from icmj.fitting.seen import Misfit
 from icmj.fitting.summaries import SUMMARIES, measures, summarise
+from icmj.study.families import SIMULATIONS, Trained, choice_among, train_family
 
 Tell = Callable[[str, float], None]
-SIMULATIONS, CHECK, DRAWS, PREDICTED = 6000, 200, 2000, 100
+DRAWS, PREDICTED = 2000, 100
 _MOST_BYTES = 1e9
 
 
@@ -59,25 +56,6 @@ class Person:
     def label(self) -> str:
         """Name and condition."""
         return f"{self.name}, {self.condition}" if self.condition else self.name
-
-
-@dataclass(frozen=True, eq=False)
-class Trained:
-    """A family that was simulated and trained.
-
-    Attributes:
-        family: it.
-        words: how many were simulated, how many fell.
-        posterior: for all people.
-        calibration: on synthetic people that it was not trained on.
-        check: their summaries, shape (n, K, s).
-    """
-
-    family: Family
-    words: str
-    posterior: Posterior
-    calibration: Calibration
-    check: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +151,7 @@ def fit(
         known[family.name] = train_family(
             family, trained, simulations, seed, trials=K, jobs=jobs, dask=dask, progress=told
         )
-    choice = _choice(made, trained, simulations, seed) if len(made) > 1 else None
+    choice = choice_among(made, trained, simulations, seed) if len(made) > 1 else None
     fitted = []
     for i, one in enumerate(people):
         tell(f"fitting {one.label}", 0.92 + 0.08 * i / len(people))
@@ -184,63 +162,6 @@ def fit(
         probabilities = np.array([choice.probabilities(_summaries(one)) for one in people])
     differences = {name: _differences(each, fitted) for name, each in known.items()}
     return Fit(tuple(people), known, tuple(fitted), told_apart, probabilities, differences)
-
-
-def train_family(
-    family: Family,
-    folder: Path,
-    simulations: int = SIMULATIONS,
-    seed: int = 0,
-    *,
-    check: int = CHECK,
-    trials: int = 3,
-    jobs: int | None = None,
-    dask: str | None = None,
-    progress: Tell | None = None,
-) -> Trained:
-    """A family simulated, trained and calibrated; what is finished in ``folder`` is taken from there.
-
-    Args:
-        family: the family.
-        folder: of banks and networks.
-        simulations: draws to train on.
-        seed: of everything random.
-        check: draws to calibrate with.
-        trials: of each synthetic person that calibration is shown, 1 to 3.
-        jobs, dask: as :func:`fit`.
-        progress: called with what is under way and the fraction done.
-
-    Raises:
-        FitError: as :func:`fit`.
-    """
-    tell = progress or (lambda label, done: None)
-    home = folder / f"{family.name}-{family.fingerprint}"
-
-    def simulated(name: str, n: int, begin: float, share: float, seed: int) -> Bank:
-        def told(done: float) -> None:
-            tell(f"{family.name}, simulating", begin + share * done)
-
-        return simulate_bank(family, n, seed, folder=home / f"{name}-{seed}", jobs=jobs, dask=dask, progress=told)
-
-    def training(_: str, done: float) -> None:
-        tell(f"{family.name}, training", 0.7 + 0.3 * done)
-
-    bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
-    apart = simulated("check", check, 0.65, 0.05, 2 * seed + 1).stood
-    stood = bank.stood
-    path = home / f"posterior-{simulations}-{seed}.npz"
-    if path.exists():
-        posterior = Posterior.load(path)
-    else:
-        posterior = train_posterior(
-            stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, progress=training
-        )
-        posterior.save(path)
-    if not 1 <= trials <= posterior.seen.trials:
-        raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
-    drawn = posterior.sample_all(apart.summaries[:, :trials], 499, seed)
-    calibration = calibrate(apart.z, drawn, family.prior.names)
-    return Trained(family, bank.words, posterior, calibration, apart.summaries)
 
 
 def _checked(people: Sequence[Person], families: Sequence[Family]) -> None:
@@ -254,32 +175,6 @@ def _checked(people: Sequence[Person], families: Sequence[Family]) -> None:
     for one in people:
         if not 0 <= one.held < len(one.trials):
             raise FitError(f"{one.label}: {len(one.trials)} trials, of which {one.held} are held out; one is needed")
-
-
-def _choice(
-    families: Sequence[Family],
-    folder: Path,
-    simulations: int,
-    seed: int,
-) -> Choice:
-    """The choice among families, trained or found again."""
-    said = "-".join([*(family.fingerprint for family in families), str(simulations), str(seed)])
-    path = folder / f"choice-{hashlib.sha256(said.encode()).hexdigest()[:16]}.npz"
-    if path.exists():
-        return Choice.load(path)
-    banks = {
-        family.name: simulate_bank(
-            family,
-            simulations,
-            2 * seed,
-            folder=folder / f"{family.name}-{family.fingerprint}" / f"bank-{2 * seed}",
-            jobs=1,
-        ).stood.summaries
-        for family in families
-    }
-    choice = train_choice(banks, SUMMARIES, seed=seed)
-    choice.save(path)
-    return choice
 
 
 def _summaries(person: Person, held: bool = False) -> Array:

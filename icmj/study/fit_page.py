@@ -24,7 +24,8 @@ from icmj.report.builder import filled
 from icmj.report.experiment import number
 from icmj.report.fit import calibration_figure, confusion_figure, groups_figure, posterior_figure, sway_figure
 from icmj.report.sections import Picture, Section
-from icmj.study.fit import PREDICTED, Fit, Fitted, Trained, simulated
+from icmj.study.families import Trained
+from icmj.study.fit import PREDICTED, Fit, Fitted, simulated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

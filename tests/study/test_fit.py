@@ -12,6 +12,7 @@ from icmj.errors import FitError
 from icmj.fitting.bank import Bank
 from icmj.fitting.prior import Distribution, Prior
 from icmj.fitting.summaries import summarise
+from icmj.study import families as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
 from icmj.study.fit import Person, fit
@@ -73,11 +74,11 @@ class Killed(Exception):
 
 @pytest.mark.slow
 def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(fits, "simulate_bank", toy_bank)
+    monkeypatch.setattr(families_module, "simulate_bank", toy_bank)
     monkeypatch.setattr(fits, "PREDICTED", 25)
     monkeypatch.setattr(fit_page, "_SHOWN", 0.5)  # the first person under the first family
     trainings = []
-    train_posterior, train_choice = fits.train_posterior, fits.train_choice
+    train_posterior, train_choice = families_module.train_posterior, families_module.train_choice
 
     def counted_posterior(*given, **more):
         made = train_posterior(*given, epochs=8, depth=1, **more)
@@ -89,8 +90,8 @@ def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch
         trainings.append("choice")
         return made
 
-    monkeypatch.setattr(fits, "train_posterior", counted_posterior)
-    monkeypatch.setattr(fits, "train_choice", counted_choice)
+    monkeypatch.setattr(families_module, "train_posterior", counted_posterior)
+    monkeypatch.setattr(families_module, "train_choice", counted_choice)
     families = [Toy("one", 1), Toy("two", 2)]
     people = [person("anna", (4e-3, 0.3, 0.5), held=1), person("ben", (0.5, 0.3, 0.5))]
 
