@@ -10,7 +10,7 @@ import grammar_runs as runs
 import numpy as np
 from grammar_runs import Names, number, run_tables, toml
 
-KINDS = ("intersection_point", "quiet_standing", "multisine", "double_step")
+KINDS = ("intersection_point", "quiet_standing", "multisine", "double_step", "perturbed_stance")
 _THREE = ("shank", "thigh", "trunk")
 SHIPPED = {
     "quiet-standing": Names({}, ("ankle", "knee", "hip"), ("ankle_torque", "knee_torque", "hip_torque"), _THREE),
@@ -143,7 +143,21 @@ def _double(rng: random.Random, names: Names) -> dict[str, Any]:
     return found | _some(rng, 0.2, keys)
 
 
-_KINDS = dict(zip(KINDS, (_intersection, _quiet, _multisine, _double), strict=True))
+def _stance(rng: random.Random, names: Names) -> dict[str, Any]:
+    keys = {
+        "highest": lambda: positive(rng, 1.0, 2.0, 60.0, 1e-3),
+        "axis_height": lambda: positive(rng, 0.06, low=0.0),
+        "vertical": lambda: {rng.choice(list(names.outputs)): number(rng, 0.3, 1.0)},
+        "vertical_rate": lambda: {rng.choice(list(names.outputs)): number(rng, 0.3, 1.0)},
+        "output": lambda: rng.choice((*names.outputs, "head")),
+        "inertia": lambda: positive(rng, 60.0),
+        "toppling": lambda: positive(rng, 600.0),
+    }
+    found = {"size": positive(rng, 0.01, 0.1), "interval": rng.choice((0.25, 0.01, 0.02)), "periods": 2, "settle": 0}
+    return found | _some(rng, 0.4, keys)
+
+
+_KINDS = dict(zip(KINDS, (_intersection, _quiet, _multisine, _double, _stance), strict=True))
 
 
 def _recording(rng: random.Random, folder: Path) -> str:

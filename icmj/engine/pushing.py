@@ -85,9 +85,9 @@ def on_bodies(model: mujoco.MjModel, point: OperatingPoint, push: Push) -> tuple
 
 def spread(model: mujoco.MjModel, point: OperatingPoint, pushes: Pushes) -> Pushes:
     """The same with every motion of the surface as pushes on bodies, each with all terms of it."""
-    parts = [on_bodies(model, point, push) for push in pushes.places]
-    if all(len(each) == 1 for each in parts):
+    if all(push.surface is None for push in pushes.places):
         return pushes
+    parts = [on_bodies(model, point, push) for push in pushes.places]
     first, size = np.cumsum([0, *map(len, parts)]), pushes.size
     of = [range(first[i], first[i + 1]) for i in range(len(parts))]
     term = np.array([i for i, at in enumerate(size.input) for _ in of[at]], dtype=int)

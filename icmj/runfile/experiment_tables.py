@@ -14,7 +14,13 @@ from icmj.runfile.messages import in_words
 from icmj.runfile.reading import load_run, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import EXPERIMENTS, RUNS
-from icmj.runfile.stimulus_tables import DoubleStepTable, IntersectionPointTable, MultisineTable, QuietStandingTable
+from icmj.runfile.stimulus_tables import (
+    DoubleStepTable,
+    IntersectionPointTable,
+    MultisineTable,
+    PerturbedStanceTable,
+    QuietStandingTable,
+)
 from icmj.runfile.sweep_tables import leaves
 from icmj.runfile.table import Interval, Line, TomlTable
 
@@ -74,6 +80,8 @@ class ExperimentFile(TomlTable):
     """Multi-sine: frequency response and remnant."""
     quiet_standing: QuietStandingTable | None = None
     """Quiet standing: measures of sway, and distributions of position and intervals."""
+    perturbed_stance: PerturbedStanceTable | None = None
+    """Perturbed stance: response to a pseudo-random tilt of the support surface."""
     double_step: DoubleStepTable | None = None
     """Double steps: reaction times and refractory duration."""
 

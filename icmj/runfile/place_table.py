@@ -41,6 +41,8 @@ class PlaceTable(TomlTable):
     vertical: dict[str, Finite] = {}
     """Of a tilt: share of it that is added to the observer's reading of an output, by name: 0 (default) of an angle to
     the surface, as a joint senses it; 1 of an angle to the vertical."""
+    vertical_rate: dict[str, Finite] = {}
+    """The same of its rate, for outputs that are rates."""
 
     @property
     def placed(self) -> dict[str, Any]:
@@ -64,15 +66,16 @@ class PlaceTable(TomlTable):
         Raises:
             SimulationError: if they do not fit, or a tilt has no acceleration.
         """
-        of_surface = [key for key, there in (("axis", any(self.axis or ())), ("vertical", self.vertical)) if there]
+        given = {"axis": any(self.axis or ()), "vertical": self.vertical, "vertical_rate": self.vertical_rate}
+        of_surface = [key for key, there in given.items() if there]
         if of_surface and self.surface is None:
             raise SimulationError(f"{of_surface[0]} is of a motion of the support surface; give surface")
         if self.surface is not None and (self.on == "command" or any(self.force) or any(self.torque)):
             raise SimulationError("a command, force and torque are not of a motion of the support surface")
         found = self.source()
         if self.surface == "tilt" and found is not None:
-            yield from tilted(found, self.vertical, self.point)
-        elif self.vertical or (self.surface not in (None, "turning") and self.point):
+            yield from tilted(found, self.vertical, self.vertical_rate, self.point)
+        elif self.vertical or self.vertical_rate or (self.surface not in (None, "turning") and self.point):
             raise SimulationError("vertical and point are of a tilt of the support surface")
         elif found is not None:
             yield found

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from icmj.controller.setpoint import TERNARY_INTERVALS
 from icmj.runfile.table import MOST, Finite, Line, NonNegative, Positive, Positives, TomlTable
 
 _Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]
@@ -103,6 +104,61 @@ class MultisineTable(TomlTable):
             raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
         if max(self.lines) >= self.rate / 2:
             raise ValueError(f"lines: {max(self.lines):g} Hz is not below half the rate, {self.rate / 2:g} Hz")
+        return self
+
+
+class PerturbedStanceTable(TomlTable):
+    """A pseudo-random ternary tilt of the support surface, and the response of the body's angle in space to it."""
+
+    size: Positive
+    """Of the tilt from peak to peak [rad]."""
+    interval: Annotated[Positive, Field(ge=1e-2)] = 0.25
+    """How long each velocity of the sequence lasts [s]; it repeats after 242 of them."""
+    highest: Positive = 2.0
+    """Highest line of the stimulus [Hz]."""
+    axis_height: NonNegative = 0.0
+    """Height of the axis in the world, that of the ankle [m]."""
+    vertical: dict[str, Finite] = {}
+    """Share of the tilt that is added to what is read of an output, by name: 1 − W, where W is the surface's weight."""
+    vertical_rate: dict[str, Finite] = {}
+    """The same of its rate, for outputs that are rates."""
+    output: _Text | None = None
+    """Output that is the body's angle to the surface (default: the first)."""
+    periods: Annotated[int, Field(ge=2, le=1000)] = 3
+    """Number of periods that are analysed."""
+    settle: Annotated[int, Field(ge=0, le=1000)] = 1
+    """Number of periods before them, in which transients die out."""
+    rate: _Rate = 100.0
+    """Of the samples [Hz]."""
+    inertia: Positive | None = None
+    """Of a one-link person about the ankle [kg m²]; with it and the next three keys the channels are fitted."""
+    toppling: Positive | None = None
+    """Toppling stiffness m g h [N m/rad]."""
+    stiffness: NonNegative = 0.0
+    """Passive, of the ankle [N m/rad]."""
+    damping: NonNegative = 0.0
+    """Passive, of the ankle [N m s/rad]."""
+    stimulus: _Text = "stimulus"
+    """Of a recording: column of the tilt [rad]."""
+    response: _Text = "body"
+    """Of a recording: column of the body's angle in space [rad]."""
+
+    @property
+    def period(self) -> float:
+        """Of the sequence [s]."""
+        return TERNARY_INTERVALS * self.interval
+
+    @model_validator(mode="after")
+    def _has_samples_and_lines(self) -> PerturbedStanceTable:
+        if abs(self.rate * self.period - round(self.rate * self.period)) > 1e-6:
+            raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
+        if not 1 / self.period <= self.highest < self.rate / 2:
+            raise ValueError(
+                f"highest: {self.highest:g} Hz; expected between the first line, {1 / self.period:.3g} Hz, and half "
+                "the rate"
+            )
+        if (self.inertia is None) != (self.toppling is None):
+            raise ValueError("a fit needs both inertia and toppling")
         return self
 
 

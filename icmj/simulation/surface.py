@@ -14,12 +14,14 @@ from icmj.simulation.disturbance import terms_of
 from icmj.simulation.sources import Noise, Sinusoids, Source
 
 
-def tilted(source: Source, vertical: Mapping[str, float], point: Vector | None = None) -> Iterator[Source]:
+def tilted(
+    source: Source, vertical: Mapping[str, float], rate: Mapping[str, float], point: Vector | None = None
+) -> Iterator[Source]:
     """What a tilt φ(t) is to a body that is seen from the surface, to first order.
 
     Args:
         source: φ(t) with its axis, a sum of sinusoids that acts from the beginning.
-        vertical: share of φ that is added to the observer's reading of each output, by name.
+        vertical, rate: shares of φ and of its rate that are added to the observer's readings of outputs, by name.
         point: on the axis, in the world [m]; the origin if ``None``.
 
     Raises:
@@ -33,9 +35,10 @@ def tilted(source: Source, vertical: Mapping[str, float], point: Vector | None =
         raise SimulationError("a tilt that begins or ends at an instant has no finite acceleration; let it last")
     angle = terms[:, :3]
 
-    def sinusoids(factor: Array | float, **where: object) -> Sinusoids:
+    def sinusoids(factor: Array | float, turned: float = 0.0, **where: object) -> Sinusoids:
         of = angle.copy()
         of[:, 0] *= factor
+        of[:, 2] += turned
         return Sinusoids(terms=tuple(map(tuple, of.tolist())), **where)  # type: ignore[arg-type]
 
     yield sinusoids(1.0, surface="gravity", axis=source.axis, on="body")
@@ -43,6 +46,9 @@ def tilted(source: Source, vertical: Mapping[str, float], point: Vector | None =
     for output, share in vertical.items():
         if share:
             yield sinusoids(share, output=output)
+    for output, share in rate.items():
+        if share:
+            yield sinusoids(share * angle[:, 1], np.pi / 2, output=output)
 
 
 def ternary_lines(size: float, interval: float, highest: float) -> Array:

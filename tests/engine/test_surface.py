@@ -126,6 +126,15 @@ def test_the_delayed_loop_answers_a_tilt_as_its_transfer_function_does(vertical_
     np.testing.assert_allclose((theta + alpha) / alpha, expected, rtol=1e-6)
 
 
+def test_a_model_of_one_body_has_a_surface_in_mujoco_too():
+    tilt = {"kind": "sines", "surface": "tilt", "size": 0.001, "frequencies": [0.3, 0.7], "point": [0, 0, 0.06]}
+    changes = {"simulation.disturbance": [tilt], "simulation.duration": 5.0, "simulation.initial": {}}
+    trial = prepare_trial(load_run("one-link-delayed-pd").with_(**changes))
+    linear, engine = (simulate_trial(trial, plant) for plant in ("linear", "mujoco"))
+    assert np.abs(linear.x[:, 0]).max() > 1e-4
+    np.testing.assert_allclose(engine.x[-1], linear.x[-1], atol=1e-7)
+
+
 def test_a_sequence_of_full_length_is_the_sum_of_its_lines():
     whole = icmj.setpoint(INTEGRATOR, [icmj.Target({"y0": 1.0}, ternary(0.03, 0.25, 0.0, 60.5))])
     t = np.linspace(0, 60.5, 3001)[:-1]

@@ -153,7 +153,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (
             GOOD + "[[simulation.disturbance]]\nkind = 'step'\nsize = 1.0\ncorner = 1.0",
             "simulation.disturbance[0].corner: no such key; there are axis, body, force, "
-            "input, kind, on, point, size, start, surface, torque, vertical",
+            "input, kind, on, point, size, start, surface, torque, vertical, vertical_rate",
         ),
         (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
         (GOOD.replace("0.01", "1e308"), "controller.q_t: must be at most 1e+12, got 1e+308"),

@@ -1,0 +1,89 @@
+"""Independent channels of a person on a surface that tilts: their response, and a fit of it.
+
+With the body B = 1/(J s² − m g h), passive stiffness and damping P = K + D₀ s, feedback N = K_p + K_d s after the delay
+τ, and the weight W of the angle to the surface beside that to the vertical, the body's angle in space over the tilt is
+
+    (P B + W N B e^{−sτ}) / (1 + P B + N B e^{−sτ})
+
+without force feedback (Peterka 2002; the form is that of his published model).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from icmj.base.array import Array
+from icmj.errors import DataError
+
+_STARTS = ((1.3, 0.35, 0.12, 0.5), (1.3, 0.35, 0.2, 0.9), (1.1, 0.5, 0.08, 0.2))  # of K_p/mgh, K_d/K_p, τ, W
+
+
+@dataclass(frozen=True)
+class StanceChannels:
+    """A one-link person.
+
+    Attributes:
+        inertia: J about the ankle [kg m²].
+        toppling: m g h [N m/rad].
+        stiffness, damping: passive, K [N m/rad] and D₀ [N m s/rad].
+        P, D: feedback K_p [N m/rad] and K_d [N m s/rad].
+        delay: τ [s].
+        weight: W, of the angle to the surface and its rate, beside 1 − W of those to the vertical.
+    """
+
+    inertia: float
+    toppling: float
+    stiffness: float = 0.0
+    damping: float = 0.0
+    P: float = 0.0
+    D: float = 0.0
+    delay: float = 0.0
+    weight: float = 1.0
+
+    def response(self, frequency: ArrayLike) -> np.ndarray:
+        """Body in space over surface at frequencies [Hz], complex."""
+        s = 2j * np.pi * np.asarray(frequency, dtype=float)
+        body, passive = 1 / (self.inertia * s**2 - self.toppling), self.stiffness + self.damping * s
+        active = (self.P + self.D * s) * np.exp(-s * self.delay)
+        return np.asarray((passive + self.weight * active) * body / (1 + (passive + active) * body))
+
+
+def fit_channels(body: StanceChannels, frequency: ArrayLike, response: ArrayLike, radius: ArrayLike) -> StanceChannels:
+    """The same body with the P, D, delay and weight whose response is nearest to a measured one.
+
+    Args:
+        body: inertia, toppling stiffness, and what is passive.
+        frequency: lines [Hz], shape (L,).
+        response: measured, complex, shape (L,).
+        radius: of confidence of each, by which it is weighted, shape (L,); equal weights where it is zero or unknown.
+
+    Raises:
+        DataError: if there are fewer than three lines, or shapes do not fit.
+    """
+    from scipy.optimize import least_squares
+
+    f, measured, apart = (np.asarray(of) for of in (frequency, response, radius))
+    if f.ndim != 1 or len(f) < 3 or measured.shape != f.shape or apart.shape != f.shape:
+        raise DataError(f"a fit of channels needs a response at three lines or more; got {len(np.atleast_1d(f))}")
+    known = np.isfinite(apart) & (apart > 0)
+    floor = 1e-3 * np.abs(measured)  # a line without noise does not decide alone
+    weight = 1 / np.maximum(np.where(known, apart, floor), floor)
+
+    def of(numbers: Array) -> StanceChannels:
+        p, d, delay, share = numbers
+        P = float(np.exp(p)) * body.toppling
+        return replace(body, P=P, D=float(np.exp(d)) * P, delay=float(delay), weight=float(share))
+
+    def left(numbers: Array) -> Array:
+        difference = (of(numbers).response(f) - measured) * weight
+        return np.concatenate([difference.real, difference.imag])
+
+    bounds = ([np.log(1e-2), np.log(1e-3), 0.0, -0.5], [np.log(20.0), np.log(5.0), 0.6, 1.5])
+    starts = [np.array([np.log(p), np.log(d), delay, share]) for p, d, delay, share in _STARTS]
+    exact: dict[str, Any] = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14, "x_scale": [0.3, 0.3, 0.05, 0.2]}
+    found = [least_squares(left, start, bounds=bounds, **exact) for start in starts]
+    return of(min(found, key=lambda fit: float(fit.cost)).x)
