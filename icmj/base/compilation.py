@@ -151,5 +151,7 @@ compiled = within()
 """A function that entry points call; Python itself must not, it would crash."""
 summing = within(fastmath=SUMS)
 """``compiled``, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
+fused = within(fastmath={"contract"})
+"""``compiled``, with products added in one rounding, for a recurrence; its terms stay as they are written."""
 inlined = within(fastmath=SUMS, forceinline=True)
 """``summing``, put into its callers: a call would copy all arguments, which here are many."""

@@ -16,6 +16,7 @@ import numpy as np
 from icmj.base.compilation import compiled, summing
 
 DEEPEST = 56  # rows that halving needs
+_SHORT = 8  # degree of a derivative's part that is looked at first
 _HALVINGS = 52  # leave intervals of 2e-16: what is undecided there touches zero to round-off, and counts as a root
 
 
@@ -37,12 +38,23 @@ def slope(powers, degree, theta):  # type: ignore[no-untyped-def]
     return value
 
 
-@compiled
-def _curvature(powers, degree, theta):  # type: ignore[no-untyped-def]
-    value = degree * (degree - 1) * powers[degree]
-    for j in range(degree - 1, 1, -1):
-        value = value * theta + j * (j - 1) * powers[j]
-    return value
+@summing
+def _bend(powers, degree, theta):  # type: ignore[no-untyped-def]
+    """First and second derivative, odd and even powers each on their own: neither sum waits for the other."""
+    square, top = theta * theta, degree - degree % 2
+    slopes, slopes_odd = 0.0, 0.0
+    bends, bends_odd = 0.0, 0.0
+    if top < degree:
+        slopes = degree * powers[degree]
+        bends_odd = (degree - 1) * slopes
+    for j in range(top, 1, -2):
+        even, odd = j * powers[j], (j - 1) * powers[j - 1]
+        slopes_odd = slopes_odd * square + even
+        bends = bends * square + (j - 1) * even
+        slopes = slopes * square + odd
+        if j > 2:
+            bends_odd = bends_odd * square + (j - 2) * odd
+    return slopes + theta * slopes_odd, bends + theta * bends_odd
 
 
 @compiled
@@ -68,20 +80,21 @@ def _bracketed(powers, degree, start, end):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _turn(powers, degree, sign, start, end):  # type: ignore[no-untyped-def]
-    """Where the slope of sign · polynomial falls through zero between ``start`` and ``end``, found in the same way."""
-    theta, step = (start + end) / 2, end - start
+def _turn(powers, degree, sign, start, end, theta):  # type: ignore[no-untyped-def]
+    """Where the slope of sign · polynomial falls through zero between ``start`` and ``end``, from ``theta`` on."""
+    step = end - start
     while True:
-        value, rate = -sign * slope(powers, degree, theta), -sign * _curvature(powers, degree, theta)
+        value, rate = _bend(powers, degree, theta)
+        value, rate = -sign * value, -sign * rate
         if value < 0:
             start = theta
         else:
             end = theta
-        last, step = step, value / rate if rate > 0 else np.inf
+        last, step, enough = step, value / rate if rate > 0 else np.inf, 1e-8
         if not start < theta - step < end or abs(2 * step) > abs(last):
-            step = theta - (start + end) / 2
-        # an error of the place counts squared in the value
-        if abs(step) <= 1e-12:
+            step, enough = theta - (start + end) / 2, 1e-12
+        # the error of Newton's place is his step's squared, and counts squared in the value
+        if abs(step) <= enough:
             return theta - step
         theta -= step
 
@@ -106,8 +119,41 @@ def _split(left, right, degree, at):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _bernstein(b, degree):  # type: ignore[no-untyped-def]
+    """Powers to Bernstein coefficients of so low a degree, in place."""
+    choices = 1.0
+    for j in range(degree + 1):
+        b[j] /= choices
+        choices = choices * (degree - j) / (j + 1)
+    for k in range(1, degree + 1):
+        for j in range(degree, k - 1, -1):
+            b[j] += b[j - 1]
+
+
+@compiled
+def _rises(powers, degree, b):  # type: ignore[no-untyped-def]
+    """Whether the first few terms of the slope, with a bound of the others, tell that it is positive on [0, 1]."""
+    short, rest = min(degree - 1, _SHORT), 0.0
+    for j in range(short + 1):
+        b[j] = (j + 1) * powers[j + 1]
+    for j in range(short + 1, degree):
+        rest += (j + 1) * abs(powers[j + 1])
+    if not short >= 0:
+        return False
+    _bernstein(b, short)
+    least = b[0]
+    for j in range(1, short + 1):
+        least = min(least, b[j])
+    return least > rest
+
+
+@compiled
 def first_root(powers, degree, F, stack, spans, at=0.0):  # type: ignore[no-untyped-def]
     """Smallest θ in [at, 1] where the polynomial is not negative; infinity if it is negative throughout."""
+    if _rises(powers, degree, stack[2]):
+        if evaluate(powers, degree, 1.0) < 0:
+            return np.inf
+        return _bracketed(powers, degree, at, 1.0)
     to_bernstein(powers, degree, F, stack[0])
     if at > 0:
         _split(stack[1], stack[0], degree, at)
@@ -168,7 +214,7 @@ def largest(powers, degree, sign, until, reached, F, stack, spans):  # type: ign
             reached = max(reached, sign * evaluate(powers, degree, start), sign * evaluate(powers, degree, end))
             continue
         if changes == 1 and rises:
-            theta = _turn(powers, degree, sign, start, end)
+            theta = _turn(powers, degree, sign, start, end, (start + end) / 2)
             reached = max(reached, sign * evaluate(powers, degree, theta))
             continue
         _split(stack[top + 1], b, degree, 0.5)
@@ -177,3 +223,36 @@ def largest(powers, degree, sign, until, reached, F, stack, spans):  # type: ign
         spans[top + 1, 0], spans[top + 1, 1], spans[top + 1, 2] = start, middle, depth + 1
         top += 2
     return reached
+
+
+@compiled
+def extended(powers, degree, until, high, low, F, stack, spans):  # type: ignore[no-untyped-def]
+    """``high`` and ``low``, extended to the polynomial on [0, until].
+
+    Where the second derivative has one sign, there is one extreme inside at most. Few of its Bernstein coefficients,
+    with a bound of the terms that they leave out, tell this for most polynomials at a fraction of the cost.
+    """
+    short, b, scale, rest = min(degree - 2, _SHORT), stack[2], 1.0, 0.0
+    for j in range(degree - 1):
+        term = (j + 2) * (j + 1) * scale * powers[j + 2]
+        scale *= until
+        if j <= short:
+            b[j] = term
+        else:
+            rest += abs(term)
+    _bernstein(b, short)
+    most, least = -np.inf, np.inf
+    for j in range(short + 1):
+        most, least = max(most, b[j]), min(least, b[j])
+    if not (most < -rest or least > rest):
+        high = largest(powers, degree, 1.0, until, high, F, stack, spans)
+        return high, -largest(powers, degree, -1.0, until, -low, F, stack, spans)
+    first, last = powers[0], evaluate(powers, degree, until)
+    high, low = max(high, first, last), min(low, first, last)
+    begin, end = powers[1], slope(powers, degree, until)
+    if begin > 0 > end or begin < 0 < end:
+        turn = evaluate(
+            powers, degree, _turn(powers, degree, np.sign(begin), 0.0, until, until * begin / (begin - end))
+        )
+        high, low = max(high, turn), min(low, turn)
+    return high, low

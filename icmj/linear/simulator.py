@@ -20,7 +20,7 @@ from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
 from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.settings import Settings
 
-_ROWS, _EVENTS = 4096, 512  # of the buffers
+_ROWS, _EVENTS = 8192, 512  # of the buffers
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +125,15 @@ class Simulator:
         self.begin(w, 0.0)
         outcome = None
 
-        def keep() -> Array:
+        def keep(last: bool = False) -> Array:
             """Store the rows recorded since the last call; returns the times of the events."""
             counts = self._run.counts
             with unhurried():
                 n_rows, n_events = counts[Count.ROWS], counts[Count.EVENTS]
-                rows.append((self._run.rows_t[:n_rows].copy(), self._run.rows_z[:n_rows].copy()))
-                events.append(self._run.events[:n_events].copy())
+                rows.append((self._run.rows_t[:n_rows], self._run.rows_z[:n_rows]))
+                events.append(self._run.events[:n_events])
+                if not last:  # the buffers are used again
+                    rows[-1], events[-1] = (rows[-1][0].copy(), rows[-1][1].copy()), events[-1].copy()
                 counts[Count.ROWS] = counts[Count.EVENTS] = 0
                 return events[-1][:, 0]
 
@@ -139,7 +141,7 @@ class Simulator:
             while outcome is None:
                 # who follows the run hears of every event
                 status, *_ = self.advance(1 << 40 if progress is None else 1)
-                times = keep()
+                times = keep(status is Status.ENDED)
                 if progress is not None:
                     progress(self.t / duration)
                 if status is Status.ENDED:

@@ -64,7 +64,9 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
     size = sizes(fastest * h) if signals else np.zeros(0)
     if np.isfinite(grid):
         size = np.maximum(np.pad(size, (0, max(2 - len(size), 0))), [1.0, 2 * h / grid] + [0.0] * (len(size) - 2))
-    middle = shift(len(size), signals, -0.5)
+    factorials = np.array([float(factorial(j)) for j in range(len(size))])
+    # from derivatives about the middle to Taylor coefficients where the step begins
+    middle = shift(len(size), signals, -0.5) / np.repeat(factorials, signals)
     step = _series(np.vstack([faces, positions, outputs]), G, D, size, _COARSE + 1)
     motion = _series(np.eye(m), G, D, size, 2)
     for series in (step, motion):
@@ -102,7 +104,7 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         A=np.ascontiguousarray(np.moveaxis(step, 0, 1)),
         F=from_powers(degree),
         F2=from_powers(2 * degree),
-        terms=_terms(motion, m, size, signals),
+        terms=_terms(motion, m, size * factorials, signals),
         J=np.ascontiguousarray(loop.composed.J),
         G=np.ascontiguousarray(loop.composed.G),
         cuts=loop.composed.cuts.astype(np.int64),
@@ -219,12 +221,12 @@ def _bounds(step: Array, P: Array, r: int, limited: int, until: int) -> tuple[Ar
     What acts with a power beyond the short polynomials' goes into the bounds alone: entries of s from ``until`` on.
     """
     faces, positions, outputs = np.split(step, [r, r + limited], axis=1)
-    curves = np.concatenate([faces, outputs], axis=1)
+    curves, n_y = np.concatenate([outputs, faces], axis=1), outputs.shape[1]
     controls = np.einsum("ij,jrm->rim", from_powers(_COARSE), curves[: _COARSE + 1]).reshape(-1, step.shape[2])
     left, order = np.abs(curves), np.arange(len(step), dtype=float)
     left[: _COARSE + 1, :, :until] = controls[:, until:] = 0
-    V = [left[:, :r].sum(axis=0), np.einsum("j,jrm->rm", order, left[:, r:]), np.abs(positions[1:]).sum(axis=0)]
-    return np.vstack([P, controls, positions[0]]), np.vstack(V)
+    V = [np.abs(positions[1:]).sum(axis=0), np.einsum("j,jrm->rm", order, left[:, :n_y]), left[:, n_y:].sum(axis=0)]
+    return np.vstack([P, positions[0], controls]), np.vstack(V)
 
 
 @lru_cache(maxsize=256)

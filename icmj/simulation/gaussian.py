@@ -46,8 +46,7 @@ def _drawn(seed: int, a: float, parts: int) -> Array:
     fresh = random.standard_normal(parts * _BLOCKS * _BLOCK).reshape(parts, _BLOCKS, _BLOCK)
     if a == 0:
         return fresh.ravel()
-    order = np.arange(_BLOCK)
-    left = np.where(order[:, None] >= order, a ** np.abs(order[:, None] - order).astype(float), 0.0)
+    left = _left(a)
     fresh *= np.sqrt(1 - a**2)
     fresh[0, 0, 0] /= np.sqrt(1 - a**2)  # it has been going on for ever
     found, last = np.empty_like(fresh), 0.0
@@ -57,3 +56,11 @@ def _drawn(seed: int, a: float, parts: int) -> Array:
             block += a * left[:, 0] * last
             last = float(block[-1])
     return found.ravel()
+
+
+@lru_cache(maxsize=16)
+def _left(a: float) -> Array:
+    """How much of each point of a block is left at each, shape (256, 256)."""
+    order = np.arange(_BLOCK)
+    since = order[:, None] - order
+    return np.where(since >= 0, (a ** order.astype(float))[np.abs(since)], 0.0)

@@ -21,6 +21,11 @@ def _most(powers, degree, sign, until, reached, F, stack, spans):
     return roots.largest(powers, degree, sign, until, reached, F, stack, spans)
 
 
+@numba.njit
+def _both(powers, degree, until, high, low, F, stack, spans):
+    return roots.extended(powers, degree, until, high, low, F, stack, spans)
+
+
 def room(degree):
     """``F``, and a stack and spans with nothing in them that counts."""
     return from_powers(degree), np.full((roots.DEEPEST, degree + 1), np.nan), np.full((roots.DEEPEST, 3), np.nan)
@@ -123,6 +128,22 @@ def test_largest_is_that_of_the_slope_s_roots():
             assert found == pytest.approx(expected, abs=1e-14 * np.abs(p.coef).sum())
     assert largest(np.array([3.0, 0.0])) == 3.0
     assert largest(np.zeros(5)) == 0.0
+
+
+def test_extremes_are_those_at_the_slope_s_roots_whether_a_few_terms_tell_or_all_of_them():
+    random, few = np.random.default_rng(6), 0
+    for _ in range(500):
+        degree, end = int(random.integers(1, 28)), float(random.uniform(0.05, 1))
+        decay = random.choice([1.0, 0.5, 0.1])
+        p = Polynomial(random.normal(size=degree + 1) * decay ** np.arange(degree + 1))
+        turns = p.deriv().roots() if degree > 1 else np.zeros(0)
+        inside = turns.real[(np.abs(turns.imag) < 1e-6) & (turns.real > 0) & (turns.real < end)]
+        values = [p(theta) for theta in (0.0, end, *inside)]
+        few += len(inside) == 1
+        found = _both(p.coef, degree, end, p(0.0), p(0.0), *room(degree))
+        np.testing.assert_allclose(found, (max(values), min(values)), rtol=0, atol=1e-14 * np.abs(p.coef).sum())
+        assert _both(p.coef, degree, end, 1e3, -1e3, *room(degree)) == (1e3, -1e3)
+    assert few > 50
 
 
 def test_the_first_root_from_a_place_on_is_the_next_after_it():

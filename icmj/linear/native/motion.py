@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.base.compilation import compiled, summing
+from icmj.base.compilation import compiled, fused, summing
 
 
 @summing
 def times(T, s, out):  # type: ignore[no-untyped-def]
-    """``out`` := T s, with as many rows and columns of T as they are long."""
-    for i in range(len(out)):
-        total = 0.0
+    """``out`` := T s, with as many rows and columns of T as they are long; four rows at once read s once for four."""
+    fours = len(out) // 4 * 4
+    for i in range(0, fours, 4):
+        a, b, c, d = 0.0, 0.0, 0.0, 0.0
         for j in range(len(s)):
-            total += T[i, j] * s[j]
-        out[i] = total
+            a += T[i, j] * s[j]
+            b += T[i + 1, j] * s[j]
+            c += T[i + 2, j] * s[j]
+            d += T[i + 3, j] * s[j]
+        out[i], out[i + 1], out[i + 2], out[i + 3] = a, b, c, d
+    for i in range(fours, len(out)):
+        a = 0.0
+        for j in range(len(s)):
+            a += T[i, j] * s[j]
+        out[i] = a
 
 
 @summing
@@ -22,10 +31,15 @@ def combine(columns, s, out):  # type: ignore[no-untyped-def]
     """``out`` := Σ s_j columns_j, for few of them, and long: quicker than their matrix row by row."""
     for i in range(len(out)):
         out[i] = 0.0
-    for j in range(len(columns)):
-        a, column = s[j], columns[j]
+    fours = len(columns) // 4 * 4
+    for j in range(0, fours, 4):
+        a, b, c, d = s[j], s[j + 1], s[j + 2], s[j + 3]
         for i in range(len(out)):
-            out[i] += a * column[i]
+            out[i] += (a * columns[j, i] + b * columns[j + 1, i]) + (c * columns[j + 2, i] + d * columns[j + 3, i])
+    for j in range(fours, len(columns)):
+        a = s[j]
+        for i in range(len(out)):
+            out[i] += a * columns[j, i]
 
 
 @summing
@@ -35,6 +49,13 @@ def dot(row, s):  # type: ignore[no-untyped-def]
     for j in range(len(s)):
         total += row[j] * s[j]
     return total
+
+
+@summing
+def add_times(factor, source, to):  # type: ignore[no-untyped-def]
+    """``to`` += factor · source, as long as ``source`` is."""
+    for i in range(len(source)):
+        to[i] += factor * source[i]
 
 
 @compiled
@@ -57,21 +78,21 @@ def add(source, to):  # type: ignore[no-untyped-def]
         to[i] += source[i]
 
 
-@compiled
-def move(f, by, signals):  # type: ignore[no-untyped-def]
-    """Taylor coefficients of polynomials about a place ``by`` steps further on, in place (Horner's scheme)."""
-    powers = len(f) // signals if signals > 0 else 0
-    for k in range(powers - 1):
-        for j in range(powers - 2, k - 1, -1):
-            for i in range(signals):
-                f[j * signals + i] += by * f[(j + 1) * signals + i]
+@summing
+def move(f, by, signals, out):  # type: ignore[no-untyped-def]
+    """``out`` := derivatives of polynomials about a place ``by`` steps further on than those in ``f``."""
+    copy(f, out)
+    share = 1.0
+    for k in range(1, len(f) // signals if signals > 0 else 0):
+        share *= by / k
+        add_times(share, f[k * signals :], out)
 
 
 @compiled
-def unfold(T, s, m, theta, series):  # type: ignore[no-untyped-def]
-    """``series`` := Taylor coefficients of (z, f) on the step from ``s``, as many as it takes until ``theta``.
+def unfold(T, s, m, theta, series, f):  # type: ignore[no-untyped-def]
+    """``series`` := derivatives of (z, f) where the step from ``s`` begins, as many as it takes until ``theta``.
 
-    f of ``s`` is about the step's middle.
+    f of ``s`` is about the step's middle; ``f`` is room for it about the beginning.
 
     Returns:
         how many there are.
@@ -79,25 +100,21 @@ def unfold(T, s, m, theta, series):  # type: ignore[no-untyped-def]
     count, signals = T.terms[int(np.ceil(theta * (len(T.terms) - 1)))], T.M.shape[1] - m
     powers = (len(s) - m) // signals if signals > 0 else 0
     copy(s, series[0, :m])
+    move(s[m:], -0.5, signals, f)
     for j in range(max(powers, count)):
         for k in range(signals):
-            series[j, m + k] = s[m + j * signals + k] if j < powers else 0.0
-    for k in range(powers - 1):  # from the middle to the beginning
-        for j in range(powers - 2, k - 1, -1):
-            for i in range(m, m + signals):
-                series[j, i] -= 0.5 * series[j + 1, i]
-    # z_{j+1} = (h M z_j + h D f_j)/(j + 1)
+            series[j, m + k] = f[j * signals + k] if j < powers else 0.0
+    # d^{j+1} z = h M d^j z + h D d^j f
     for j in range(count):
         times(T.M, series[j], series[j + 1, :m])
-        for i in range(m):
-            series[j + 1, i] /= j + 1
     return count + 1
 
 
-@summing
+@fused
 def at(series, count, theta, result):  # type: ignore[no-untyped-def]
-    """``result`` := the sum of ``count`` terms of ``series`` at ``theta``."""
+    """``result`` := the sum of ``count`` terms of Taylor's ``series`` at ``theta``."""
     copy(series[count - 1], result)
-    for j in range(count - 2, -1, -1):
+    for j in range(count - 1, 0, -1):
+        term, share = series[j - 1], theta / j
         for i in range(len(result)):
-            result[i] = result[i] * theta + series[j, i]
+            result[i] = result[i] * share + term[i]

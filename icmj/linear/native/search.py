@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.compilation import compiled, inlined
-from icmj.base.roots import first_root, largest, to_bernstein
-from icmj.linear.native.motion import times
+from icmj.base.roots import extended, first_root, to_bernstein
+from icmj.linear.native.motion import add_times, times
 
 _LARGE, _TINY, _NORMAL = 1e8, 1e-290, 2.3e-308
 NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
@@ -55,8 +55,7 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ign
                 level[i] = 0
             for row in range(cuts[face], cuts[face + 1]):
                 for i in range(degree + 1):
-                    for j in range(degree + 1):
-                        level[i + j] += curves[row, i] * curves[row, j]
+                    add_times(curves[row, i], curves[row], level[i:])
             level[0] -= 1
             theta = first_root(level, 2 * degree, F2, stack, spans, ready)
             if theta <= 1 and theta < first:
@@ -67,28 +66,23 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ign
 @compiled
 def extremes(A, F, row, s, theta, high, low, k, work):  # type: ignore[no-untyped-def]
     """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [0, theta] of the step from ``s``."""
-    curve, stack, spans = work.curves[row], work.stack, work.spans
-    degree = len(curve) - 1
+    curve = work.curves[row]
     times(A[row], s, curve)
-    to_bernstein(curve, degree, F, stack[0])
-    most, least = stack[0, 0], stack[0, 0]
-    for i in range(1, degree + 1):
-        most, least = max(most, stack[0, i]), min(least, stack[0, i])
-    if most > high[k]:
-        high[k] = largest(curve, degree, 1.0, theta, high[k], F, stack, spans)
-    if least < low[k]:
-        low[k] = -largest(curve, degree, -1.0, theta, -low[k], F, stack, spans)
+    high[k], low[k] = extended(curve, len(curve) - 1, theta, high[k], low[k], F, work.stack, work.spans)
 
 
 @inlined
 def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
     """What the short polynomials cannot exclude on the step from ``s``, of which ``out`` is W s and ``tails`` V |s|.
 
+    Of the faces these are there where the event rule is ``armed``.
+
     Returns:
         whether it grows large; whether an event, a fall, an extreme of any output are to be looked for.
     """
     n_y, cuts, coarse = len(high), T.cuts, T.coarse
-    r = cuts[-1]
+    n_pos = len(T.V) - n_y - cuts[-1]
+    at = m + n_pos + n_y * (coarse + 1)  # of the faces
     biggest = 0.0
     for k in range(m):
         biggest = max(biggest, abs(s[k]), abs(out[k]))
@@ -98,15 +92,15 @@ def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no
         for face in range(len(cuts) - 1):
             most, tail = 0.0, 0.0
             for row in range(cuts[face], cuts[face + 1]):
-                tail += tails[row] ** 2
+                tail += tails[n_pos + n_y + row] ** 2
             for k in range(coarse + 1):
                 square = 0.0
                 for row in range(cuts[face], cuts[face + 1]):
-                    square += out[m + row * (coarse + 1) + k] ** 2
+                    square += out[at + row * (coarse + 1) + k] ** 2
                 most = max(most, square)
             if not np.sqrt(most) + np.sqrt(tail) < 1 - 1e-12:
                 watched = True
-    at = m + r * (coarse + 1)
+    at = m + n_pos
     for k in range(n_y):
         high[k], low[k] = max(high[k], out[at]), min(low[k], out[at])
         rise, fall, most, least = np.inf, -np.inf, out[at], out[at]
@@ -114,13 +108,13 @@ def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no
             change = out[at + j + 1] - out[at + j]
             rise, fall = min(rise, change), max(fall, change)
             most, least = max(most, out[at + j + 1]), min(least, out[at + j + 1])
-        tail = tails[r + k]  # of the slope, hence more than of the value
+        tail = tails[n_pos + k]  # of the slope, hence more than of the value
         turns_not = coarse * rise - tail >= 0 or coarse * fall + tail <= 0
         turning[k] = wild or not (turns_not or (most + tail <= high[k] and least - tail >= low[k]))
         turns = turns or turning[k]
         at += coarse + 1
-    for k in range(len(out) - at):
-        if not abs(out[at + k]) + tails[r + n_y + k] < 1 - 1e-12:
+    for k in range(n_pos):
+        if not abs(out[m + k]) + tails[k] < 1 - 1e-12:
             falls = True
     return wild, watched, falls, turns
 

@@ -46,7 +46,7 @@ def _note_row(run, t, z):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _rows_until(T, acting, run, until, whole, known, series, ahead):  # type: ignore[no-untyped-def]
+def _rows_until(T, acting, run, until, whole, known, series, f, ahead):  # type: ignore[no-untyped-def]
     """Record the rows of the grid before ``until``, of the motion from ``run.s`` where the piece is.
 
     Of quiet motion a row follows from the last one. Of disturbed motion it follows from the beginning of the step,
@@ -73,7 +73,7 @@ def _rows_until(T, acting, run, until, whole, known, series, ahead):  # type: ig
             if known == 0:
                 if whole and not quiet:
                     copy(acting.f[cell - acting.first], run.s[m:])
-                known = unfold(T, run.s, m, 1.0, series)
+                known = unfold(T, run.s, m, 1.0, series, f)
             at(series, known, min(max((t - begin) / T.step, 0.0), 1.0), ahead)
             counts[Count.AGE] = 0
         copy(ahead, run.row)
@@ -121,11 +121,11 @@ def _extend(T, run, z, first):  # type: ignore[no-untyped-def]
 def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # type: ignore[no-untyped-def]
     """Go on with the piece under way; what ended it, −1 where the caller is asked, and how patient to be still."""
     now, counts, s, m, n_y = run.now, run.counts, run.s, len(run.row), len(run.high)
-    out, sizes, tails = room
+    out, sizes, tails, f = room
     origin, stop, watching = now[Now.ORIGIN], now[Now.STOP], len(T.cuts) > 1
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
-    total = (stop - origin) / h
+    total, outputs = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1)
     while True:
         cell, offset = counts[Count.CELL], now[Now.OFFSET]
         left, slack = total - cell - offset, close(total)
@@ -143,19 +143,19 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         armed = watching and ready < here
         settle(s, sizes[:m])
         if signals > 0 and offset > 0:
-            copy(acting.f[known], s[m:])
-            move(s[m:], offset, signals)
+            move(acting.f[known], offset, signals, s[m:])
             for k in range(m, len(s)):
                 sizes[k] = abs(s[k])
             times(T.W, s, out)
             times(T.V, sizes, tails)
         else:
-            combine(T.W_z, s, out)
-            times(T.V, sizes[:m], tails)
+            points, bounds = (len(out), len(tails)) if armed else (outputs, n_pos + n_y)
+            combine(T.W_z, s, out[:points])
+            times(T.V, sizes[:m], tails[:bounds])
             if signals > 0:
                 add(acting.moved[known], out)
-                add(acting.controls[known], out[m:])
-                add(acting.tails[known], tails)
+                add(acting.controls[known, : points - m - n_pos], out[m + n_pos :])
+                add(acting.tails[known, :bounds], tails)
         wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, run.high, run.low, turning)
         kind, theta, later = NOTHING, here, signals > 0 and offset == 0
         if later and (watched or falls or turns or not whole):
@@ -170,7 +170,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         if whole and kind == NOTHING:
             copy(out, ahead)
         else:
-            terms = unfold(T, s, m, theta, series)
+            terms = unfold(T, s, m, theta, series, f)
             at(series, terms, theta, ahead)
         if wild:
             for j in range(m):
@@ -181,7 +181,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
             until = now[Now.READY]
         if kind == NOTHING and final:
             until = stop
-        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, scratch[0, :m])
+        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, f, scratch[0, :m])
         if turns:  # what an output is at either end is looked at anyway
             for j in range(n_y):
                 if turning[j]:
@@ -241,7 +241,9 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
 def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
     now, counts, m, n_y = run.now, run.counts, len(run.row), len(run.high)
     length, degree, rows = max(len(run.s), len(run.w)), T.A.shape[1] - 1, T.A.shape[0]
-    room = (np.empty(T.W.shape[0]), np.empty(len(run.s)), np.empty(T.V.shape[0]))
+    room = (
+        np.empty(T.W.shape[0]), np.empty(len(run.s)), np.empty(T.V.shape[0]), np.empty(len(run.s) - m),
+    )  # fmt: skip
     tall = 2 * degree + 1
     work = Work(np.empty((rows, degree + 1)), np.empty(tall), np.empty((DEEPEST, tall)), np.empty((DEEPEST, 3)))
     turning, scratch = np.zeros(n_y, np.bool_), np.empty((2, length))

@@ -1,7 +1,7 @@
 """What the compiled simulation works on: numbers that stay, numbers that change, and buffers.
 
 The state that it moves is s = (z, f): z the moving part of the closed loop's state w
-(:mod:`icmj.controller.closed_loop`), and f the Taylor coefficients of what acts on it from outside, in steps, signal by
+(:mod:`icmj.controller.closed_loop`), and f the derivatives of what acts on it from outside, in steps, signal by
 signal within each power. A polynomial that acts on a linear system is part of a larger linear system that nothing acts
 on, so one matrix of s does for quiet and disturbed motion alike; quiet motion has no f.
 """
@@ -50,11 +50,11 @@ class Tables(NamedTuple):
         Q: quiet motion, z a row on, shape (1, m, m); disturbed motion, z at each of the places, from that at the step's
             start, shape (places, m, m).
         R: what f adds at each of the places, shape (places, m, l − m).
-        W: from s at a step's start, with f about its middle: z a step on, then Bernstein coefficients of short
-            polynomials for faces and outputs over the step, then the positions; shape (…, l).
+        W: from s at a step's start, with f about its middle: z a step on, then the positions, then Bernstein
+            coefficients of short polynomials for outputs and faces over the step; shape (…, l).
         W_z: what W makes of z, by columns, shape (m, …).
-        V: bounds, from the sizes of s's entries, of what these leave out: of the values of faces, the slopes of
-            outputs; and of how far positions move; shape (…, l).
+        V: bounds, from the sizes of s's entries, of how far positions move; and of what these polynomials leave out,
+            of the slopes of outputs and the values of faces; shape (…, l).
         A: power coefficients of faces, positions and outputs over a step, shape (rows, N + 1, l).
         F, F2: from power to Bernstein coefficients of degree N and 2N.
         terms: how many terms of the series of z there are to be until an eighth of a step, two eighths, … a whole one.
@@ -101,7 +101,7 @@ class Acting(NamedTuple):
     Attributes:
         first: number of the first of these steps.
         edge: when terms begin or end to act next [s].
-        f: Taylor coefficients about the middle of each step, in steps, shape (K, l − m).
+        f: derivatives at the middle of each step, in steps, shape (K, l − m).
         moved, controls, tails: what they add to z a step on, to the control points in W s, to V |s|; shapes (K, …).
         rows: what they add to z at each of the places but the first, shape (…, K, m).
     """
