@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
+from typing import Any, get_origin
 
-_IDLE = "numpy.f2py", "numpy.testing", "rerun.catalog", "rerun.experimental", "rerun.server", "rerun.urdf"
+_IDLE = (
+    *("numpy.f2py", "numpy.testing", "rerun.catalog", "rerun.experimental", "rerun.server", "rerun.urdf"),
+    *("yaml", "PIL.Image"),
+)
 """What libraries import at their start and use, if at all, when asked to: a tenth of what a run imports."""
 
 
@@ -50,6 +54,29 @@ class _Without:
         if fullname == self._name and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
         return None
+
+
+@contextmanager
+def unguarded() -> Iterator[None]:
+    """Let tyro see by its kind alone whether a default has the type that it is declared with.
+
+    Of tuples it would ask typeguard, whose import takes as long as tyro's own.
+    """
+    if "typeguard" in sys.modules:
+        yield
+        return
+    guard: Any = ModuleType("typeguard")
+    guard.check_type, guard.TypeCheckError = _expect_kind, TypeError
+    sys.modules["typeguard"] = guard
+    try:
+        yield
+    finally:
+        del sys.modules["typeguard"]
+
+
+def _expect_kind(value: object, kind: Any) -> None:
+    if not isinstance(value, get_origin(kind) or kind):
+        raise TypeError(f"{value!r} is no {kind}")
 
 
 def unhurried() -> None:

@@ -13,6 +13,7 @@ from typing import Any, get_args, get_type_hints
 
 import tyro
 
+from icmj.base.imports import unguarded
 from icmj.base.nearness import did_you_mean
 from icmj.base.text import one_line
 from icmj.cli.arguments import DESCRIPTION, GROUPS, Command
@@ -36,7 +37,7 @@ def parse(words: list[str]) -> Command:
     command: Any = Command
     shown = io.StringIO()
     try:
-        with contextlib.redirect_stderr(shown):
+        with contextlib.redirect_stderr(shown), unguarded():
             return tyro.cli(command, prog="icmj", args=words, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as stop:
         if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away

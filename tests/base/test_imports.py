@@ -36,6 +36,14 @@ def test_arrow_does_not_load_pandas_and_others_still_can() -> None:
     assert told(code) == ["3.0", "False", "2"]
 
 
+def test_reading_the_command_line_asks_typeguard_nothing_and_leaves_it_to_others() -> None:
+    code = (
+        "import sys; from icmj.cli.parsing import parse; command = parse(['run', 'a.toml', '--set', 'actual.gain=1'])\n"
+        "print(*command.set, 'typeguard' in sys.modules); import typeguard; print(typeguard.check_type(1, int))"
+    )
+    assert told(code) == ["actual.gain=1", "False", "1"]
+
+
 @pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
 def test_a_run_loads_no_pandas(tmp_path: Path) -> None:
     words = ["run", "simple-0.8", "--plant", "linear", "--set", "simulation.duration=2", "--out", str(tmp_path)]
