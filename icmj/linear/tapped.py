@@ -121,6 +121,7 @@ def simulate_tapped(
             raise
         outcome = ending.interrupted(float(track.t[0]), settings.duration)
     R, K = np.concatenate(rows), np.concatenate(events)
+    R = R[np.flatnonzero(np.diff(R[:, 0], append=np.inf) > 0)]  # what falls at the start is recorded there once
     when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
     none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
     y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]

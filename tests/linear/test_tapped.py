@@ -285,3 +285,11 @@ def test_interpreted_it_is_the_same() -> None:
         env={**os.environ, "ICMJ_INTERPRETED": "1"}, cwd=os.path.dirname(os.path.dirname(os.path.dirname(__file__))),
     )  # fmt: skip
     assert [float.fromhex(word) for word in told.stdout.split()] == pytest.approx(run.events.t, abs=1e-11)
+
+
+def test_what_falls_at_the_start_is_recorded_there_once() -> None:
+    """Two rows at 0 made a log that was refused when it was read back."""
+    run = simulate_tapped(BODY, SWITCHING, Settings(duration=1.0, limit=1.0), x0=[10.0, 0.0])
+    assert run.outcome.kind == "fell"
+    np.testing.assert_array_equal(run.t, [0.0])
+    np.testing.assert_array_equal(run.x, [[10.0, 0.0]])
