@@ -73,7 +73,8 @@ def on_bodies(model: mujoco.MjModel, point: OperatingPoint, push: Push) -> tuple
             raise SimulationError(f"{push.where}: body {body} of the model has no name; give it one")
         force, torque = -mass * axis, np.zeros(3)
         if push.surface == "gravity":
-            force = -mass * np.cross(axis, model.opt.gravity)
+            # what compensates gravity turns with it
+            force = -mass * (1 - float(model.body_gravcomp[body])) * np.cross(axis, model.opt.gravity)
         elif push.surface == "turning":
             turned = data.ximat[body].reshape(3, 3)
             force = -mass * np.cross(axis, data.xipos[body] - np.array(push.point or (0.0, 0.0, 0.0)))

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj.case.trial import prepare_trial, simulate_trial
 from icmj.controller.setpoint import ternary
+from icmj.engine.pushing import on_bodies
 from icmj.errors import IcmjError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
@@ -133,6 +134,21 @@ def test_a_model_of_one_body_has_a_surface_in_mujoco_too():
     linear, engine = (simulate_trial(trial, plant) for plant in ("linear", "mujoco"))
     assert np.abs(linear.x[:, 0]).max() > 1e-4
     np.testing.assert_allclose(engine.x[-1], linear.x[-1], atol=1e-7)
+
+
+def test_compensated_gravity_does_not_turn(tmp_path):
+    (tmp_path / "still.xml").write_text(STILL.replace('<body name="trunk"', '<body name="trunk" gravcomp="1"'))
+    plant = icmj.load_plant(tmp_path / "still.xml", selection=icmj.Selection(outputs="joints"))
+    parts = on_bodies(plant.model, plant.linearisation.point, Push(surface="gravity", axis=(0, 1, 0)))
+    assert [part.body for part in parts] == ["leg"]
+    np.testing.assert_allclose(parts[0].force, [30 * 9.81, 0, 0], atol=1e-12)
+
+
+def test_a_translation_is_the_weight_of_all_that_moves(root):
+    plant = icmj.load_plant(root / "models" / "three_link.xml", keyframe="upright")
+    parts = on_bodies(plant.model, plant.linearisation.point, Push(surface="translation", axis=(2, 0, 0)))
+    moving = plant.model.body_mass[plant.model.body_weldid > 0].sum()
+    np.testing.assert_allclose(np.sum([part.force for part in parts], axis=0), [-moving, 0, 0], rtol=1e-12, atol=1e-12)
 
 
 def test_a_sequence_of_full_length_is_the_sum_of_its_lines():
