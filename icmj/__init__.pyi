@@ -92,6 +92,16 @@ from .experiments.rounds import Rounds as Rounds
 from .experiments.rounds import attraction as attraction
 from .experiments.rounds import rounds as rounds
 from .experiments.rounds import rounds_of as rounds_of
+from .experiments.stance_channels import StanceChannels as StanceChannels
+from .experiments.stance_channels import fit_channels as fit_channels
+from .fitting.bank import Bank as Bank
+from .fitting.bank import read_bank as read_bank
+from .fitting.bank import simulate_bank as simulate_bank
+from .fitting.family import Family as Family
+from .fitting.family import load_family as load_family
+from .fitting.recordings import TrialOf as TrialOf
+from .fitting.recordings import public_trials as public_trials
+from .fitting.recordings import read_trials as read_trials
 from .identification.identification import Identification as Identification
 from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed
@@ -143,6 +153,9 @@ from .simulation.sources import Sinusoids as Sinusoids
 from .simulation.sources import Step as Step
 from .study.experiment import analyse_recordings as analyse_recordings
 from .study.experiment import run_experiment as run_experiment
+from .study.fit import Fit as Fit
+from .study.fit import Subject as Subject
+from .study.fit import fit as fit
 from .study.kind import Experiment as Experiment
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study

@@ -23,6 +23,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "cycles": ("cycle",),
     "measurement": ("measurement", "comparison", "experiments"),
     "sweeps": ("sweeps", "identification"),
+    "people": ("fitting",),
     "logs": ("result", "log", "report", "study", "view"),
     "run-files": ("runfile",),
     "series": ("series",),

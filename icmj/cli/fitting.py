@@ -17,7 +17,7 @@ from icmj.errors import FitError
 
 if TYPE_CHECKING:
     from icmj.study.fit import Fit as Done
-    from icmj.study.fit import Person
+    from icmj.study.fit import Subject
 
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
 _MOST = 10_000_000  # bytes of a table
@@ -68,28 +68,28 @@ def fit(command: Fit) -> None:
         OUT.say(f"{what:<8} {command.out / path}", wrap=False)
 
 
-def people_of(command: Fit) -> list[Person]:
+def people_of(command: Fit) -> list[Subject]:
     """Those whose recordings were given, or whom a table lists; the trials of a person and condition are one.
 
     Raises:
         FitError: one line, if a recording or the table cannot be used.
     """
     from icmj.fitting.recordings import read_trials
-    from icmj.study.fit import Person
+    from icmj.study.fit import Subject
 
     if command.table is None:
         rows = [{"file": str(path), "person": command.recordings[0].stem} for path in command.recordings]
         base = Path()
     else:
         rows, base = _rows(command.table), command.table.parent
-    found: dict[tuple[str, ...], Person] = {}
+    found: dict[tuple[str, ...], Subject] = {}
     for row in rows:
         columns = (row["column"],) if row.get("column") else command.columns
         key = row["person"], row.get("group", ""), row.get("condition", "")
         trials = read_trials(base / row["file"], columns, unit=command.unit, rate=command.rate)
         before = found.get(key)
         notes = tuple(f"{row['file']}, {one.name}: {note}" for one in trials for note in one.notes)
-        found[key] = Person(
+        found[key] = Subject(
             row["person"],
             (*(before.trials if before else ()), *(one.cop for one in trials)),
             command.hold_out,

@@ -75,7 +75,7 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     """The trials in one column of a series; more than 90 s are cut into pieces of 60 s.
 
     Raises:
-        FitError: as :func:`read_trials`.
+        FitError: as :func:`icmj.read_trials`.
     """
     name = series.names[_place(series, column)]
     given = series.units[series.place(name)]
@@ -137,7 +137,7 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
     """The trials in a folder of the public data set's own text files, by its table ``BDSinfo.txt``.
 
     Each ``BDS00001.txt`` has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to back.
-    :func:`read_trials` reads it.
+    :func:`icmj.read_trials` reads it.
 
     Args:
         folder: with ``BDSinfo.txt`` and the files.

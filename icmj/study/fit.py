@@ -34,7 +34,7 @@ _MOST_BYTES = 1e9
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class Subject:
     """One person in one condition.
 
     Attributes:
@@ -71,7 +71,7 @@ class Fitted:
         predictive: measures of simulated trials beside the recorded ones.
     """
 
-    person: Person
+    person: Subject
     family: str
     z: Array
     theta: Array
@@ -93,7 +93,7 @@ class Fit:
         differences: between groups and between conditions, by the family.
     """
 
-    people: tuple[Person, ...]
+    people: tuple[Subject, ...]
     trained: Mapping[str, Trained]
     fitted: tuple[Fitted, ...]
     confusion: Confusion | None
@@ -102,7 +102,7 @@ class Fit:
 
 
 def fit(
-    people: Sequence[Person],
+    people: Sequence[Subject],
     families: Sequence[Family | Path | str],
     out: Path | str,
     *,
@@ -114,7 +114,7 @@ def fit(
     dask: str | None = None,
     progress: Tell | None = None,
 ) -> Fit:
-    """Fit families of controllers to people, or what is left of it; see :mod:`icmj.study.fit`.
+    """Fit families of controllers to people, or what is left of it to do; an interrupted fit goes on where it was.
 
     Args:
         people: their trials.
@@ -164,7 +164,7 @@ def fit(
     return Fit(tuple(people), known, tuple(fitted), told_apart, probabilities, differences)
 
 
-def _checked(people: Sequence[Person], families: Sequence[Family]) -> None:
+def _checked(people: Sequence[Subject], families: Sequence[Family]) -> None:
     """See that people and families can be told from each other."""
     if not people or not families:
         raise FitError("nothing to fit: give a recording and --model at least")
@@ -177,13 +177,13 @@ def _checked(people: Sequence[Person], families: Sequence[Family]) -> None:
             raise FitError(f"{one.label}: {len(one.trials)} trials, of which {one.held} are held out; one is needed")
 
 
-def _summaries(person: Person, held: bool = False) -> Array:
+def _summaries(person: Subject, held: bool = False) -> Array:
     """Summaries of the trials that are fitted, shape (k, s), or of those that are held out."""
     kept = len(person.trials) - person.held
     return np.stack([summarise(trial, RATE) for trial in (person.trials[kept:] if held else person.trials[:kept])])
 
 
-def _fitted(person: Person, trained: Trained, folder: Path, draws: int, seed: int) -> Fitted:
+def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: int) -> Fitted:
     """One person under one family; the trials that the posterior predicts are kept."""
     family, posterior = trained.family, trained.posterior
     S = _summaries(person)

@@ -15,7 +15,7 @@ from icmj.fitting.summaries import summarise
 from icmj.study import families as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
-from icmj.study.fit import Person, fit
+from icmj.study.fit import Subject, fit
 from icmj.study.fit_page import write_fit
 
 PRIOR = Prior(
@@ -64,8 +64,8 @@ def simulated_toy(family: Toy, n: int, seed: int) -> Bank:
     return Bank(family.name, family.prior, "", theta, S, np.zeros(n, dtype=bool), seed)
 
 
-def person(name: str, theta: tuple, **more) -> Person:
-    return Person(name, tuple(Toy("one", 1, theta).trial(1000 + i) for i in range(2)), **more)
+def person(name: str, theta: tuple, **more) -> Subject:
+    return Subject(name, tuple(Toy("one", 1, theta).trial(1000 + i) for i in range(2)), **more)
 
 
 class Killed(Exception):
