@@ -29,7 +29,7 @@ def grammar_experiment(rng: random.Random, folder: Path) -> list[str]:
     else:
         run, names = "case.toml", runs._placed(rng, folder)
         (folder / "case.toml").write_text(toml(run_tables(rng, names)), encoding="utf-8")
-    given = rng.choices(KINDS, (2, 2, 3, 3), k=rng.choice((1, 1, 1, 1, 1, 1, 0, 2)))
+    given = rng.choices(KINDS, (2, 2, 3, 3, 2), k=rng.choice((1, 1, 1, 1, 1, 1, 0, 2)))
     tables: dict[str, Any] = {"experiment": _experiment(rng)}
     tables |= {kind: _KINDS[kind](rng, names) for kind in given}
     tables["case"] = [_case(rng, run, usual) for _ in range(1 if usual else rng.choice((1, 1, 2, 3)))]

@@ -184,7 +184,7 @@ def ready(folder: Path, *names: str) -> None:
 @contextmanager
 def emptied(folder: Path) -> Iterator[None]:
     """A folder that is made within the block is taken away again if the block fails before anything is in it."""
-    there = folder.exists()
+    there = os.path.lexists(folder)  # false of what can be no name of a folder
     try:
         yield
     except Exception:

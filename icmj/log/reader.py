@@ -17,6 +17,8 @@ from icmj.result.result import Result
 from icmj.result.tried import Tried
 from icmj.work.own_code import Code
 
+_REPLACED = 5  # how often a log may be replaced while it is read
+
 
 class DamagedLog(LogError):
     """The file is not a whole recording; part of it may still be salvaged."""
@@ -133,15 +135,38 @@ def static_row(path: Path, entity: str) -> dict[str, Any]:
 
 
 def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
-    """Entity and its static components, as arrow arrays by name, of every chunk that ``content`` selects."""
-    from rerun.chunk import RrdReader
+    """Entity and its static components, as arrow arrays by name, of every chunk that ``content`` selects.
 
+    A file that another writer replaced while it was read is read again.
+    """
     try:
         there = path.is_file()
     except (OSError, ValueError):  # no name of a file at all
         there = False
     if not there:
         raise LogError(f"{one_line(path, 200)}: no such log")
+    for _ in range(_REPLACED):
+        before = _identity(path)
+        try:
+            return _whole_rows(path, content)
+        except DamagedLog:
+            if _identity(path) == before:
+                raise
+    return _whole_rows(path, content)
+
+
+def _identity(path: Path) -> tuple[int, int, int] | None:
+    """What changes when a file is replaced; ``None`` if there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
+    from rerun.chunk import RrdReader
+
     damage = verify(path)
     try:
         if damage:

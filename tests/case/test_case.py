@@ -205,7 +205,9 @@ def test_a_design_that_fails_says_what_it_cannot_move_or_see(tmp_path):
 
 def test_shipped_cases_need_no_word(root):
     for path in sorted((root / "runs").glob("*.toml")):
-        assert prepare(load_run(path)).notices == (), path
+        # the drift of a standing person is slow beside a minute, and quiet-standing says so
+        said = {notice.kind for notice in prepare(load_run(path)).notices}
+        assert said == ({"slow noise"} if path.stem == "quiet-standing" else set()), path
 
 
 @pytest.mark.parametrize("change", ["", '[[actual.change]]\nwhat = "mass"\nof = "rod"\nfactor = 1.05\n'])

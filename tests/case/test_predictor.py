@@ -85,7 +85,6 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (["analyse"], "the controller is of kind 'predictor', which has no event rule and no critical interval"),
         (["cycle"], "a controller that never switches has no cycle of its own"),
         (["continue", "--parameter", "b", "--from", "1", "--to", "0.9"], "branches are followed of intermittent"),
     ],

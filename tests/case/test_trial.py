@@ -148,7 +148,6 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (["analyse"], "the controller is of kind 'switching', which has no event rule and no critical interval"),
         (["continue", "--parameter", "q_t", "--to", "1"], "no parameter 'q_t'; expected P, D, slope"),
         (["continue", "--parameter", "P", "--to", "9", "--plant", "mujoco"], "on the linear plant (--plant linear)"),
         (["cycle", "--plant", "linear", "--set", "controller.P=900"], "no cycle: the motion fell"),

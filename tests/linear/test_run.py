@@ -295,7 +295,7 @@ def test_pushes_on_the_plant_itself_pass_no_gain_and_agree_with_dop853():
 
 
 def test_a_plant_without_a_body_has_none_to_push():
-    with pytest.raises(SimulationError, match="push on body 'trunk': a linear plant knows no bodies"):
+    with pytest.raises(SimulationError, match="push on 'trunk': a linear plant knows no bodies"):
         simulate(
             PENDULUM, event_controller(pendulum_design()), settings(disturbance=(Step(body="trunk", force=(1, 0, 0)),))
         )

@@ -12,7 +12,7 @@ from log_cases import assert_same, awkward, made_up, standing, with_scene
 
 from icmj.comparison.comparison import compare, to_json
 from icmj.errors import LogError
-from icmj.log import read_log, read_summary, write_log
+from icmj.log import read_log, read_summary, reader, write_log
 
 
 @pytest.fixture(scope="module")
@@ -157,3 +157,24 @@ def test_the_summary_tells_of_the_ground_s_reaction(tmp_path: Path) -> None:
     )
     assert to_json(compare(result))["pressure"] == facts
     assert "pressure" not in to_json(compare(made_up(duration=20.0)[0]))
+
+
+def test_a_log_that_is_replaced_while_it_is_read_is_read_again(log, tmp_path, monkeypatch):
+    """Two studies in one folder: one read what the other had just replaced, and called it damaged."""
+    path, other = tmp_path / "log.rrd", tmp_path / "other.rrd"
+    for copy in (path, other):
+        copy.write_bytes(log.read_bytes())
+    calls, real = [], reader.verify
+
+    def replaced(there):
+        calls.append(there)
+        if len(calls) == 1:
+            other.replace(path)
+            return "half of another"
+        return real(there)
+
+    monkeypatch.setattr(reader, "verify", replaced)
+    assert reader.read_summary(path)["case"]
+    monkeypatch.setattr(reader, "verify", lambda there: "half of another")
+    with pytest.raises(LogError, match="not a complete rerun recording"):
+        reader.read_summary(path)

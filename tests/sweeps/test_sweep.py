@@ -70,7 +70,7 @@ def test_other_readers_open_the_dataset(swept: Path) -> None:
     metadata = found.schema.metadata
     assert metadata[b"icmj.sweep"].decode() == (swept / "sweep.toml").read_text()
     assert b"mujoco" in metadata[b"icmj.versions"]
-    assert metadata[b"icmj.run"].startswith(b"# Simple system")
+    assert metadata[b"icmj.run"].startswith(b"# The second-order system of the paper")
 
 
 def test_a_finished_sweep_computes_nothing_again(swept: Path) -> None:
