@@ -24,11 +24,11 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.rates import fastest_rate, is_stiff
 from icmj.engine.recording import States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
-from icmj.engine.signals import points_between
 from icmj.engine.units import state_units
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
 from icmj.simulation.ending import Outcome
+from icmj.simulation.gaussian import points_between
 from icmj.simulation.settings import Settings
 
 if TYPE_CHECKING:
@@ -122,6 +122,11 @@ class ComposedLoop:
         data.act[: block.act.start] = point.act + x[2 * nv :]
         data.act[block.act] = a
 
+    @property
+    def acting(self) -> Acting:
+        """All exogenous inputs."""
+        return Acting(self.disturbance, self.errors, self.pushes)
+
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
         """The times of a run with these settings, by a timestep or, where it is not 0, a tolerance.
 
@@ -129,11 +134,10 @@ class ComposedLoop:
             SimulationError: if a limit names what is no position.
         """
         trigger = self.controller.trigger
-        acting = Acting(self.disturbance, self.errors, self.pushes)
         # noise may be faster than the loop, and shakes E
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
-        edges = points_between(acting.edges, acting.gaussian, settings.duration)
+        edges = points_between(self.acting.edges, self.acting.gaussian, settings.duration)
         return Schedule(
             timestep=timestep,
             tolerance=tolerance,
@@ -145,7 +149,7 @@ class ComposedLoop:
             phases=phases_of(edges),
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
-            rate=max(own, float(acting.omega.max(initial=0.0))),
+            rate=max(own, float(self.acting.omega.max(initial=0.0))),
             stiff=is_stiff(plant, own),
             sampling=self.controller.sampling_delay,
         )

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.simulation.gaussian import at_points
+from icmj.simulation.gaussian import at_points, points_of
 from icmj.simulation.sources import Gaussian
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
@@ -28,7 +28,6 @@ GROUP = 16  # cells whose phases follow from each other
 SIGNAL, WEIGHTS, PLACE = 6, 4 + 2 * HALF, 1 + 2 * HALF
 CELL = 1 + KEPT * PLACE
 FOREVER = 1e30  # s: the end of what does not end, and the longest cell of a constant
-SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
 
 
 def sorted_terms(table: Array) -> Array:
@@ -85,20 +84,8 @@ def drawn_of(noises: Sequence[tuple[int, float, Gaussian]], first: int, duration
     """
     rows, values = [], [np.zeros(0)]
     for place, factor, noise in noises:
-        drawn = factor * at_points(noise, 0, int(duration / noise.interval * (1 + 1e-12)) + 2)
+        drawn = factor * at_points(noise, 0, points_of(noise, duration))
         begin = first + sum(map(len, values))
         rows.append((place, noise.start, FOREVER, -1 - begin, begin + len(drawn), noise.interval))
         values.append(drawn)
     return np.array(rows, dtype=float).reshape(-1, SIGNAL), np.concatenate(values)
-
-
-def points_between(edges: Array, noises: Sequence[Gaussian], duration: float) -> Array:
-    """The points of the finest grid of Gaussian noises in a run, where these bend, among ``edges``; rising [s]."""
-    if not noises:
-        return edges
-    interval = min(noise.interval for noise in noises)
-    points = interval * np.arange(1, int(duration / interval * (1 + 1e-12)) + 1)
-    place = np.searchsorted(edges, points)
-    beside = np.r_[-np.inf, edges, np.inf]
-    alone = np.minimum(points - beside[place], beside[place + 1] - points) > SAME * interval
-    return np.union1d(edges, points[alone])

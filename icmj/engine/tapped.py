@@ -30,9 +30,10 @@ from icmj.engine.recording import Status, recording
 from icmj.engine.schedule import Schedule, phases_of
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
+from icmj.simulation.gaussian import points_between
 from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, entries
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
-from icmj.simulation.taps import History, Now, Taps, begun, first_command, first_level, taps_of, widened
+from icmj.simulation.taps import History, Now, Taps, begun, first_command, first_level, levels_of, taps_of, widened
 
 if TYPE_CHECKING:
     from icmj.engine.native.loop import FixedLoop
@@ -93,13 +94,13 @@ class TappedLoop(ComposedLoop):
     @property
     def noise(self) -> float:
         """The fastest sinusoid that acts on it [rad/s]."""
-        acting = self.disturbance.omega, self.errors.omega, self.pushes.size.omega
-        return max(float(omega.max(initial=0.0)) for omega in (*acting, self.controller.realisation.signals[:, 2]))
+        return max(
+            float(omega.max(initial=0.0)) for omega in (self.acting.omega, self.controller.realisation.signals[:, 2])
+        )
 
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
         """The times of a run with these settings; see :meth:`icmj.engine.closed_loop.ComposedLoop.schedule`."""
-        acting = self.disturbance, self.errors, self.pushes.size
-        edges = np.unique(np.concatenate([terms.edges for terms in acting]))
+        edges = points_between(self.acting.edges, self.acting.gaussian, settings.duration)
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
         # what errs comes back through the taps
@@ -171,9 +172,8 @@ def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
     """
-    settings.expect_sinusoids("the simulation of a controller that reads delayed outputs")
     acting, errors, pushes = acting_on(plant.linearisation.plant, settings)
-    model = compose(plant, law, acting, None, pushes)
+    model = compose(plant, law, acting, None, pushes, settings.duration)
     model.opt.integrator = integrator_of(plant, settings)
     return TappedLoop(plant, law, acting, errors, pushes, model)
 
@@ -195,7 +195,7 @@ class _Run:
             history, now = begun(self.taps, realisation, y + loop.errors(0.0))
             stand = Stand(0.0, history, now, first_level(realisation), 0, schedule.record_interval, (here[:0],) * 3)
         self.stand = stand
-        self.levels = np.where(np.isin(schedule.edges, loop.errors.edges), -1, 0)
+        self.levels = levels_of(schedule.edges, loop.acting)
         self.record = recording(CHUNK, loop.model.nsensordata, loop.width)
         self.rows, self.mode = [here[None, :]], [stand.now.mode.copy()]
         self.u = [first_command(self.taps, stand.history, stand.now)[None, :]]

@@ -20,13 +20,24 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, acting_on
 from icmj.simulation.ending import EventPace
+from icmj.simulation.gaussian import at_points, points_between, points_of
 from icmj.simulation.labels import labels_of
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import plant_start
-from icmj.simulation.taps import POWERS, begun, expect_tapped, first_command, first_level, modes_of, taps_of, widened
+from icmj.simulation.taps import (
+    POWERS,
+    begun,
+    expect_tapped,
+    first_command,
+    first_level,
+    levels_of,
+    modes_of,
+    taps_of,
+    widened,
+)
 
 _ROWS, _EVENTS = 4096, 512  # of the buffers
 
@@ -61,7 +72,6 @@ def simulate_tapped(
 
     realisation = expect_tapped(law, plant)
     x = plant_start(plant, settings, x0)
-    settings.expect_sinusoids("the simulation of a controller that reads delayed outputs")
     acting, errors, pushes = everything = acting_on(plant, settings)
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
@@ -70,15 +80,16 @@ def simulate_tapped(
     taps = taps_of(realisation, n_y, max(_rate(plant, realisation), fastest), exact=True)
     history, now = begun(taps, realisation, plant.C @ x + errors(0.0))
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
-    edges = everything.edges
+    edges = points_between(everything.edges, everything.gaussian, settings.duration)
     limited = np.flatnonzero(np.isfinite(limits))
     positions = np.zeros((len(limited), n))
     positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
     H = taps.unit
     body = Body(
         A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
-        acting=_joined(_waves(acting, plant.B * H), _waves(pushes.size, E * H)), errors=_waves(errors, np.eye(n_y)),
-        edges=np.append(edges, np.inf), levels=np.where(np.isin(edges, errors.edges), -1, 0), positions=positions,
+        acting=_waves(settings.duration, (acting, plant.B * H), (pushes.size, E * H)),
+        errors=_waves(settings.duration, (errors, np.eye(n_y))),
+        edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
@@ -166,11 +177,15 @@ def _rate(plant: LinearPlant, realisation: Realisation) -> float:
     return max(norms)
 
 
-def _waves(terms: Disturbance, effects: Array) -> Waves:
-    """The effect of these terms through the columns of ``effects``."""
-    columns = (terms.amplitude, terms.omega, terms.phase, terms.start, terms.end)
-    return Waves(np.ascontiguousarray(effects[:, terms.input].T), np.ascontiguousarray(np.column_stack(columns)))
-
-
-def _joined(*waves: Waves) -> Waves:
-    return Waves(*(np.concatenate(parts) for parts in zip(*waves, strict=True)))
+def _waves(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
+    """The effect of what acts over a run of ``duration`` [s], each part through the columns of its effects."""
+    effect, terms, through, grids, values = [], [], [], [np.zeros((0, 4))], [np.zeros(0)]
+    for part, effects in parts:
+        effect.append(effects[:, part.input].T)
+        terms.append(np.column_stack([part.amplitude, part.omega, part.phase, part.start, part.end]))
+        through.append(effects[:, [index for index, _ in part.gaussian]].T)
+        for _, noise in part.gaussian:
+            drawn, first = at_points(noise, 0, points_of(noise, duration)), sum(map(len, values))
+            values.append(drawn)
+            grids.append(np.array([[noise.start, noise.interval, first, first + len(drawn)]]))
+    return Waves(*(np.ascontiguousarray(np.concatenate(of)) for of in (effect, terms, through, grids, values)))

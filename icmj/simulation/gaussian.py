@@ -7,6 +7,7 @@ of time, so that it acts alike whatever steps are taken.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.simulation.sources import Gaussian
 
+_SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
 _BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whatever the run's length, to the last bit
 
 
@@ -64,3 +66,20 @@ def _left(a: float) -> Array:
     order = np.arange(_BLOCK)
     since = order[:, None] - order
     return np.where(since >= 0, (a ** order.astype(float))[np.abs(since)], 0.0)
+
+
+def points_of(source: Gaussian, duration: float) -> int:
+    """Number of points of its grid that a run of ``duration`` [s] takes, one beyond the end with it."""
+    return int(duration / source.interval * (1 + 1e-12)) + 2
+
+
+def points_between(edges: Array, noises: Sequence[Gaussian], duration: float) -> Array:
+    """The points of the finest grid of Gaussian noises in a run, where these bend, among ``edges``; rising [s]."""
+    if not noises:
+        return edges
+    finest = min(noises, key=lambda noise: noise.interval)
+    points = finest.interval * np.arange(1, points_of(finest, duration) - 1)
+    place = np.searchsorted(edges, points)
+    beside = np.r_[-np.inf, edges, np.inf]
+    alone = np.minimum(points - beside[place], beside[place + 1] - points) > _SAME * finest.interval
+    return np.union1d(edges, points[alone])

@@ -8,7 +8,6 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from icmj.errors import SimulationError
 from icmj.plant.push import Push
 from icmj.simulation.ending import Limit
 from icmj.simulation.sources import Gaussian, Noise, Placed, Sinusoids, Source, require
@@ -62,15 +61,6 @@ class Settings:
     def noisy(self) -> bool:
         """Whether noise acts, so that a run is described by its statistics."""
         return any(isinstance(source, Noise | Gaussian | Sinusoids) for source in self.disturbance)
-
-    def expect_sinusoids(self, plant: str) -> None:
-        """Check that no Gaussian noise acts, which ``plant``, a simulation in words, does not support.
-
-        Raises:
-            SimulationError: if any does.
-        """
-        if any(isinstance(source, Gaussian) for source in self.disturbance):
-            raise SimulationError(f'{plant} takes no gaussian noise; give kind = "noise", which is made of sinusoids')
 
     def __post_init__(self) -> None:
         named = self.limit if isinstance(self.limit, Mapping) else {"limit": self.limit}

@@ -17,6 +17,7 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.disturbance import Acting
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings
@@ -165,6 +166,16 @@ def edges_of(realisation: Realisation) -> Array:
     """Where its signals begin, end or jump, rising [s]."""
     times = np.unique(realisation.signals[:, 4:])
     return np.asarray(times[np.isfinite(times)])
+
+
+def levels_of(edges: Array, acting: Acting) -> np.ndarray:
+    """The level of each of these instants, at which something of what acts begins, ends or bends.
+
+    Where readings jump it is −1; where they bend, or what acts on the plant jumps, 0; where that bends, 1.
+    """
+    levels = np.where(np.isin(edges, acting.edges), 0, 0 if acting.errors.gaussian else 1)
+    levels[np.isin(edges, acting.errors.edges)] = -1
+    return levels
 
 
 def first_level(realisation: Realisation) -> int:

@@ -30,7 +30,7 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Step
 
 START = np.array([0.1, 0.03])
 DISTURBED = (
@@ -39,7 +39,17 @@ DISTURBED = (
 )  # fmt: skip
 
 
-def swinging(law, start, settings: Settings) -> Delayed:
+GAUSSIAN = (
+    Gaussian(input="ankle", size=6.0, corner=2.0, interval=0.05, seed=4, on="body"),
+    Gaussian(input="ankle", size=3.0, interval=0.1, seed=5, start=0.33),
+    Gaussian(output="theta", size=3e-3, corner=3.0, interval=0.1, seed=6), Bias("omega", 2e-2, 0.9),
+)  # fmt: skip
+
+
+STEPS = {"timestep": 1e-3, "integrator": "RK4"}
+
+
+def swinging(law, start, settings: Settings, bends=()) -> Delayed:
     """The same person by hand: I θ'' = mgh sin θ − K θ − B θ' + u + d, by DOP853."""
     real, sources = law.realisation, settings.disturbance
     acting, pushes = disturbance_of(sources, BODY.inputs), pushes_of(settings)
@@ -51,7 +61,7 @@ def swinging(law, start, settings: Settings) -> Delayed:
         force = MGH * np.sin(z[0]) - STIFFNESS * z[0] - DAMPING * z[1] + u[0]
         return np.concatenate([[z[1], force / (INERTIA + 1e-6)], m.M @ z[2:] + m.N @ v])
 
-    edges = sorted({*acting.edges, *pushes.size.edges, *errors.edges})
+    edges = sorted({*acting.edges, *pushes.size.edges, *errors.edges, *bends})
     guards = tuple((lambda v, g=g: float(v @ g.Q @ v + g.c)) for g in real.guards)
     return Delayed(
         rate, lambda t, z: z[:2] + errors(t), real.taps, np.concatenate([start, np.zeros(real.layout.size)]), guards,
@@ -80,15 +90,19 @@ def test_it_is_what_the_method_of_steps_gives(law, steps) -> None:
 
 
 @pytest.mark.parametrize("law", [CONTINUOUS, replace(SWITCHING, dead_zone=0.04), pid(), two_taps()])
-@pytest.mark.parametrize("steps", [{"timestep": 1e-3, "integrator": "RK4"}, {"tolerance": 1e-10}])
-def test_disturbances_noise_and_pushes_act_on_it(law, steps) -> None:
-    settings = Settings(duration=3.0, record_interval=0.05, disturbance=DISTURBED, **steps)
+@pytest.mark.parametrize(
+    ("steps", "disturbed"),
+    [(STEPS, DISTURBED), ({"tolerance": 1e-10}, DISTURBED), ({"tolerance": 1e-10}, GAUSSIAN)],
+)
+def test_disturbances_noise_and_pushes_act_on_it(law, steps, disturbed) -> None:
+    settings = Settings(duration=3.0, record_interval=0.05, disturbance=disturbed, **steps)
     run = simulate(person(), law, settings, x0=START)
-    oracle = swinging(law, START, settings).run(3.0)
+    bends = 0.05 * np.arange(1, 60) if disturbed is GAUSSIAN else ()
+    oracle = swinging(law, START, settings, bends).run(3.0)
     assert apart(run, oracle) < 1e-9
     assert run.events.t == pytest.approx(oracle.switches, abs=1e-8)
     assert run.noisy
-    assert run.applied == pytest.approx(run.u + disturbance_of(DISTURBED, BODY.inputs)(run.t))
+    assert run.applied == pytest.approx(run.u + disturbance_of(disturbed, BODY.inputs)(run.t))
 
 
 @pytest.mark.parametrize("law", [CONTINUOUS, pid(), two_taps(), HOMOGENEOUS])

@@ -125,8 +125,6 @@ def test_a_run_file_gives_it_and_what_does_not_fit_is_refused():
     chosen = settings_from({"disturbance": [table]})
     assert chosen.disturbance == (Gaussian(input="torque", size=0.1, corner=2.0, interval=0.02, seed=5),)
     assert chosen.noisy
-    with pytest.raises(SimulationError, match="delayed outputs takes no gaussian noise"):
-        chosen.expect_sinusoids("the simulation of a controller that reads delayed outputs")
     with pytest.raises(SimulationError, match="whole multiples"):
         settings(disturbance=(*chosen.disturbance, Gaussian(output="angle", interval=0.03)))
     for wrong in ({"size": 0}, {"corner": -1.0}, {"interval": 0.0}, {"seed": -1}, {"start": -1.0}):

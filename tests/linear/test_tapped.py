@@ -18,7 +18,7 @@ from icmj.errors import SimulationError
 from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Step
 
 START = np.array([0.01, 0.003])
 
@@ -115,19 +115,28 @@ DISTURBED = (
 )  # fmt: skip
 
 
+GAUSSIAN = (
+    Gaussian(input="ankle", size=0.6, corner=2.0, interval=0.05, seed=4, on="body"),
+    Gaussian(input="ankle", size=0.3, interval=0.1, seed=5, start=0.33),
+    Gaussian(output="theta", size=3e-4, corner=3.0, interval=0.1, seed=6), Bias("omega", 2e-3, 0.9),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("disturbed", [DISTURBED, GAUSSIAN])
 @pytest.mark.parametrize("law", [CONTINUOUS, SWITCHING, pid(), two_taps()])
-def test_what_disturbs_it_is_exact_too(law) -> None:
+def test_what_disturbs_it_is_exact_too(law, disturbed) -> None:
     from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 
-    settings = Settings(duration=4.0, record_interval=0.05, disturbance=DISTURBED)
+    settings = Settings(duration=4.0, record_interval=0.05, disturbance=disturbed)
     run = simulate_tapped(BODY, law, settings, x0=START)
-    acting, pushes = disturbance_of(DISTURBED, BODY.inputs), pushes_of(settings)
-    errors = reading_error_of(DISTURBED, BODY.outputs)
+    acting, pushes = disturbance_of(disturbed, BODY.inputs), pushes_of(settings)
+    errors = reading_error_of(disturbed, BODY.outputs)
 
     def disturbance(t):  # the pushes act where the input does
         return acting(t) + pushes.size(t).sum(axis=-1)
 
-    edges = sorted({*acting.edges, *pushes.size.edges, *errors.edges})
+    bends = 0.05 * np.arange(1, 80) if disturbed is GAUSSIAN else ()
+    edges = sorted({*acting.edges, *pushes.size.edges, *errors.edges, *bends})
     oracle = of_law(BODY, law, START, disturbance, errors, edges).run(4.0)
     agrees(run, oracle, 1e-10)
     assert run.noisy

@@ -1,4 +1,4 @@
-"""Sinusoids in windows, added to polynomials in time, in compiled code."""
+"""Sinusoids in windows and Gaussian noise, added to polynomials in time, in compiled code."""
 
 from __future__ import annotations
 
@@ -11,21 +11,38 @@ from icmj.base.compilation import compiled
 
 
 class Waves(NamedTuple):
-    """Sinusoids a cos(ωt + φ) in windows.
+    """Sinusoids a cos(ωt + φ) in windows, and Gaussian noises.
 
     Attributes:
-        effect: what each does, per unit of its size, shape (K, rows).
+        effect: what each sinusoid does, per unit of its size, shape (K, rows).
         terms: (a, ω, φ, start, end) of each, shape (K, 5).
+        through: what each noise does, per unit of its size, shape (G, rows).
+        grids: (start, interval, first, last) of each noise: the range of its values; shape (G, 4).
+        values: of all noises at the points of their grids.
     """
 
     effect: Array
     terms: Array
+    through: Array = np.zeros((0, 0))
+    grids: Array = np.zeros((0, 4))
+    values: Array = np.zeros(0)
 
 
 @compiled
 def add_waves(waves, t, end, unit, out):  # type: ignore[no-untyped-def]
-    """Add to ``out``, shape (rows, p + 1), what these sinusoids do from ``t`` to ``end``."""
+    """Add to ``out``, shape (rows, p + 1), what these do from ``t`` to ``end``, between two points of every grid."""
     middle = (t + end) / 2
+    for k in range(len(waves.grids)):
+        start, interval, first, last = waves.grids[k]
+        if middle < start:
+            continue
+        point = min(np.floor(middle / interval), last - first - 2)
+        at = int(first + point)
+        slope = (waves.values[at + 1] - waves.values[at]) / interval
+        value = waves.values[at] + (t - point * interval) * slope
+        for i in range(len(out)):
+            out[i, 0] += waves.through[k, i] * value
+            out[i, 1] += waves.through[k, i] * slope * unit
     for k in range(len(waves.terms)):
         a, omega, phase = waves.terms[k, 0], waves.terms[k, 1], waves.terms[k, 2]
         if not waves.terms[k, 3] <= middle < waves.terms[k, 4]:
