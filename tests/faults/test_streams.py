@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import short_run
+from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.log import read_log
@@ -60,7 +61,7 @@ def test_no_stream_makes_a_mistake(name: str, tmp_path: Path) -> None:
             status, err = 2, b"" if "2>" in where else said
         elif name == "person" and where == ">/dev/full" and done.returncode == 2:
             assert list(here.iterdir())  # what was asked for is there
-        assert (done.returncode, done.stderr) == (status, err), where
+        assert (done.returncode, told(done.stderr.decode())) == (status, told(err.decode())), where
         assert not done.stdout or ">" not in where.replace("2>", "")
         done.stdout.decode("ascii" if not where else "utf-8")
         if name == "run":
@@ -72,7 +73,7 @@ def test_a_locale_without_utf_8_is_enough(tmp_path: Path) -> None:
     run = short_run(tmp_path)
     plain = {"LC_ALL": "C", "LANG": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
     done = icmj("", "analyse", run, cwd=tmp_path, **plain)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert (done.returncode, told(done.stderr.decode())) == (0, [])
     words = done.stdout.decode("ascii")
     assert "critical interval Delta_crit" in words
     assert "rad" in words
@@ -199,6 +200,6 @@ def test_a_file_by_a_name_that_is_no_text_is_shown(tmp_path: Path) -> None:
         pytest.skip("this file system takes UTF-8 names alone")
     (tmp_path / name).unlink()
     done = icmj("", "linearise", "pendulum", "--out", name, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert (done.returncode, told(done.stderr.decode())) == (0, [])
     assert (tmp_path / name).is_file()
     assert b"caf" in done.stdout
