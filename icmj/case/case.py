@@ -44,7 +44,7 @@ class Case(Shown):
 
     Attributes:
         run: the run file.
-        assumed, actual: plants, each with its linearisation: models on the engine, or given by matrices.
+        assumed, actual: the plants, each with its linearisation: MuJoCo models, or plants given by matrices.
         controller: design on the assumed plant, hold and event rule.
         rule: the event rule, which is the controller's trigger.
         settings: settings of its runs.
@@ -65,7 +65,7 @@ class Case(Shown):
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
-        """Notices about its plants, limits of the actual plant on the predicted orbit, slow noise, and a set-point."""
+        """Notices about plants, limits of the actual plant on the predicted orbit, slow noise, and the set-point."""
         limits = reach(self.actual, self.prediction)
         return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
 
@@ -90,10 +90,10 @@ class Case(Shown):
 
     @property
     def model(self) -> MujocoPlant:
-        """The actual plant on the engine.
+        """The actual plant as a MuJoCo model.
 
         Raises:
-            SimulationError: if it is given by matrices.
+            SimulationError: if the plant is given by matrices.
         """
         if isinstance(self.actual, MujocoPlant):
             return self.actual
@@ -179,14 +179,15 @@ def simulate(
     refinement: float = 1.0,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
-    """Simulate a case on the linear plant (exactly) or on the engine.
+    """Simulate a case on the linear plant (exactly) or in MuJoCo.
 
     Args:
         case: the case.
         plant: ``linear`` or ``mujoco``.
         trigger: a clock or continuous control, to replace the case's event rule.
-        start: plant, observer and, if given, hold state at t = 0, shapes (n,), (n̂,), (n̂,), instead of the run file's.
-        duration: instead of the run file's [s].
+        start: state of plant, observer and, if given, hold at t = 0, instead of the states of the run file; shapes
+            (n,), (n̂,), (n̂,).
+        duration: duration instead of that of the run file [s].
         refinement: factor on the timestep of the run file or, without one, of the model; a tolerance is multiplied by
             its fourth power.
         progress: called repeatedly with the completed fraction, 0–1.
@@ -214,21 +215,23 @@ def simulate_plant(
     progress: Callable[[float], None] | None = None,
     match: Match = "name",
 ) -> Simulation:
-    """Simulate any plant under any controller, without a run file: a linear plant exactly, an MJCF one on the engine.
+    """Simulate any plant under any controller, without a run file: a linear plant exactly, an MJCF model in MuJoCo.
 
     Args:
-        plant: a linear plant, or one of :func:`icmj.load_plant`.
+        plant: a linear plant, or a plant from :func:`icmj.load_plant`.
         controller: design, hold and trigger (:class:`icmj.Controller`), or a controller that only reads delayed
             outputs.
-        settings: duration, start, step, disturbance.
-        x0, x_o0, x_h0: start of plant, observer and hold as whole vectors, instead of the named states in ``settings``.
+        settings: duration, initial state, timestep, disturbances.
+        x0, x_o0, x_h0: initial states of plant, observer and hold as whole vectors, instead of the named states in
+            ``settings``.
         progress: called repeatedly with the completed fraction, 0–1.
         match: how inputs and outputs of the plant are assigned to those of the controller's model: by name, and by
             position if they have no names; or all by position. ``u`` and ``y`` of the run are in the order of the
             controller's model.
 
     Raises:
-        SimulationError, ModelError, AnalysisError: if plant and controller do not fit, or the initial state is invalid.
+        SimulationError, ModelError, AnalysisError: if plant and controller do not fit together, or the initial state is
+            invalid.
     """
     if isinstance(plant, LinearPlant):
         plant = matched(plant, controller.plant, match)
@@ -252,14 +255,14 @@ def open_loop(
     duration: float | None = None,
     refinement: float = 1.0,
 ) -> OpenLoop:
-    """One open-loop interval of a case as a function, from the state at an event to the state at the next.
+    """A function that simulates one open-loop interval of a case, from the state at an event to that at the next event.
 
     Args:
         case, plant, trigger, refinement: as for :func:`simulate`.
-        duration: longest flight [s], counted from t = 0; the run file's by default.
+        duration: maximum duration of the simulation [s], counted from t = 0; by default that of the run file.
 
     Raises:
-        SimulationError: if it cannot be prepared.
+        SimulationError: if the simulation cannot be prepared.
     """
     parts = _parts(case, plant, trigger, duration, refinement)
     if plant == "linear":

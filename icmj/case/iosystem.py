@@ -22,30 +22,29 @@ def to_iosystem(
     dt: float | None = None,
     match: Match = "name",
 ) -> StateSpace | NonlinearIOSystem:
-    """A plant, or the closed loop of it, as a system of python-control; all in departures from the operating point.
+    """A plant or its closed loop as a system of python-control; all quantities are deviations from the operating point.
 
     =============================  ==================================================================================
-    plant alone                    ``StateSpace`` of a linear plant, ``NonlinearIOSystem`` of a model on the engine
-    ``Continuous()``               the same of the loop; states (x, x_o)
+    plant alone                    ``StateSpace`` for a linear plant, ``NonlinearIOSystem`` for a MuJoCo model
+    ``Continuous()``               the same for the loop; states (x, x_o)
     ``ClockTrigger(Δ)``            linear plant: ``StateSpace`` in discrete time, dt = Δ; states (x, x_o) at ticks
     an event rule                  linear plant: ``NonlinearIOSystem`` in discrete time, evaluated every ``dt``, so that
                                    events are late by up to ``dt``; states (x, x_o, x_h, time since the last event)
     =============================  ==================================================================================
 
     The inputs of a loop are d_<input>, which is added to the command, and n_<output>, an error of the observer's
-    reading; its outputs are those of the plant and u_<input>, the command. For exact events use
+    reading; its outputs are those of the plant and the commands u_<input>. For exact events use
     :func:`icmj.simulate_plant` and ``to_timeresponse()`` of the run.
 
     Args:
-        plant: a linear plant, one of :func:`icmj.load_plant`, or of a case.
+        plant: a linear plant, a plant from :func:`icmj.load_plant`, or a plant of a case.
         controller: design, hold and trigger; ``None`` for the plant alone.
         dt: interval at which an event rule is evaluated [s].
         match: how inputs and outputs of the plant are assigned to those of the controller's model.
 
     Raises:
-        AnalysisError: if there is a delay, a signal that the controller is given, an event rule without ``dt`` or the
-            other way round, a model on the engine under anything but continuous control, or plant and controller do not
-            fit.
+        AnalysisError: if there is a delay or a set-point, an event rule without ``dt`` or ``dt`` without an event rule,
+            a MuJoCo model under other than continuous control, or plant and controller do not fit together.
     """
     linear = plant if isinstance(plant, LinearPlant) else plant.linearisation.plant
     engine = plant if isinstance(plant, MujocoPlant) else None

@@ -28,7 +28,7 @@ class Trial:
 
     Attributes:
         run: the run file.
-        assumed, actual: plants, as of :class:`icmj.case.case.Case`.
+        assumed, actual: the plants, as in :class:`icmj.case.case.Case`.
         law: the controller, made for the assumed plant.
         settings: settings of its runs.
         notices: notices about its plants and settings.
@@ -47,7 +47,8 @@ def prepare_trial(run: RunFile) -> Trial:
     """Load and linearise both plants, and make the controller.
 
     Raises:
-        RunFileError: if the run file's controller is intermittent, or it asks for what its models do not have.
+        RunFileError: if the controller of the run file is intermittent, or the run file names something that its
+            models do not have.
         ModelError, AnalysisError: if a plant or the controller fails.
     """
     run.rival  # noqa: B018, nothing is loaded for the intermittent one
@@ -65,7 +66,7 @@ def prepare_trial(run: RunFile) -> Trial:
 def simulate_trial(
     trial: Trial, plant: PlantKind = "mujoco", *, progress: Callable[[float], None] | None = None
 ) -> Simulation:
-    """Simulate it on the linear plant or on the engine.
+    """Simulate a trial on the linear plant or in MuJoCo.
 
     Raises:
         SimulationError: if the simulation cannot be started.

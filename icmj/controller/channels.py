@@ -31,15 +31,15 @@ MOST = 5  # channels that switch: the table of modes has 8^m entries
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One joint's feedback, or that of the virtual pendulum.
+    """The feedback of one joint or of the virtual pendulum.
 
     Attributes:
-        position, rate: θ and θ': the name of an output, or weights of several by name.
+        position, rate: θ and θ': the name of an output, or the weights of several outputs by name.
         P, D: gains [input per position, input per rate].
-        input: its name; may be left out where the plant has one alone.
-        slope: a, of the line that bounds the region where it is off [1/s].
-        dead_zone: r, size of (θ, θ') within which it is off.
-        switches: whether it is switched at all.
+        input: name of the input; may be left out if the plant has only one input.
+        slope: slope a of the line that bounds the region where feedback is off [1/s].
+        dead_zone: r, size of (θ, θ') within which feedback is off.
+        switches: whether feedback is switched; if not, it is always on.
 
     Raises:
         AnalysisError: on construction, if a number is not finite, or the dead zone negative.
@@ -65,7 +65,7 @@ class Channel:
         """Position and rate as rows over the outputs, shapes (n_y,).
 
         Raises:
-            AnalysisError: if an output is not there, or the two are one.
+            AnalysisError: if an output does not exist, or position and rate are the same.
         """
         found = []
         for what, said in (("position", self.position), ("rate", self.rate)):
@@ -87,16 +87,16 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class SwitchingChannels(Law):
-    """Delayed feedback of several channels, each switched by where its own delayed outputs are.
+    """Delayed feedback of several channels, each switched by regions in the plane of its own delayed outputs.
 
     Attributes:
         assumed: the plant, whose inputs and outputs are used by name.
-        channels: at least one; several may command the same input, and add.
+        channels: at least one channel; the commands of several channels to the same input are added.
         delay: t_d [s].
 
     Raises:
-        AnalysisError: on construction, if a channel does not fit the plant, too many switch, or the delay is not
-            positive.
+        AnalysisError: on construction, if a channel does not fit the plant, too many channels are switched, or the
+            delay is not positive.
     """
 
     assumed: LinearPlant

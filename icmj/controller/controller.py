@@ -35,12 +35,14 @@ class Controller(Law):
     """The intermittent controller: everything that the closed loop needs besides the plant.
 
     Attributes:
-        sampling_delay: d_s from when the event rule reaches its threshold to the event, which samples [s]; Δ_min counts
-            from threshold to threshold, and the rule is watched again once the feedback has acted.
+        sampling_delay: time d_s from the instant at which the event rule reaches its threshold to the event, at which
+            the state is sampled [s]. Δ_min counts from threshold to threshold, and the rule is evaluated again after
+            the action.
 
     Raises:
         AnalysisError: on construction, if a part has the wrong class, the sizes of hold and design differ, continuous
-            control is combined with a delay, or a sampling delay is negative, not finite, or not of an event rule.
+            control is combined with a delay, or a sampling delay is negative, not finite, or given without an event
+            rule.
     """
 
     design: Design
@@ -96,12 +98,12 @@ class Controller(Law):
 
     @property
     def least(self) -> float:
-        """The least time between two events [s]: Δ_min, the refractory period, or longer delays; 0 of a clock."""
+        """The shortest time between two events [s]: the refractory period Δ_min, or a longer delay; 0 for a clock."""
         return 0.0 if np.isfinite(self.trigger.clock) else self.sampling_delay + self.wait
 
     @property
     def wait(self) -> float:
-        """Time from an event until the event rule is evaluated again [s]; exactly t_d where t_d is the longer."""
+        """Time from an event until the event rule is evaluated again [s]; exactly t_d if t_d is longer than Δ_min."""
         return max(self.trigger.delta_min - self.sampling_delay, self.delay.t_d)
 
     @cached_property
@@ -121,7 +123,7 @@ class Controller(Law):
         return _realised(self)
 
     def triggered_by(self, trigger: Trigger) -> Controller:
-        """The same controller with another trigger; only an event rule is followed by a sampling delay."""
+        """The same controller with another trigger; a sampling delay is kept only with an event rule."""
         return replace(self, trigger=trigger, sampling_delay=self.sampling_delay if trigger.kind == "event" else 0.0)
 
 

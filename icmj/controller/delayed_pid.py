@@ -36,14 +36,14 @@ class DelayedPID(Law):
         P, I, D: gains K_P [input per position], K_I [input per position and second], K_D [input per rate].
         delay: t_d [s].
         weight: w, the sensory weight.
-        input: name of the input; may be left out where there is one alone.
-        force: name of the output T that force feedback reads, delayed; the command itself if "".
+        input: name of the input; may be left out if the plant has only one input.
+        force: name of the output T that force feedback reads with the delay; if "", the command itself.
         force_gain: G [position per unit of T]; 0 without force feedback.
         force_time: τ [s].
 
     Raises:
         AnalysisError: on construction, if an input or output does not exist, a number is not finite, the delay or the
-            time constant is not positive, or the command would depend on itself without end.
+            time constant is not positive, or the command would depend on itself in a loop.
     """
 
     assumed: LinearPlant

@@ -59,7 +59,7 @@ def design_lq(
     Q_o: ArrayLike | None = None,
     R_o: ArrayLike = 1.0,
 ) -> Design:
-    """Linear-quadratic regulator and estimator of ``plant``: python-control's ``lqr`` and ``lqe``, to the bit.
+    """Linear-quadratic regulator and estimator of ``plant``, equal to python-control's ``lqr`` and ``lqe`` bit for bit.
 
     Args:
         plant: the assumed plant.

@@ -68,7 +68,7 @@ def system_matched(design: Design) -> Hold:
 
 
 def zero_order(design: Design) -> Hold:
-    """The zero-order hold, A_h = 0: the control keeps its value from the event."""
+    """The zero-order hold, A_h = 0: the control signal keeps the value that it has at the event."""
     return Hold("zero-order", np.zeros_like(design.A_c))
 
 

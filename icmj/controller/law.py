@@ -19,7 +19,7 @@ class Law(ABC):
     Your own controller is a frozen dataclass that inherits from ``Law``.
 
     Attributes:
-        setpoint: r(t) that it follows; ``None`` if it has none.
+        setpoint: the set-point r(t) that the controller follows; ``None`` if it has none.
     """
 
     setpoint: Setpoint | None = None
@@ -40,7 +40,7 @@ class Law(ABC):
         """Its modes, states and resets.
 
         Raises:
-            AnalysisError: if its parts do not fit.
+            AnalysisError: if its parts do not fit together.
         """
 
     @abstractmethod
@@ -53,7 +53,7 @@ class RecordedLaw(Law):
     """A controller from user code, as a log stores it: its realisation as numbers, and its origin.
 
     Attributes:
-        assumed: the plant that it was made for.
+        assumed: the plant for which it was made.
         moves: its realisation.
         called: its ``kind``.
         reference: ``module:name`` of its class.

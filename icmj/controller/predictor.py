@@ -37,18 +37,21 @@ from icmj.plant.linear_plant import LinearPlant
 
 @dataclass(frozen=True, eq=False)
 class PredictorController(Law):
-    """The continuous predictor controller, for a delay; without one it is :class:`icmj.Continuous` control.
+    """The continuous predictor controller, for a delay; without a delay, use :class:`icmj.Continuous`.
 
-    Before t = 0 it has commanded nothing, and has read what is there at t = 0; its observer has begun at zero, t_d ago.
+    Before t = 0 its commands are zero, and its readings are the outputs at t = 0. Its observer starts at zero, t_d
+    before t = 0.
 
     Attributes:
         design: gains k̂ and L for the assumed plant.
-        delay: t_d, and what the predictor takes it for.
-        setpoint: r(t) that it follows, known when it comes, and acted upon t_d later; ``None`` for 0 throughout.
+        delay: the actual delay t_d and the delay that the predictor assumes.
+        setpoint: the set-point r(t) that it follows. A change is known when it occurs and takes effect t_d later.
+            ``None`` if r is always 0.
 
     Raises:
-        AnalysisError: on construction, if a part is not of its class, there is no delay, the model grows so much over
-            the one that it assumes that no digit of a prediction is right, or the set-point is not of its model.
+        AnalysisError: on construction, if a part has the wrong class, there is no delay, the set-point belongs to
+            another model, or the model is so unstable over the assumed delay that a prediction would have no correct
+            digit.
     """
 
     design: Design

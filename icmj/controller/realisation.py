@@ -92,17 +92,18 @@ class Realisation:
         J: a := J a at an event, or every ``period``, shape (N_a, N_a) (eq. imp).
         G: a := G a at the action of an event, ``delay`` later; the identity without a delay.
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
-        cuts: first row of each face, and the number of rows; shape (f + 1,). No face: no event function.
+        cuts: first row of each face, and the number of rows; shape (f + 1,). Without faces there is no event function.
         delay: t_d from an event to its action [s].
         taps: delays of the readings [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), increasing; (0,) for the current
             outputs.
         commands: whether it also reads its own delayed commands: v = (y(t − τ_1), u(t − τ_1), y(t − τ_2), …). They
-            enter its state only: S is zero.
+            may enter its state only: S must be zero.
         period: interval between the resets a := J a of a controller with delayed taps [s]; infinity for none.
         guards: functions whose signs select the mode; they read delayed taps.
         table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
-        signals: terms a cos(ωt + φ) on [start, end) of the last columns of N, (signal, a, ω, φ, start, end) of each,
-            shape (M, 6). One that ends when it starts is an impulse of area a, which moves the state at once.
+        signals: terms a cos(ωt + φ) on [start, end), which enter through the last columns of N; each row is (signal,
+            a, ω, φ, start, end), shape (M, 6). A term that ends when it starts is an impulse of area a, which moves
+            the state at once.
 
     Raises:
         AnalysisError: on construction, if taps or period are invalid, guards or commands have no delayed tap to read,
@@ -171,7 +172,7 @@ class Realisation:
         """Of the first mode.
 
         Raises:
-            AnalysisError: if it does not say what its rates are made of.
+            AnalysisError: if the mode does not state the matrices of its rates.
         """
         if self.modes[0].rates is None:
             raise AnalysisError("the controller does not say what its rates are made of, which this analysis needs")

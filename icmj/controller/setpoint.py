@@ -31,7 +31,7 @@ TERNARY_INTERVALS = 3 ** len(_REGISTER) - 1
 
 @dataclass(frozen=True, eq=False)
 class Setpoint:
-    """A set-point of R channels and its steady states; see the module.
+    """A set-point of R channels and its steady states.
 
     Attributes:
         names, units: names and units of its channels.
@@ -93,7 +93,7 @@ class Setpoint:
         return of, Hold(hold.name, A_h)
 
     def faces(self, faces: Faces) -> Faces:
-        """Faces on a difference of states (x, r), from those on a difference of states x."""
+        """Faces for a difference of states (x, r), from those for a difference of states x."""
         return replace(faces, R=np.hstack([faces.R, -faces.R @ self.x_ss]))
 
 
@@ -104,7 +104,7 @@ class Target:
     Attributes:
         combination: outputs or states of the assumed plant, by name, with their weights; the channel is a target for
             their sum.
-        terms: terms of its ṙ(t), from ``step``, ``pulse``, ``ramp``, ``sines`` or ``ternary``; (M, 5).
+        terms: terms of its ṙ(t), from ``step``, ``pulse``, ``ramp``, ``sines`` or ``ternary``; shape (M, 5).
         name: name of the channel; if empty, that of the single output or state.
         unit: unit of the channel; if empty, that of the single output or state.
     """
@@ -118,8 +118,8 @@ class Target:
 def setpoint(plant: LinearPlant, targets: Sequence[Target]) -> Setpoint | None:
     """The set-point of these targets for a controller that assumes ``plant``; ``None`` if there are no targets.
 
-    If there are several steady states, the one with the least command is taken, and among these the one with the least
-    state.
+    If there are several steady states, the one with the smallest command is used and, among these, the one with the
+    smallest state.
 
     Raises:
         AnalysisError: if a target names something that is neither an output nor a state of the plant, if two targets

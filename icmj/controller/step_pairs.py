@@ -21,11 +21,11 @@ class StepPairs:
     """P pairs of steps of a set-point.
 
     Attributes:
-        t: times of first and second steps [s], shape (P, 2), rising throughout.
-        sizes: of the steps [unit of the set-point], shape (P, 2).
+        t: times of first and second steps [s], shape (P, 2), increasing throughout.
+        sizes: sizes of the steps [unit of the set-point], shape (P, 2).
 
     Raises:
-        AnalysisError: on construction, if there is no pair, times do not rise, or a step has no size.
+        AnalysisError: on construction, if there is no pair, times do not increase, or a step has the size zero.
     """
 
     t: Array
@@ -49,12 +49,12 @@ class StepPairs:
 
     @property
     def isi(self) -> Array:
-        """From the first to the second step [s], shape (P,)."""
+        """Inter-step interval, from the first to the second step of each pair [s], shape (P,)."""
         return np.diff(self.t, axis=1)[:, 0]
 
     @property
     def same(self) -> np.ndarray:
-        """Whether both steps have one direction, shape (P,)."""
+        """Whether both steps of a pair have the same direction, shape (P,)."""
         return self.sizes.prod(axis=1) > 0
 
     @property
@@ -69,7 +69,7 @@ class StepPairs:
         return np.concatenate([step(size, at) for size, at in zip(self.sizes.ravel(), self.t.ravel(), strict=True)])
 
     def target(self, output: str) -> Target:
-        """The set-point of ``output`` that does this, for :func:`icmj.setpoint`."""
+        """The set-point of ``output`` with these steps, for :func:`icmj.setpoint`."""
         return Target({output: 1.0}, self.terms)
 
 
@@ -85,21 +85,21 @@ def double_steps(
 ) -> StepPairs:
     """Pairs of steps in random order, each inter-step interval and direction ``repetitions`` times.
 
-    A reversal is twice as large as the step before it: were it as large, a controller that samples both at once would
-    see nothing of either. The set-point stays within three sizes of zero.
+    A reversal is twice as large as the step before it. If it were equally large, a controller that samples both steps
+    at once would find no change. The magnitude of the set-point is at most three times ``size``.
 
     Args:
         isi: inter-step intervals [s].
-        repetitions: of each interval in each direction.
-        size: of every first step [unit of the set-point].
-        recovery: least and longest time from a pair to the next [s], drawn evenly between them, so that the times of
-            the pairs bear no relation to any clock.
+        repetitions: number of repetitions of each interval in each direction.
+        size: size of every first step [unit of the set-point].
+        recovery: shortest and longest time from a pair to the next [s]; the times are uniformly distributed between
+            them, so that the times of the pairs are not related to any clock.
         directions: ``same``, ``reversal``, or both.
-        seed: of order, directions and times.
+        seed: seed of order, directions and times.
         start: time before the first pair [s].
 
     Raises:
-        AnalysisError: if intervals are not positive or stand there twice, or something else is not as it is said above.
+        AnalysisError: if intervals are not positive or occur twice, or another argument is invalid.
     """
     intervals = np.asarray(isi, dtype=float).ravel()
     if (
@@ -134,14 +134,14 @@ def double_steps(
 def find_step_pairs(series: Series, setpoint: str) -> StepPairs:
     """The pairs of steps in a recorded set-point: the first step with the second, the third with the fourth, …
 
-    A step is taken to be at the first row that shows it: up to one sampling interval late.
+    The time of a step is that of the first row after it, so it may be late by up to one sampling interval.
 
     Args:
-        series: holds the set-point.
-        setpoint: which signal that is.
+        series: the series that contains the set-point.
+        setpoint: name of this signal.
 
     Raises:
-        DataError: if there is no such signal, it has gaps, it moves otherwise than in steps, or a step has no partner.
+        DataError: if there is no such signal, it has gaps, it changes other than in steps, or a step has no partner.
     """
     r = series[setpoint]
     if not np.isfinite(r).all():

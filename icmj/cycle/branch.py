@@ -24,18 +24,19 @@ class SpecialPoint:
     """A bifurcation or an end on a branch.
 
     Attributes:
-        kind: ``fold``: the branch turns; ``flip``: a cycle of twice the intervals is born; ``symmetry breaking``: the
-            same for a mirrored cycle, whose halves become different; ``Neimark–Sacker``: a pair of multipliers crosses
-            the circle; ``branch point``: two branches meet; ``grazing``: the event function touches zero before the
-            event, or only touches it at the event; ``least interval``: an interval decreases to Δ_min or the delay;
-            ``homoclinic``: an interval grows without bound; ``fall``: a position reaches its limit; ``end``: the branch
-            ends for another reason.
+        kind: ``fold``: the branch turns back; ``flip``: a cycle with twice as many intervals branches off; ``symmetry
+            breaking``: the same for a mirrored cycle, whose halves become different; ``Neimark–Sacker``: a complex
+            pair of multipliers crosses the unit circle; ``branch point``: two branches meet; ``grazing``: the event
+            function touches zero before the event, or only touches it at the event; ``least interval``: an interval
+            decreases to Δ_min or the delay; ``homoclinic``: an interval grows without bound; ``fall``: a position
+            reaches its limit; ``end``: the branch ends for another reason.
         value: value of the parameter, to 1e-6 or better.
         index: index of the preceding point of the branch.
-        state: z at an event of this cycle, shape (N,); for ``homoclinic`` and ``grazing``, of the last cycle before it.
+        state: z at an event of this cycle, shape (N,); for ``homoclinic`` and ``grazing``, that of the last cycle
+            before it.
         intervals: its open-loop intervals [s], shape (p,).
         y_peak: largest magnitude of every output over the period, shape (n_y,).
-        multiplier: the multiplier that crosses the circle; NaN if none does.
+        multiplier: the multiplier that crosses the unit circle; NaN if none does.
         words: a description in one sentence.
     """
 
@@ -59,20 +60,20 @@ class Branch:
         plant: ``linear`` or ``mujoco``.
         mirrored: whether the second half of each cycle is the first with opposite sign.
         value: value of the parameter at each of M cycles, shape (M,).
-        intervals: over the period, or its first half [s]; shape (M, p).
-        states: z at the events, departures from the operating point, shape (M, p, N).
+        intervals: open-loop intervals over the period, or over its first half if it is mirrored [s]; shape (M, p).
+        states: z at the events, deviations from the operating point, shape (M, p, N).
         scale: size of z on the first cycle, shape (N,).
         y_peak, y_range: largest magnitude and peak-to-peak range of the outputs over the period, shape (M, n_y).
         multipliers: multipliers of P^p, by decreasing magnitude, shape (M, N).
         closure: relative closure errors, shape (M,).
         graze: highest inner maximum of the event function over the threshold squared, shape (M,).
         neutral: number of multipliers that are ±1 by construction.
-        t: times along each cycle from its first event on [s], K in each interval; shape (M, p K).
+        t: times along each cycle from its first event on [s], K times in each interval; shape (M, p K).
         x, y, u: states, outputs and commands at these times, shapes (M, p K, ...).
         qpos: MuJoCo's positions, shape (M, p K, nq); (M, p K, 0) on the linear plant.
         outputs, inputs, names, units: names of outputs, inputs and plant states; units of the outputs.
         specials: special points, in the order of the branch.
-        end: the reason for its end, in one sentence.
+        end: the reason why the branch ends, in one sentence.
     """
 
     run: RunFile
@@ -138,5 +139,5 @@ class Branch:
 
     @property
     def name(self) -> str:
-        """Such as ``mirrored period-2 cycles``."""
+        """A description, such as ``mirrored period-2 cycles``."""
         return f"{'mirrored ' if self.mirrored else ''}period-{self.events} cycles"

@@ -35,15 +35,15 @@ class Cycle:
         mirrored: whether its second half is the first with opposite sign.
         intervals: open-loop intervals over the period, or over its first half if it is mirrored [s], shape (p,).
         period: time after which the state repeats [s].
-        states: z = (x, x_o), with a delay (x, x_o, x_h), at the event that begins each interval, departures from the
+        states: z = (x, x_o), with a delay (x, x_o, x_h), at the event that begins each interval, deviations from the
             operating point; shape (p, N).
         scale: size of each state on the cycle, shape (N,); closure and differences are relative to it.
         y_peak: largest magnitude of every output over the period, shape (n_y,).
-        y_range: peak to peak over the period, shape (n_y,).
+        y_range: peak-to-peak range of every output over the period, shape (n_y,).
         J: derivative of the return map P over ``intervals``, shape (N, N). On a mirrored cycle −P returns the state,
             but J is the derivative of P, as in the linear theory.
         multipliers: eigenvalues of J, by decreasing magnitude, shape (N,).
-        multiplier_errors: error estimate of each, shape (N,).
+        multiplier_errors: error estimate of each multiplier, shape (N,).
         closure: largest |±P(z) − z| relative to ``scale``.
         history: closures of Newton's iterates, the first guess first.
         interval_error: relative error of the mean interval due to the step of the integrator; 0 on the linear plant.
@@ -87,12 +87,12 @@ class Cycle:
 
     @property
     def attracting(self) -> bool:
-        """Whether every multiplier is inside the unit circle by more than rounding, modulo neutral modes."""
+        """Whether all multipliers, except those of neutral modes, are inside the unit circle by more than rounding."""
         return bool(np.abs(self.isolated).max(initial=0.0) < 1 - SAME)
 
     @property
     def name(self) -> str:
-        """Such as ``mirrored period-2 cycle``."""
+        """A description, such as ``mirrored period-2 cycle``."""
         return f"{'mirrored ' if self.mirrored else ''}period-{self.events} cycle"
 
     @property

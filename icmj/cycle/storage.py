@@ -30,8 +30,8 @@ _LISTED = ("scale",)
 def write_branch(branch: Branch, path: Path | str) -> None:
     """Write a branch as Parquet; the file is either complete or absent.
 
-    A column has a list of numbers for each cycle, row-major; the shapes are in the metadata. ``multipliers`` are pairs
-    (re, im).
+    Each column contains a list of numbers for each cycle, in row-major order; the shapes are in the metadata.
+    ``multipliers`` are pairs (re, im).
 
     Raises:
         LogError: if the file cannot be written.

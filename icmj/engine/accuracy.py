@@ -40,11 +40,11 @@ class Accuracy:
     """Estimated error over one open-loop interval.
 
     Attributes:
-        order: p of the integrator.
-        interval: error of the interval [s]; NaN where its end is not an event (E = 0).
-        output: error of the outputs at the end of the stretch, relative to their largest departure in it.
-        stretch: length of the stretch [s].
-        outputs: error of each output, relative to its own largest departure in the stretch, shape (n_y,).
+        order: order p of the integrator.
+        interval: error of the interval [s]; NaN if its end is not an event (E = 0).
+        output: error of the outputs at the end of the evaluated time, relative to their largest deviation in it.
+        stretch: length of the evaluated time [s].
+        outputs: error of each output, relative to its own largest deviation in this time, shape (n_y,).
     """
 
     order: int
@@ -170,14 +170,14 @@ def choose_timestep(simulation: Simulation, tolerance: float) -> float:
     """The timestep [s] at which the relative error of an interval would be ``tolerance``, estimated from one run.
 
     Args:
-        simulation: a run on the engine, with an error estimate.
+        simulation: a run in MuJoCo, with an error estimate.
         tolerance: required relative error of the interval, or of the outputs if the run has no events.
 
     Returns:
-        at most the inverse of the loop's fastest rate, beyond which the estimate does not hold.
+        The timestep, at most the inverse of the loop's fastest rate, beyond which the estimate is not valid.
 
     Raises:
-        SimulationError: if the simulation was not on the engine, or its steps were adapted to a tolerance.
+        SimulationError: if the simulation was not in MuJoCo, or its steps were adapted to a tolerance.
     """
     facts = simulation.precision
     if "timestep" not in facts or "fastest_rate" not in facts:

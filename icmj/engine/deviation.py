@@ -26,12 +26,12 @@ class Deviation:
     """The deviation of the actual plant from an MJCF model; by default there is none.
 
     Attributes:
-        gain: b, the input gain of all inputs (one number), or of each in the order in which they are selected; an
+        gain: b, the input gain of all inputs (one number), or of each input in the order of their selection; an
             abbreviation for changes of ``input_gain``.
         dynprm: replacements for ``dynprm`` of the named actuators; an abbreviation for changes of ``dynprm``.
         rho: ρ, the scale of every change: 0 for none, 1 for the whole change.
         changes: other changes, by name.
-        edit: any other change of the model: a function of its spec and ρ, called last.
+        edit: any other change of the model: a function of its spec and ρ, which is called last.
     """
 
     gain: float | Sequence[float] = 1.0
@@ -41,10 +41,11 @@ class Deviation:
     edit: Edit | None = None
 
     def apply(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Apply the changes to the model, except those of ports, which the ports apply.
+        """Apply the changes to the model, except those of inputs and sensors, which are applied there.
 
         Raises:
-            ModelError: if the model does not have a name, or a number does not fit; the message begins with ``name``.
+            ModelError: if the model has no element of a given name, or a number does not fit; the message begins with
+                ``name``.
         """
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]
@@ -71,7 +72,7 @@ class Deviation:
                 raise ModelError(f"{name}: the changed model does not compile: {reason}") from error
 
     def input_gains(self, inputs: Sequence[str], chosen: Sequence[int], name: str) -> Array:
-        """b of each actuator that is ``chosen`` from those called ``inputs``, in that order, shape (n_u,).
+        """Input gain b of each actuator that is ``chosen`` from ``inputs``, in this order, shape (n_u,).
 
         Raises:
             ModelError: if the number of gains, or a name, does not fit.
@@ -89,10 +90,10 @@ class Deviation:
     def sensor_errors(
         self, outputs: Sequence[str], sensors: Mapping[str, Sequence[int]], name: str
     ) -> tuple[Array, Array]:
-        """g and β of each entry of ``sensordata``; a name is that of a sensor or of one entry of it.
+        """Gain g and bias β of each entry of ``sensordata``; changes name a sensor or one entry of it.
 
         Raises:
-            ModelError: if there is no sensor of a name, or a gain is zero.
+            ModelError: if there is no sensor of a given name, or a gain is zero.
         """
         places = {**{label: (i,) for i, label in enumerate(outputs)}, **sensors}
         g = self._ports("sensor_gain", np.ones(len(outputs)), places, "sensor", name)

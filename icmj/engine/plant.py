@@ -49,14 +49,14 @@ from icmj.simulation.ending import Limit, limits_of
 
 @dataclass(frozen=True, eq=False)
 class MujocoPlant:
-    """A plant on the physics engine.
+    """A plant that is simulated in MuJoCo.
 
     Attributes:
         path: the MJCF file.
         spec: its model with the deviation applied; copy before editing (``spec.copy()``).
         linearisation: linearisation at the operating point, with the point itself and the ports.
         told: notices of default choices.
-        muscles: the lag of each actuator that an :class:`icmj.Activation` gave one, by the number of the actuator.
+        muscles: the lags that an :class:`icmj.Activation` added to actuators, by the number of the actuator.
     """
 
     path: Path
@@ -89,10 +89,10 @@ class MujocoPlant:
         return state_names(self.model)
 
     def matched(self, assumed: LinearPlant, match: Match = "name") -> MujocoPlant:
-        """The same with its inputs and outputs in the order of ``assumed``; see :func:`icmj.plant.matching.matched`.
+        """The same plant with inputs and outputs in the order of ``assumed``; see :func:`icmj.plant.matching.matched`.
 
         Raises:
-            AnalysisError: if they differ in number, or in name.
+            AnalysisError: if they differ in number or in name.
         """
         here = self.linearisation
         u, y = ports(here.plant, assumed, match)
@@ -123,7 +123,7 @@ class MujocoPlant:
         return replace(here.plant, pushes=dict(zip(wanted, found, strict=True)))
 
     def limits(self, limit: Limit) -> Array:
-        """The departure of each position of the model at which the body has fallen [rad or m], shape (nv,).
+        """The deviation of each position of the model at which the body counts as fallen [rad or m], shape (nv,).
 
         Raises:
             SimulationError: if a limit names something that is not a position.
@@ -133,7 +133,7 @@ class MujocoPlant:
 
     @property
     def xml(self) -> str:
-        """The deviated model as MJCF text."""
+        """The model with its deviation as MJCF text."""
         return self.spec.to_xml()
 
 
@@ -149,7 +149,7 @@ def load_plant(
     person: Person | None = None,
     activation: Activation | None = None,
 ) -> MujocoPlant:
-    """Load, deviate and linearise an MJCF plant.
+    """Load an MJCF model, apply its deviation, and linearise it.
 
     Args:
         path: the MJCF file.

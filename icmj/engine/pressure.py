@@ -35,12 +35,12 @@ def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -
 
 
 def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Controller | None = None) -> Pressure:
-    """The ground reaction at every row of ``simulation``, from either simulator.
+    """The ground reaction at every row of ``simulation``, on either plant.
 
     Args:
         plant: the actual plant.
-        simulation: a run of it.
-        controller: controller of the run; with it the reaction right after every event is computed, too, where the
+        simulation: a run of this plant.
+        controller: controller of the run; if given, the reaction right after every event is also computed, when the
             torque has jumped.
 
     Raises:

@@ -27,12 +27,13 @@ _STEP = 1e-5  # of a central difference, in the unit of a state, or of the torqu
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """The linearised reaction, forwards or sideways, about the operating point; departures from rest.
+    """The linearised reaction of the ground, forwards or sideways, as a deviation from that at the operating point.
 
     Attributes:
-        mass: of all that moves [kg].
-        height: of its centre above the ground [m].
-        C, D: from the plant's states and from what acts on its inputs to (θ_F [rad], p [m]), shapes (2, n), (2, n_u).
+        mass: mass of all moving bodies [kg].
+        height: height of their common centre of mass above the ground [m].
+        C, D: matrices from the states and from the acting inputs of the plant to (θ_F [rad], p [m]), shapes (2, n),
+            (2, n_u).
     """
 
     mass: float
@@ -45,12 +46,12 @@ def reaction(plant: MujocoPlant, axis: str = "x", level: float | None = None) ->
     """The linearised reaction of the ground on ``plant``.
 
     Args:
-        plant: such as :func:`icmj.load_plant` gives.
+        plant: a plant from :func:`icmj.load_plant`.
         axis: ``x`` or ``y``.
-        level: height of the ground in the world [m]; that of the model's level plane, 0 where it has none.
+        level: height of the ground in the world [m]; by default that of the model's horizontal plane, or 0 without one.
 
     Raises:
-        ModelError: if gravity does not press it down, or the axis is none.
+        ModelError: if gravity does not press the plant down, or the axis is neither ``x`` nor ``y``.
     """
     ground = _Ground(plant, level)
     place = _place(axis)
@@ -68,19 +69,19 @@ def reaction(plant: MujocoPlant, axis: str = "x", level: float | None = None) ->
 
 
 def ground_force(plant: MujocoPlant, simulation: Simulation, level: float | None = None) -> Series:
-    """The ground's force and the centre of pressure at every row of a run, from either simulator.
+    """The ground reaction force and the centre of pressure at every row of a run, on either plant.
 
     Args:
         plant: the actual plant.
-        simulation: a run of it.
-        level: of the ground in the world [m]; as for :func:`reaction`.
+        simulation: a run of this plant.
+        level: height of the ground in the world [m]; as for :func:`reaction`.
 
     Returns:
-        ``force.x``, ``force.y``, ``force.z`` on the body [N], ``cop.x``, ``cop.y`` [m].
+        A series with the forces ``force.x``, ``force.y``, ``force.z`` on the body [N], and ``cop.x``, ``cop.y`` [m].
 
     Raises:
-        ModelError: if the simulation is not of this plant, something else pushes a body, or gravity does not press it
-            down.
+        ModelError: if the simulation is not one of this plant, another external force acts on a body, or gravity does
+            not press the plant down.
     """
     n = len(plant.linearisation.ports.states)
     if simulation.x.shape[1] != n:

@@ -38,9 +38,9 @@ class Identification:
         way: the method: the settled ``rhythm``, the ``sequence`` of events since the start, motions simulated under
             ``noise``, or ``none``.
         words: a description in words.
-        probability: probability that a motion made by the best value would agree less well with its own prediction than
-            the observed motion does, due to errors of times and readings or to noise; ``None`` if nothing was compared.
-            Below :data:`icmj.identification.agreement.LEVEL` no value fits, and the motion does not determine one.
+        probability: probability that a motion with the best value, because of errors of times and readings or of
+            noise, would agree less well with its own prediction than the observed motion does; ``None`` if nothing was
+            compared. Below :data:`icmj.identification.agreement.LEVEL` no value fits, and none is determined.
         edge: an end of the range that the intervals reach, beyond which the value may lie; otherwise ``None``.
     """
 
@@ -53,7 +53,7 @@ class Identification:
     edge: float | None = None
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies in the intervals."""
+        """Whether the intervals contain a value."""
         return any(low <= value <= high for low, high in self.intervals)
 
 
@@ -75,16 +75,16 @@ def identify(
     noise, simulated motions are compared (:mod:`icmj.identification.bank`).
 
     Args:
-        unknown: the number that is sought, and the run file with all that is known.
+        unknown: the parameter to be identified, and the run file with everything that is known.
         observed: the motion.
-        plant: the plant that moved, which is simulated: ``linear`` or ``mujoco``.
+        plant: the plant of the motion, which is simulated: ``linear`` or ``mujoco``.
         refine: whether the exact cycle of the nonlinear plant corrects the linear theory; only for ``mujoco``.
         known: results computed for another motion of the same length: predictions, or simulated motions.
         seed: seed of simulated motions.
         progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        IcmjError: if the run file cannot have the unknown, or no motion can be simulated.
+        IcmjError: if the run file does not have the unknown, or no motion can be simulated.
     """
     with unknown.run.at_hand() as run:  # of a log from elsewhere, with the models that it carries
         return _identified(replace(unknown, run=run), observed, plant, refine, known, seed, progress)

@@ -21,12 +21,12 @@ class Observed:
     Attributes:
         times: times of the events [s], increasing, shape (K,); empty if only outputs were observed.
         outputs: outputs at the events, shape (K, n_y); (K, 0) if they were not observed.
-        t, y: instants [s] and the outputs at them, shapes (N,) and (N, n_y); empty if only events were observed.
+        t, y: times [s] and the outputs at these times, shapes (N,) and (N, n_y); empty if only events were observed.
         begin: start of the record [s]; the first interval is counted from here.
         whole: whether the record begins with the initial state of the run file.
         resolution: resolution of the times [s]: the sampling interval, or the last decimal of the times of events.
-        timing, reading: standard deviations of the errors of times [s] and of outputs [their unit]; ``None`` for the
-            rounding error of the resolution, and for a hundredth of the size of each output.
+        timing, reading: standard deviations of the errors of times [s] and of outputs [their unit]. If ``None``, they
+            are the rounding error of the resolution, and a hundredth of the size of each output.
     """
 
     times: Array
@@ -60,10 +60,10 @@ class Observed:
         return READING * size if self.reading is None else np.full(len(size), self.reading)
 
     def with_errors(self, timing: float | None, reading: float | None) -> Observed:
-        """The same motion with another accuracy.
+        """The same motion with other standard deviations of its errors.
 
         Raises:
-            IdentificationError: if one is negative or not finite.
+            IdentificationError: if one of them is negative or not finite.
         """
         return replace(self, timing=timing, reading=reading)
 
@@ -75,7 +75,7 @@ class Observed:
 
     @classmethod
     def of_simulation(cls, simulation: Simulation) -> Observed:
-        """The events of a run and the outputs at them, from the initial state of its run file on."""
+        """The events of a run and the outputs at the events, from the initial state of its run file on."""
         times = simulation.events.t
         # every event is a row
         rows = np.clip(np.searchsorted(simulation.t, times), 0, len(simulation.t) - 1)
@@ -83,10 +83,10 @@ class Observed:
 
     @classmethod
     def of_times(cls, times: Array) -> Observed:
-        """Times of events alone [s], from anywhere in a motion.
+        """A motion of which only times of events [s] are known, from any part of it.
 
         Raises:
-            IdentificationError: if they do not rise or are not finite.
+            IdentificationError: if the times do not increase or are not finite.
         """
         times = _rising(times, "event times")
         nothing = np.zeros((len(times), 0))
@@ -94,10 +94,10 @@ class Observed:
 
     @classmethod
     def of_samples(cls, t: Array, y: Array) -> Observed:
-        """Outputs at many instants, from anywhere in a motion; shapes (N,) and (N, n_y).
+        """A motion of which outputs at many times are known, from any part of it; shapes (N,) and (N, n_y).
 
         Raises:
-            IdentificationError: if instants do not rise, or something is not finite.
+            IdentificationError: if times do not increase, or a value is not finite.
         """
         t, y = _rising(t, "instants"), np.asarray(y, float).reshape(len(t), -1)
         if not np.isfinite(y).all():

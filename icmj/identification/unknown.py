@@ -15,11 +15,11 @@ from icmj.runfile.schema import RunFile
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number that is sought.
+    """The parameter that is to be identified.
 
     Attributes:
-        run: the run file; its own value of the unknown is not used.
-        field: dotted key of the run file, as ``actual.gain`` (b) or ``actual.rho`` (ρ); "" for a change.
+        run: the run file; its own value of the parameter is not used.
+        field: dotted key of the run file, such as ``actual.gain`` (b) or ``actual.rho`` (ρ); "" for a change.
         change: a change of the actual plant whose factor is sought, or ``None``.
         low, high: bounds of the search.
         longest: Δ up to which crossings are searched [s]; if ``None``, that of the run file.
@@ -38,16 +38,16 @@ class Unknown:
 
     @property
     def name(self) -> str:
-        """For people."""
+        """The name that is shown."""
         if self.change is not None:
             return f"factor on {self.change.what}{f' of {self.change.of}' if self.change.of else ''}"
         return {"actual.gain": "b", "actual.rho": "ρ"}.get(self.field, self.field)
 
     def at(self, value: float, **changes: Any) -> RunFile:
-        """The run file with the unknown at ``value``.
+        """The run file with ``value`` for the unknown.
 
         Raises:
-            RunFileError: if it cannot have that value.
+            RunFileError: if this value is not allowed.
         """
         if self.longest is not None:
             changes["analysis.delta_max"] = max(self.longest, self.run.analysis.delta_max)
@@ -61,14 +61,14 @@ class Unknown:
         return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)
 
     def case(self, value: float, like: Case | None = None, **changes: Any) -> Case | None:
-        """The case with this value, or ``None`` if there is none."""
+        """The case with this value, or ``None`` if no case can be prepared."""
         try:
             return prepare(self.at(value, **changes), like=like)
         except IcmjError:
             return None
 
     def checked(self) -> Case:
-        """The case in the middle of the range, to check that there is one.
+        """The case in the middle of the range, to check that it can be prepared.
 
         Raises:
             IcmjError: if the run file or its models do not have the field or change.

@@ -21,11 +21,11 @@ _REPLACED = 5  # how often a log may be replaced while it is read
 
 
 class DamagedLog(LogError):
-    """The file is not a whole recording; part of it may still be salvaged."""
+    """The file is not a complete recording; a part of it may still be readable."""
 
 
 def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
-    """The result from which a log was written, bit for bit; ``scene`` is ``None``.
+    """Read the result from which a log was written, bit for bit; ``scene`` is ``None``.
 
     An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`).
 
@@ -48,7 +48,7 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
 
 
 def read_trial(path: Path | str) -> Tried:
-    """The run of a log whose controller is not intermittent; ``scene`` is ``None``.
+    """Read the run of a log whose controller is not intermittent; ``scene`` is ``None``.
 
     A controller from user code is read as its numbers (:class:`icmj.controller.law.RecordedLaw`).
 

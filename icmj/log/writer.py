@@ -37,9 +37,8 @@ FORMAT = 1
 def write_log(result: Result | Tried, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
-    The log is written under a temporary name, read back to check that it is complete, and renamed, so that a log is
-    either complete or absent. The archive in it, which :func:`icmj.log.read_log` reads, contains its own digest, so
-    that no second file is needed.
+    The log is written under a temporary name, read back to check that it is complete, and renamed, so a log is
+    either complete or absent. It contains an archive with its own digest, which :func:`icmj.log.read_log` reads.
 
     Raises:
         LogError: if the result cannot be stored or the file cannot be written.

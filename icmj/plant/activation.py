@@ -33,7 +33,7 @@ class Activation:
         damping_ratio: ζ of the second order; if ``None``, 1, which is critical damping.
 
     Raises:
-        ModelError: on construction, if the keys do not make a lag of this order, or a number is not positive.
+        ModelError: on construction, if the keys do not define a lag of this order, or a number is not positive.
     """
 
     order: int

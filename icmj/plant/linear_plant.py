@@ -32,7 +32,7 @@ class LinearPlant:
         state_units, input_units, output_units: their units, such as rad or N m; "" if unknown.
         B_d: effect of a push of size 1 along each input on the plant itself, shape (n, n_u), independent of the input
             gain; B if it is empty.
-        pushes: effect of other pushes of size 1, shape (n,) each.
+        pushes: effects of other pushes of size 1, shape (n,) each.
 
     B may be given as a vector if there is a single input, and C if there is a single output.
 
@@ -132,14 +132,14 @@ class LinearPlant:
         return replace(self, B=self.B * np.asarray(gain, float))
 
     def statespace(self) -> StateSpace:
-        """As a python-control ``StateSpace`` with the same names."""
+        """The plant as a ``StateSpace`` of python-control with the same names."""
         import control
 
         return control.ss(self.A, self.B, self.C, 0, states=self.states, inputs=self.inputs, outputs=self.outputs)
 
     @classmethod
     def from_statespace(cls, system: StateSpace) -> LinearPlant:
-        """From a python-control ``StateSpace`` in continuous time without feed-through.
+        """The plant that a ``StateSpace`` of python-control describes, in continuous time without feed-through.
 
         Raises:
             AnalysisError: if the system is discrete or D is not zero.
@@ -166,7 +166,7 @@ class LinearPlant:
         u0: ArrayLike | None = None,
         params: Mapping[str, Any] | None = None,
     ) -> LinearPlant:
-        """From a system of python-control or scipy.signal, or from matrices.
+        """The plant that a system of python-control or scipy.signal, or a set of matrices, describes.
 
         Args:
             system: a linear plant, which is returned unchanged; a ``StateSpace``; a ``TransferFunction`` (with several
@@ -174,7 +174,7 @@ class LinearPlant:
                 differences; a system of scipy.signal in any form; any other object with matrices A, B, C and D; or a
                 sequence of A, B, C and, if it is zero, D.
             x0, u0: equilibrium of a nonlinear system, shapes (n,) and (n_u,); zero if ``None``. States, inputs and
-                outputs of the plant are departures from it.
+                outputs of the plant are deviations from it.
             params: parameters of a nonlinear system.
 
         Raises:

@@ -16,11 +16,11 @@ class OperatingRule:
     Attributes:
         kind: ``as given``: pose, velocity, activation and control are those of the keyframe. ``static control``: the
             pose is that of the keyframe, and controls and activations are those that hold it. ``balance``: the joints
-            in ``free`` move, too. ``found``: as given if that is at rest, otherwise balance.
+            in ``free`` may move, too. ``found``: as given if the plant is at rest there, otherwise balance.
         free: names of the joints that may move; all if empty.
         pose: positions of hinge and slide joints, instead of those of the keyframe [rad, m].
 
-    If the solution is not unique, the forces of the actuators depart as little as possible from those of the keyframe's
+    If the solution is not unique, the forces of the actuators differ as little as possible from those of the keyframe's
     controls or, without such controls, from zero.
     """
 

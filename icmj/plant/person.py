@@ -23,13 +23,13 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment of a standing person, as fractions.
+    """A segment of a standing person, described by fractions.
 
     Attributes:
-        mass: of the body's mass, both sides together.
-        length: of the body's height.
-        com: where the centre of mass is, from the lower end, of the segment's length.
-        gyration: radius of gyration about the centre of mass, of the segment's length.
+        mass: mass of both sides together, as a fraction of the body mass.
+        length: length, as a fraction of the body height.
+        com: distance of the centre of mass from the lower end, as a fraction of the length of the segment.
+        gyration: radius of gyration about the centre of mass, as a fraction of the length of the segment.
 
     Raises:
         ModelError: on construction, if one of them is not positive.
@@ -124,7 +124,7 @@ class Person:
         return self.mass_of(name) * (self[name].gyration * self.length_of(name)) ** 2
 
     def toppling_stiffness(self, g: float = GRAVITY) -> Array:
-        """G_j of ankle, knee and hip: g · (moment of the mass above the joint) [N m/rad], shape (3,)."""
+        """Toppling stiffness of ankle, knee and hip: G_j = g · (moment of the mass above the joint) [N m/rad], (3,)."""
         names = list(SEGMENTS)
         G = np.zeros(3)
         for j in range(3):

@@ -37,10 +37,10 @@ class Push:
         force: force [N], along the axes of the world,
         torque: torque [N m], about the axes of the world,
         point: point of action, fixed in the frame of the body [m]; its centre of mass if ``None``. Or
-        surface: how the support surface moves, to first order in its motion, and all coordinates are those seen from
-            it: ``translation``, an acceleration of 1 m/s² along ``axis``; ``gravity``, a tilt of 1 rad about ``axis``,
-            which turns gravity; ``turning``, an angular acceleration of 1 rad/s² about the line along ``axis`` through
-            ``point`` (the origin of the world if ``None``).
+        surface: motion of the support surface, to first order; all coordinates are relative to the surface.
+            ``translation``: an acceleration of 1 m/s² along ``axis``; ``gravity``: a tilt of 1 rad about ``axis``,
+            which changes the direction of gravity; ``turning``: an angular acceleration of 1 rad/s² about the line
+            along ``axis`` through ``point`` (the origin of the world if ``None``).
         axis: direction of a translation, or axis of a rotation by the right-hand rule; of length 1.
 
     Raises:
@@ -94,7 +94,7 @@ class Push:
 
     @property
     def magnitude(self) -> float:
-        """Magnitude of the force [N], or of the torque [N m] without a force; 1 if there are both, or an input."""
+        """Magnitude of the force [N] or, without a force, of the torque [N m]; 1 if both are given, or an input."""
         sizes = [float(np.linalg.norm(vector)) for vector in (self.force, self.torque) if any(vector)]
         return sizes[0] if len(sizes) == 1 else 1.0
 

@@ -28,10 +28,10 @@ class Residual:
     """The largest acceleration at the operating point.
 
     Attributes:
-        size: in ``unit``.
-        of: of which state.
+        size: its size, in ``unit``.
+        of: name of the state.
         unit: rad/s² or m/s²; 1/s for an activation.
-        share: of gravity (an angle on a lever of 1 m); an activation's rate as it is.
+        share: its size relative to gravity (for an angle, with a lever of 1 m); for an activation, its rate.
     """
 
     size: float
@@ -45,10 +45,10 @@ class Kink:
     """An input or a state whose slopes differ on its two sides.
 
     Attributes:
-        of: its name.
+        of: name of the input or state.
         kind: ``input`` or ``state``.
-        bend: disagreement of the two one-sided differences, relative to the larger.
-        why: what may be the reason.
+        bend: difference of the two one-sided derivatives, relative to the larger.
+        why: a possible reason.
     """
 
     of: str
@@ -59,7 +59,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Margin:
-    """How far an input or a joint may go from the operating point to the ends of its range, in its unit."""
+    """The distances of an input or a joint at the operating point from the ends of its range, in its unit."""
 
     of: str
     down: float
@@ -79,7 +79,7 @@ class Quality:
         margins: distances of the inputs to their limits.
         room: distances of joints to the ends of their ranges.
         feedthrough: outputs that depend directly on the inputs (D ≠ 0).
-        neutral, uncontrollable, unobservable: modes, by the names of their states.
+        neutral, uncontrollable, unobservable: such modes, by the names of their states.
         idle: states on which nothing depends.
     """
 
@@ -105,8 +105,8 @@ class Quality:
     def merits(self) -> tuple[bool, ...]:
         """The conditions for a prediction, the most important first.
 
-        That it rests; is smooth, there and about; that inputs reach what does not come to rest by itself; that joints
-        have room.
+        The plant is at rest; it is smooth at and near the operating point; the inputs can control all modes that do not
+        decay by themselves; and the joints are not at the ends of their ranges.
         """
         reached = all(mode.stable for mode in self.uncontrollable)
         roomy = all(min(joint.down, joint.up) > ROOMY * (joint.down + joint.up) for joint in self.room)

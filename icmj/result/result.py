@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Growth per interval under the clock, the points on panel (a).
+    """Growth per interval under a clock: the points in panel (a).
 
     Attributes:
         delta: clock intervals [s], shape (M,).
-        measured: measured growth factor per interval in simulation, shape (M,).
-        predicted: largest |λ(φ(Δ))| there, shape (M,).
+        measured: growth factor per interval, measured in simulations, shape (M,).
+        predicted: largest |λ(φ(Δ))| at these intervals, shape (M,).
     """
 
     delta: Array
@@ -42,13 +42,13 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeLaw:
-    """Errors against the linear prediction as the threshold falls (docs/simulation.md).
+    """Errors relative to the linear prediction at decreasing thresholds (docs/simulation.md).
 
     Attributes:
         q_t: thresholds, shape (M,).
         interval_error: relative error of the open-loop interval, shape (M,).
         amplitude_error: largest relative error of an output's peak, shape (M,).
-        interval_slope, amplitude_slope: fitted d log error / d log q_t.
+        interval_slope, amplitude_slope: fitted slopes d log error / d log q_t.
     """
 
     q_t: Array
@@ -60,23 +60,23 @@ class AmplitudeLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Shown):
-    """One simulated case with all results; a log stores it completely.
+    """One simulated case with all its results; a log stores it completely.
 
     Attributes:
         run: the run file, with its text.
         assumed, actual: linearised plants [Â, B̂, Ĉ] and [A, B, C].
         controller: design, hold and trigger.
-        prediction: the linear theory.
-        simulation: the intermittently controlled run.
-        continuous: the continuous controller on the same plant from the same start.
-        measurement: the motion of the run, measured.
-        growth: clock-driven growth, or ``None`` if not run.
-        law: amplitude law, or ``None`` if not run.
+        prediction: the results of the linear theory.
+        simulation: the run under intermittent control.
+        continuous: the run under continuous control, on the same plant from the same initial state.
+        measurement: the measured motion of the run.
+        growth: growth under a clock, or ``None`` if it was not computed.
+        law: amplitude law, or ``None`` if it was not computed.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
-        attractors: motions found from random starts of the linear plant; empty if not searched.
+        attractors: motions found from random initial states of the linear plant; empty if there was no search.
         notices: notices about plants and run, each once.
-        statistics: distributions of the run under noise; ``None`` without noise, or where it has none.
+        statistics: distributions of the run under noise; ``None`` without noise, or if they cannot be computed.
         measures: results of the user's own measures, by name.
     """
 
@@ -105,7 +105,7 @@ class Result(Shown):
         return Card(f"{case.name}, {run.line}; {prediction.line}; {motion.line}", rows, self.measurement.words)
 
     def to_series(self, rate: float | None = None) -> Series:
-        """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows controller and pushes.
+        """Every signal of the run, as :meth:`icmj.Simulation.to_series` with its controller and pushes gives them.
 
         Args:
             rate: rows per second [Hz]; the recorded rows as they are if ``None``.

@@ -30,7 +30,7 @@ class Tried(Shown):
         run: the run file, with its text.
         assumed, actual: linearised plants.
         law: the controller.
-        simulation: its run; the events are its switches.
+        simulation: the run; its events are the switches.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
         notices: notices about plants and run, each once.
@@ -64,7 +64,7 @@ class Tried(Shown):
         return self.simulation.events_to_series()
 
     def to_series(self, rate: float | None = None) -> Series:
-        """Every signal of the run; see :meth:`icmj.Simulation.to_series`, which here knows pushes and taps."""
+        """Every signal of the run, as :meth:`icmj.Simulation.to_series` with its pushes and taps gives them."""
         edges = acting_on(self.actual, self.run.simulation.settings()).edges
         if self.law.setpoint:
             edges = np.concatenate([edges, self.law.setpoint.edges])

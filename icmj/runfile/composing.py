@@ -24,11 +24,11 @@ def compose_run(
 ) -> RunFile:
     """The run file of a linear plant under a controller, both given by their matrices.
 
-    Plants, gains k and L, the matrix of the hold, rule and delay are written out, so that the run file is complete:
-    :func:`icmj.prepare` makes the same case from it, and :func:`icmj.run_case` a result that can be logged.
+    Plants, gains k and L, the matrix of the hold, the rule and the delay are written to it, so that the run file is
+    complete: :func:`icmj.prepare` makes the same case from it, and :func:`icmj.run_case` a result that can be logged.
 
     Args:
-        actual: the actual plant; the assumed one is that of the controller's design.
+        actual: the actual plant; the assumed plant is that of the controller's design.
         controller: the controller; its trigger must be an event rule that run files support.
         settings: settings of its runs; the defaults if ``None``.
         name: name of the case and of its log.

@@ -91,7 +91,7 @@ class ExperimentFile(TomlTable):
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path, text: str = "", allow_code: bool = False) -> ExperimentFile:
-        """An experiment file of plain data; run files lie beside ``path``, or are shipped ones.
+        """Validate plain data as an experiment file; run files are in the folder of ``path``, or shipped ones.
 
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
@@ -117,7 +117,7 @@ class ExperimentFile(TomlTable):
 
     @property
     def kind(self) -> str:
-        """Which experiment it is: the name of its table."""
+        """The kind of experiment: the name of its table."""
         return next(name for name in KINDS if getattr(self, name) is not None)
 
     @property
@@ -127,17 +127,17 @@ class ExperimentFile(TomlTable):
 
     @property
     def runs(self) -> tuple[RunFile, ...]:
-        """The run file of each case, with what it replaces."""
+        """The run file of each case, with its values replaced."""
         return self._runs
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the cases."""
+        """Names of the cases."""
         return tuple(case.name or run.case.name for case, run in zip(self.case, self._runs, strict=True))
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Of the cases."""
+        """Titles of the cases."""
         return tuple(case.title or case.name or run.case.title for case, run in zip(self.case, self._runs, strict=True))
 
     @property

@@ -37,10 +37,10 @@ from icmj.work.own_code import Code
 
 
 class Paper(TomlTable):
-    """What the paper says of this case; shown beside the results, never used in a computation.
+    """The statements of the paper about this case; they are shown beside the results and never used in a computation.
 
     ``fingerprint`` is that of the run file which the block describes (:attr:`RunFile.fingerprint`). In a copy with
-    another plant, design or rule the block is ignored, and a note says so. Without a fingerprint it always holds.
+    another plant, design or rule the block is ignored, with a note. Without a fingerprint it is never ignored.
     """
 
     figure: str = ""
@@ -67,7 +67,7 @@ class Identity(TomlTable):
     title: Line
     """Title in tables and figures."""
     paper: Paper = Paper()
-    """What the paper says of this case."""
+    """The statements of the paper about this case."""
 
 
 class RunFile(TomlTable):
@@ -100,7 +100,7 @@ class RunFile(TomlTable):
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
-        """A run file from plain data, with models relative to ``path``.
+        """Validate plain data as a run file; paths of models are relative to ``path``.
 
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
@@ -132,10 +132,10 @@ class RunFile(TomlTable):
         return changed
 
     def drawn(self) -> RunFile:
-        """The same run file with noise of a user's own code as the sinusoids that the code draws, which a log keeps.
+        """The same run file, with noise from user code replaced by the sinusoids that the code draws.
 
         Raises:
-            RunFileError: if the code may not be run, fails, or draws none.
+            RunFileError: if the code may not be executed, fails, or draws no sinusoids.
         """
         own = [(i, table) for i, table in enumerate(self.simulation.disturbance) if isinstance(table, OwnNoiseTable)]
         end = self.simulation.duration
@@ -151,9 +151,9 @@ class RunFile(TomlTable):
 
     @property
     def fingerprint(self) -> str:
-        """Twelve hexadecimal digits that change with the plants, the design, the hold and the weight of the rule.
+        """Twelve hexadecimal digits that depend on the plants, the design, the hold and the weight of the rule.
 
-        Folders of model files, thresholds and the settings of the run do not affect it.
+        Folders of model files, thresholds and the settings of the run do not affect them.
         """
         data = {name: self._data().get(name, {}) for name in ("assumed", "actual", "design")}
         for table in (data["assumed"], data["actual"]):
@@ -205,7 +205,7 @@ class RunFile(TomlTable):
         """Hold and event rule.
 
         Raises:
-            RunFileError: if the controller is another one, of which theory, cycles and thresholds say nothing.
+            RunFileError: if the controller is another one, for which there are no theory, cycles and thresholds.
         """
         if isinstance(self.controller, Control):
             return self.controller
@@ -221,10 +221,10 @@ class RunFile(TomlTable):
 
     @property
     def rival(self) -> Predictor | Switching | Channelled | DelayedPIDTable | OwnController:
-        """The controller where it is not intermittent.
+        """The controller, if it is not intermittent.
 
         Raises:
-            RunFileError: if it is.
+            RunFileError: if it is intermittent.
         """
         if not isinstance(self.controller, Control):
             return self.controller
@@ -246,12 +246,12 @@ class RunFile(TomlTable):
 
     @property
     def path(self) -> Path:
-        """Where it was read from; model files are relative to its folder."""
+        """The path from which it was read; model files are relative to its folder."""
         return self._path
 
     @property
     def kept(self) -> Kept:
-        """The files that it refers to, as the log had them that it was read from; none otherwise."""
+        """The files to which it refers, if it was read from a log that contains them; otherwise empty."""
         return self._kept
 
     def keeping(self, kept: Kept) -> RunFile:

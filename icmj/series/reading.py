@@ -38,14 +38,15 @@ _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | None = None) -> Series:
     """The time series in a file that :func:`icmj.write_series` or another program has written.
 
-    A CSV file may be separated by commas, semicolons, tabs or blanks, the last three also with decimal commas, and may
-    begin with lines that are not part of the table; names come from the line above the first numbers, as
-    ``ankle [rad]`` or ``ankle (rad)``. Columns of text are left out. Files of OpenSim (``.mot``, ``.sto``) get units
-    from their header and the conventional names of their columns. A C3D file has signals of four kinds: centres of
-    pressure (``plate1.cop.x``) and forces (``plate1.force.z``) of force plates, points (``C7.x``), and analog channels
-    by their labels; by default the first kind that it has is read. Signals that are read together have one rate.
+    The columns of a CSV file may be separated by commas, semicolons, tabs or spaces; unless commas separate them,
+    numbers may have decimal commas. The file may begin with lines that are not part of the table. Names are read from
+    the line above the first numbers, such as ``ankle [rad]`` or ``ankle (rad)``. Columns of text are left out. For
+    files of OpenSim (``.mot``, ``.sto``), units follow from the header and from conventional names of columns. A C3D
+    file has signals of four kinds: centres of pressure (``plate1.cop.x``) and forces (``plate1.force.z``) of force
+    plates, points (``C7.x``), and analog channels by their labels; by default the first kind that it contains is read.
+    Signals that are read together must have the same rate.
 
-    Only the requested columns are read; their size is known before, from headers or the number of lines.
+    Only the requested columns are read; their size is checked before, from headers or the number of lines.
 
     Args:
         path: ``.parquet``, ``.npz``, ``.mot``, ``.sto``, ``.c3d``; any other file is read as CSV.

@@ -22,7 +22,7 @@ MOST_SHOWN = 40  # signals in a notebook
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Series(Shown):
-    """Some signals over time.
+    """Signals over time, with names and units.
 
     Attributes:
         t: times [s], strictly increasing, shape (N,).
@@ -58,7 +58,7 @@ class Series(Shown):
             object.__setattr__(self, name, value)
 
     def card(self) -> Card:
-        """Its representation at a prompt or in a notebook: each signal with its least and largest value."""
+        """Its representation at a prompt or in a notebook: each signal with its smallest and largest value."""
         span = f"{len(self)} rows" + (f" from {self.t[0]:g} to {self.t[-1]:.6g} s" if len(self) else "")
         known = [column[np.isfinite(column)] for column in self.values.T]
         rows = tuple(
@@ -81,7 +81,7 @@ class Series(Shown):
         """The column of a signal.
 
         Raises:
-            DataError: if there is none, or there are several.
+            DataError: if there is no such signal, or several of this name.
         """
         return place(self.names, name)
 
@@ -105,7 +105,7 @@ class Series(Shown):
         return replace(self, t=self.t[late], values=self.values[late])
 
     def to_pandas(self) -> DataFrame:
-        """As a pandas ``DataFrame``: index ``t`` [s], a column for each name, units in ``attrs["units"]`` by column.
+        """The series as a pandas ``DataFrame`` with the index ``t`` [s]; units by column are in ``attrs["units"]``.
 
         Raises:
             DataError: if pandas is not installed.
@@ -119,12 +119,12 @@ class Series(Shown):
         return frame
 
     def to_xarray(self, along: str = "t") -> Dataset:
-        """As an ``xarray.Dataset`` with the coordinate ``t`` [s] and units.
+        """The series as an ``xarray.Dataset`` with the coordinate ``t`` [s] and units.
 
         Signals of a run become one variable for each kind: ``x`` with the dimensions (t, state), ``y`` (t, output),
-        ``u`` and ``applied`` (t, input), ``x_o`` and ``x_h`` (t, assumed_state); the names are coordinates, and so are
-        the units of each, as ``x_units``. A variable of one unit has it in its attribute ``units``, too. Other signals
-        are variables along t.
+        ``u`` and ``applied`` (t, input), ``x_o`` and ``x_h`` (t, assumed_state). Their names are coordinates, and so
+        are their units, such as ``x_units``. If all signals of a variable have the same unit, its attribute ``units``
+        contains it, too. Every other signal is a variable along t.
 
         Args:
             along: name of the dimension of the rows.
@@ -138,7 +138,7 @@ class Series(Shown):
 
     @property
     def headers(self) -> tuple[str, ...]:
-        """``t [s]`` and each name with its unit, as ``ankle [rad]``; the name alone where there is none."""
+        """``t [s]`` and each name with its unit, such as ``ankle [rad]``; only the name if there is no unit."""
         return ("t [s]", *(header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
 
 

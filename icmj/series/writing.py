@@ -14,12 +14,12 @@ from icmj.series.series import Series
 
 
 def write_series(series: Series, path: Path | str) -> None:
-    """Write ``series``; the format is that of the suffix.
+    """Write ``series`` to a file whose suffix determines the format.
 
     ============  ===================================================================================================
-    ``.csv``      a header such as ``t [s],ankle [rad]``, then numbers that read back bit for bit; UTF-8
-    ``.parquet``  columns ``t``, ``ankle``; each field's metadata has its ``unit``, the schema's the facts
-    ``.npz``      arrays ``t``, ``ankle``; ``names`` and ``units`` (of ``t``, too), ``facts`` as JSON text
+    ``.csv``      a header such as ``t [s],ankle [rad]``, then numbers that are restored bit for bit; UTF-8
+    ``.parquet``  columns ``t``, ``ankle``; the ``unit`` in the metadata of each field, the facts in that of the schema
+    ``.npz``      arrays ``t``, ``ankle``; ``names`` and ``units`` (including those of ``t``), ``facts`` as JSON text
     ============  ===================================================================================================
 
     Raises:

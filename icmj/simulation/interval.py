@@ -21,9 +21,9 @@ class OpenLoopInterval:
 
     Attributes:
         length: Δ_ol [s], or the duration of the flight if it did not end in an event.
-        x, x_o, x_h: plant, observer and hold state at its end, before a reset; shapes (n,), (n̂,), (n̂,).
+        x, x_o, x_h: plant, observer and hold state at its end, before the reset; shapes (n,), (n̂,), (n̂,).
         y: outputs at its end, shape (n_y,).
-        y_max, y_min: extremes of the outputs over it, shape (n_y,); NaN if it did not end in an event.
+        y_max, y_min: extremes of the outputs over the interval, shape (n_y,); NaN if it did not end in an event.
         outcome: ``None`` if it ended in an event, otherwise how it ended.
     """
 

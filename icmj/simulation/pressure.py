@@ -21,7 +21,7 @@ class Pressure:
         centre: centre of pressure (x, y) in the world [m], shape (N, 2); NaN in flight.
         at_rest: the same at the operating point, shape (2,).
         geoms: names of the geoms in contact with the ground.
-        load: normal force on each of them [N], shape (N, G).
+        load: normal force on each of these geoms [N], shape (N, G).
         load_at_rest: the same at the operating point, shape (G,).
         t_after: times of the events [s], shape (K,); empty if the state after them is not known, as with a delay.
         centre_after, load_after: the same right after each event, when the torque has jumped; shapes (K, 2), (K, G).
@@ -59,7 +59,7 @@ class Pressure:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axes along which the centre moves, of x and y."""
+        """The axes, among x and y, along which the centre moves."""
         with np.errstate(invalid="ignore"):
             far = np.abs(np.concatenate([self.centre, self.centre_after]) - self.at_rest) > _MOVES
         return tuple(name for i, name in enumerate("xy") if far[:, i].any())

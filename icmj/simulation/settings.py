@@ -19,21 +19,21 @@ Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
 
 @dataclass(frozen=True)
 class Settings:
-    """How a run is simulated, on either plant.
+    """The settings of a simulation, for either plant.
 
     Attributes:
         duration: duration of the run [s].
-        initial: initial departures of plant states from the operating point, by name; the others start at it.
+        initial: initial deviations of plant states from the operating point, by name; the others start at it.
         observer: initial observer states by name; the others start at zero, because the controller has no information
             yet.
-        timestep: timestep of the engine [s]. The linear plant needs none.
-        integrator: integrator of the engine; if ``None``, that of the model.
-        tolerance: relative error of an open-loop interval to which the engine's steps are adapted, instead of a
+        timestep: timestep in MuJoCo [s]. The linear plant needs none.
+        integrator: integrator in MuJoCo; if ``None``, that of the model.
+        tolerance: relative error of an open-loop interval to which the steps in MuJoCo are adapted, instead of a
             timestep and an integrator. If none of the three is given, 1e-8 for models in which no contact, friction or
             limit can occur; otherwise the timestep of the model.
         record_interval: interval between two recorded rows [s]; events are always recorded.
-        limit: the run has *fallen* when a position of the plant departs by more than this: one number for all [rad or
-            m], or by name [unit of the position]; 1 rad or 1 m if ``None``. See
+        limit: the run counts as *fallen* when a position of the plant deviates from the operating point by more than
+            this: one number for all [rad or m], or by name [unit of the position]; 1 rad or 1 m if ``None``. See
             :func:`icmj.simulation.ending.limits_of` for other units.
         disturbance: disturbances of inputs, of bodies, or of the observer's readings of outputs.
 

@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The events t_i of the controller after the one at t = 0; K of them. Those of a clock count, too.
+    """The K events t_i of the controller after the one at t = 0, including those of a clock.
 
-    Of a controller that is switched by what it reads they are the switches from one mode to another.
+    For a controller with several modes, the events are the switches from one mode to another.
 
     Attributes:
         t: times [s], shape (K,).
-        x, x_o, x_h: plant, observer and hold state just before the reset x_h := x_o, which a delay puts off;
-            shapes (K, n), (K, n̂), (K, n̂).
+        x, x_o, x_h: plant, observer and hold state at the event, before the reset x_h := x_o (which occurs later if
+            there is a delay); shapes (K, n), (K, n̂), (K, n̂).
         y_max, y_min: extremes of each output over the open-loop interval that ends here, shape (K, n_y).
     """
 
@@ -62,7 +62,7 @@ class Events:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(Shown):
-    """One simulated run; states are departures from the operating point.
+    """One simulated run; states are deviations from the operating point.
 
     Attributes:
         plant: ``linear`` or ``mujoco``.
@@ -73,18 +73,18 @@ class Simulation(Shown):
         E: event function (eq. ED_e), shape (N,); NaN without an event rule.
         events: the events.
         outcome: how it ended.
-        precision: facts on the integration (integrator, order, timestep, event tolerance, error estimate ...).
-        delay: t_d from an event to its action [s].
+        precision: facts about the integration (integrator, order, timestep, event tolerance, error estimate ...).
+        delay: delay t_d from an event to its action [s].
         least: the minimum open-loop interval, the larger of Δ_min and t_d [s].
         noisy: whether noise acted, so that the motion is described by its statistics.
         qpos: MuJoCo positions for the 3D pose, shape (N, nq); empty (0, 0) for the linear plant.
-        applied: the input that acts, command plus disturbance within the limits of the actuators, in the units of u,
-            shape (N, n_u): u + d without saturation; empty (0, 0) for the linear plant without a disturbance, because
-            it has no limits.
+        applied: the input that acts, in the units of u, shape (N, n_u): the command plus the disturbance, within the
+            limits of the actuators (u + d without saturation). Empty (0, 0) for the linear plant without a disturbance,
+            because it has no limits.
         pushes: the K places at which disturbances act on the plant itself.
         pushed: their sizes, shape (N, K); empty (0, 0) if there are none.
         pressure: the ground reaction on a body that stands on a floor; otherwise ``None``.
-        setpoint: r(t) that the controller followed; ``None`` if there was none.
+        setpoint: the set-point r(t) that the controller followed; ``None`` if there was none.
         labels: names and units of states, inputs and outputs; empty if unknown.
         mode: index of the active mode of a controller with several modes, shape (N,); otherwise empty (0,).
         modes: names of the modes.
@@ -146,15 +146,15 @@ class Simulation(Shown):
 
         ``interval`` counts the previous events: it is 0 until the first event, whose row belongs to the interval that
         it ends. ``E`` is the event function, ``applied.…`` the input that acts, ``push.…`` the forces on the plant
-        itself, named after what is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and ``load.…`` the normal
-        force on each contact; each is included if it exists.
+        itself, named after the input or body that is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and
+        ``load.…`` the normal force at each contact. Signals that the run does not have are left out.
 
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. Values
                 between rows are interpolated by a cubic spline within each open-loop interval, never across an event
                 (:mod:`icmj.series.pieces`).
-            controller: controller of the run; with it inputs and event function right after each event are computed
-                instead of extrapolated from the next row.
+            controller: controller of the run; if given, the inputs and the event function right after each event are
+                computed instead of extrapolated from the next row.
             breaks: further times [s] across which values are not interpolated, such as those of pushes.
 
         Raises:
@@ -183,12 +183,12 @@ class Simulation(Shown):
         return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
 
     def u_after(self, controller: Controller) -> Array:
-        """The commands of the run's controller right after each event without a delay, shape (K, n_u)."""
+        """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""
         k, r = controller.design.k, self.setpoint
         return -self.events.x_o @ k.T + (r(self.events.t) @ r.gain(k).T if r else 0.0)
 
     def events_to_series(self) -> Series:
-        """One row for each event: Δ_i, the states just before the reset, and extremes of the outputs since the last."""
+        """One row for each event: Δ_i, states before the reset, and extremes of outputs since the previous event."""
         events, labels = self.events, self.labels
         blocks = [
             columns("", ("interval",), ("s",), events.interval[:, None]),
@@ -208,7 +208,7 @@ class Simulation(Shown):
 
     @property
     def push_names(self) -> tuple[str, ...]:
-        """Names of what is pushed; with a number if one body is pushed in several ways."""
+        """Names of the inputs or bodies that are pushed, with a number if one body is pushed in several ways."""
         names = [push.where for push in self.pushes]
         return tuple(
             name if names.count(name) == 1 else f"{name}.{names[:i].count(name)}" for i, name in enumerate(names)
@@ -222,7 +222,7 @@ class Simulation(Shown):
 
     @property
     def push_values(self) -> Array:
-        """The force at each place [N], or the torque [N m], or the size of force and torque together; shape (N, K)."""
+        """The force at each place [N], or the torque [N m], or the size of both together; shape (N, K)."""
         return self.pushed * [push.magnitude for push in self.pushes] if self.pushes else self.pushed
 
     def to_pandas(
@@ -248,7 +248,7 @@ class Simulation(Shown):
     def to_timeresponse(self) -> TimeResponseData:
         """The recorded rows as ``TimeResponseData`` of python-control, whose ``plot()`` draws them.
 
-        Inputs are the commands u, outputs y, states x. Rows are not evenly spaced where there are events.
+        Inputs are the commands u, outputs are y, and states are x. Because of events, rows are not evenly spaced.
         """
         from control import TimeResponseData
 

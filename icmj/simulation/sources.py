@@ -21,13 +21,14 @@ class Placed:
     """The place at which a disturbance acts; subclasses define its course over time.
 
     Attributes:
-        on: of an input, ``"command"``: beside the command, through input gain, gear and dynamics of the actuator; or
-            ``"body"``: on the body itself, along what the input moves (:class:`icmj.plant.push.Push`).
+        on: for a disturbance of an input: ``"command"``, it is added to the command, before input gain, gear and
+            dynamics of the actuator; or ``"body"``, it acts on the body itself, along the joint or tendon that the
+            input moves (:class:`icmj.plant.push.Push`).
         body: instead of an input, the body of a model that is pushed.
-        force, torque: on it of size 1 [N, N m], along the axes of the world.
-        point: where the force acts, in the body's frame [m]; its centre of mass if ``None``.
-        surface, axis: instead, a motion of the support surface, and its direction or axis; ``point`` is then on the
-            axis of a ``turning`` (:class:`icmj.plant.push.Push`).
+        force, torque: force and torque on the body for a size of 1 [N, N m], along the axes of the world.
+        point: point of action of the force, in the body's frame [m]; its centre of mass if ``None``.
+        surface, axis: instead of a body, a motion of the support surface, and its direction or axis; ``point`` is
+            then on the axis of a ``turning`` (:class:`icmj.plant.push.Push`).
     """
 
     on: On = "body"

@@ -44,17 +44,17 @@ class DelayLoop:
     tau: Array
 
     def characteristic(self, s: complex) -> np.ndarray:
-        """Δ(s), shape (N, N)."""
+        """The characteristic matrix Δ(s), shape (N, N)."""
         delayed = np.tensordot(np.exp(-s * self.tau), self.G, axes=1)
         return np.asarray(s * np.eye(len(self.F)) - self.F - delayed)
 
     def slope(self, s: complex) -> np.ndarray:
-        """Δ'(s), shape (N, N)."""
+        """Its derivative Δ'(s), shape (N, N)."""
         return np.asarray(np.eye(len(self.F)) + np.tensordot(self.tau * np.exp(-s * self.tau), self.G, axes=1))
 
 
 def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
-    """The loop of ``plant`` under ``law`` that stays in one of its modes; inputs and outputs are matched by name.
+    """The loop of ``plant`` under ``law`` if it stays in one mode; inputs and outputs are matched by name.
 
     Raises:
         AnalysisError: if the law reads current outputs, or has no such mode.
@@ -79,8 +79,8 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
 def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     """At least the ``count`` rightmost characteristic roots, with complete pairs, by decreasing real part [rad/s].
 
-    Each is accurate to rounding, and no root between them or to their right is missing. They are fewer if the loop has
-    no others, for at least one over the delay further to the left.
+    Each root is accurate to rounding, and no root between them or to their right is missing. Fewer roots are returned
+    if the loop has no others within a distance of at least 1 / (largest delay) to the left of the last one.
 
     Raises:
         AnalysisError: if they cannot be found, because the rates of the loop are too large for its delay.
@@ -112,11 +112,11 @@ def stability_limit(loop_of: Callable[[float], DelayLoop], stable: float, unstab
     """The limit of stability of a family of loops, between a stable and an unstable member.
 
     Args:
-        loop_of: the loop at a value of the parameter.
-        stable, unstable: values at which the loop is, and is not, stable.
+        loop_of: a function that returns the loop for a value of the parameter.
+        stable, unstable: values of the parameter at which the loop is stable, and unstable.
 
     Returns:
-        the value, and the frequency of the roots that cross at it [rad/s]; 0 for a real root.
+        The value at the limit, and the frequency of the roots that cross there [rad/s]; 0 for a real root.
 
     Raises:
         AnalysisError: if the first member is not stable, or the second one is.

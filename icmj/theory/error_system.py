@@ -101,7 +101,7 @@ class ErrorSystem:
 
     @cached_property
     def lift(self) -> Array:
-        """X̄ right after an event from the state w at it: 𝔗̄ without a delay, else the identity; shape (N, N_w)."""
+        """X̄ right after an event from the state w at the event: 𝔗̄, or the identity with a delay; shape (N, N_w)."""
         return np.eye(len(self.A_C)) if self.delay else self.T_bar
 
     @cached_property
@@ -123,7 +123,8 @@ class ErrorSystem:
     def phi(self, delta: float) -> Array:
         """φ(Δ) of the state at events, w_{i+1} = φ(Δ_i) w_i; shape (N_w, N_w), for Δ ≥ t_d.
 
-        Without a delay w = x̄ and φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄ (eq. pd); with one w = X̄ and φ(Δ) = e^{Ā_C (Δ − t_d)} R.
+        Without a delay w = x̄ and φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄ (eq. pd). With a delay w = X̄ and
+        φ(Δ) = e^{Ā_C (Δ − t_d)} R.
         """
         return np.asarray(self.exit @ expm(self.A_C * (delta - self.delay.t_d)) @ self.entry)
 
@@ -162,10 +163,10 @@ def error_system(
     Args:
         actual: the actual plant [A, B, C].
         design: gains k̂, L and the assumed plant [Â, B̂, Ĉ].
-        hold: the system-matched hold if ``None``.
-        T_hat: T̂, shape (n̂, n); states of the same name are matched if ``None``. The choice changes the
+        hold: the hold; the system-matched hold if ``None``.
+        T_hat: T̂, shape (n̂, n); if ``None``, states of the same name are matched. The choice changes the
             coordinates, not the closed loop.
-        delay: delay between an event and its action; by default none.
+        delay: delay between an event and its action; by default there is none.
         match: how inputs and outputs of the two plants correspond: by name, and by position for plants without names
             (:func:`icmj.plant.matching.matched`). Those of the system are in the order of the assumed plant.
 

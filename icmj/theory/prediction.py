@@ -47,22 +47,23 @@ class Prediction(Shown):
         gamma: γ, ``None`` without an orbit. Unlike all other results, it depends on the coordinates x̄.
         amplitude: peak of every output over the orbit, shape (n_y,), NaN for an output that shows a neutral mode;
             ``None`` without an orbit, and for a family of orbits, which has no single amplitude.
-        crossings: all crossings of the unit circle on the interval searched, by increasing Δ.
+        crossings: all crossings of the unit circle in the interval searched, by increasing Δ.
         delta_max: end of the interval searched [s].
         orbit: the orbit at Δ_crit (also if no cycle is predicted, to show why), or ``None``; of a family, one member.
         multipliers: eigenvalues of the Jacobian J of the return map under the event rule, or ``None``; without those of
             neutral modes and those along a family, which are ±1 by construction.
-        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``; modulo neutral modes and family.
+        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``, apart from neutral modes and directions
+            along a family.
         v_condition: condition number of the eigenvector matrix V of φ(Δ_crit); NaN if undefined.
         V_inv: its rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is that of the critical mode. ``None`` if undefined.
             (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of the
             complementary invariant subspace's annihilator, from a Schur form.) The last rows are coordinates along
             neutral modes. ``None`` for a family, in which no single mode is critical.
-        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant), modulo neutral modes
-            that are unobservable for the feedback or that it cannot change.
-        observer_feedback_stable: whether plant and observer under continuous control are stable, modulo neutral modes;
-            false if an unobservable mode grows. With a delay, it applies to a clock of a twentieth of the delay, which
-            approximates the continuous predictor controller.
+        state_feedback_stable: whether A − Bk is stable (full state feedback on the actual plant), apart from neutral
+            modes that are unobservable for the feedback or that it cannot change.
+        observer_feedback_stable: whether plant and observer under continuous control are stable, apart from neutral
+            modes; false if an unobservable mode grows. With a delay, it applies to a clock with an interval of a
+            twentieth of the delay, which approximates the continuous predictor controller.
         neutral: the modes that were removed before the analysis, because neither events nor control change them.
         family: the orbits of a repeated critical eigenvalue, or ``None`` if there is one orbit.
         beyond: if there is no crossing at ±1 up to ``delta_max``, the first one that a coarse search further out finds

@@ -27,10 +27,12 @@ from icmj.theory.delay_roots import DelayLoop
 
 @dataclass(frozen=True, eq=False)
 class PredictorLoop(DelayLoop):
-    """That loop. F, G and tau are those of its differential equations, which have the roots of Â beside its own.
+    """The loop of a plant under the continuous predictor controller.
+
+    F, G and tau are those of its differential equations, which have the roots of Â in addition to those of the loop.
 
     Attributes:
-        plant: the actual plant, its inputs and outputs in the order of the controller's.
+        plant: the actual plant, with inputs and outputs in the order of those of the controller.
         law: the controller.
     """
 
@@ -38,7 +40,7 @@ class PredictorLoop(DelayLoop):
     law: PredictorController
 
     def characteristic(self, s: complex) -> np.ndarray:
-        """Δ(s) of (x, x_o, u), shape (N, N)."""
+        """The characteristic matrix Δ(s) of (x, x_o, u), shape (N, N)."""
         P, D, k = self.plant, self.law.design, self.law.design.k
         n, m, u = P.n, D.plant.n, P.n + D.plant.n
         late, N = np.exp(-s * self.law.delay.t_d), u + len(k)
@@ -50,7 +52,7 @@ class PredictorLoop(DelayLoop):
         return delta
 
     def slope(self, s: complex) -> np.ndarray:
-        """Δ'(s), shape (N, N)."""
+        """Its derivative Δ'(s), shape (N, N)."""
         P, D, k, t_d = self.plant, self.law.design, self.law.design.k, self.law.delay.t_d
         n, u = P.n, P.n + D.plant.n
         late, slope = t_d * np.exp(-s * t_d), np.zeros((u + len(k),) * 2, complex)
@@ -60,13 +62,13 @@ class PredictorLoop(DelayLoop):
         return slope
 
     def response(self, omega: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What d, n and r do to (x, u) at ω [rad/s].
+        """The frequency responses of (x, u) to d, n and r.
 
         Args:
-            omega: shape (K,).
+            omega: angular frequencies ω [rad/s], shape (K,).
 
         Returns:
-            responses to the disturbance of the inputs, to errors of the readings, and to the set-point, of shapes
+            Responses to disturbances of the inputs, to errors of the readings, and to the set-point, of shapes
             (K, n + n_u, n_u), (K, n + n_u, n_y) and (K, n + n_u, R).
         """
         P, D, r = self.plant, self.law.design, self.law.setpoint
@@ -99,8 +101,8 @@ class PredictorLoop(DelayLoop):
 def predictor_loop(plant: LinearPlant, law: PredictorController) -> PredictorLoop:
     """The loop of ``plant`` under the continuous predictor controller; inputs and outputs are matched by name.
 
-    :func:`icmj.rightmost_roots` finds its characteristic roots. With an exact model these are the eigenvalues of
-    Â − B̂k̂ and Â − LĈ, and no others, for any delay.
+    :func:`icmj.rightmost_roots` computes its characteristic roots. With an exact model these are exactly the
+    eigenvalues of Â − B̂k̂ and Â − LĈ, for any delay.
     """
     plant = matched(plant, law.plant)
     D, t_d, assumed, k = law.design, law.delay.t_d, law.delay.predicted, law.design.k
@@ -121,18 +123,18 @@ def predictor_loop(plant: LinearPlant, law: PredictorController) -> PredictorLoo
 
 
 def predictor_covariance(law: PredictorController, W: ArrayLike, V: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """The stationary covariance of x and u where the plant is the model, under white noise.
+    """The stationary covariance of x and u under white noise, if the model of the controller is exact.
 
-    With x(t + t_d) = p(t) + e^{Ât_d} e(t) + η(t), the observer's error e and p follow a linear equation under the noise
-    until t, and η is what the noise after it does in t_d.
+    With x(t + t_d) = p(t) + e^{Ât_d} e(t) + η(t), the observer error e and the prediction p follow a linear equation
+    under the noise until t, and η is the effect of the noise from t to t + t_d.
 
     Args:
-        law: the controller, whose assumed delay is the actual one.
-        W: intensity of white noise on the inputs [input² s], shape (n_u, n_u), or one number for each.
-        V: of white noise on the readings [output² s], shape (n_y, n_y), or one number for each.
+        law: the controller, whose assumed delay equals the actual one.
+        W: intensity of white noise on the inputs [input² s], shape (n_u, n_u), or one number for each input.
+        V: intensity of white noise on the readings [output² s], shape (n_y, n_y), or one number for each output.
 
     Returns:
-        shapes (n, n) and (n_u, n_u).
+        The covariances of x and u, shapes (n, n) and (n_u, n_u).
 
     Raises:
         AnalysisError: if the controller assumes another delay, is not stable, or an intensity has the wrong shape.

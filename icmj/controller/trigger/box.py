@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class BoxTrigger(EventRule):
-    """An event when |e_i| > threshold_i for any i, on the output errors e = Ĉe_hp or on the state errors e = e_hp.
+    """The rule of an event when |e_i| > threshold_i for any i, for output errors e = Ĉe_hp or state errors e = e_hp.
 
-    E = max_i (e_i²/threshold_i²) − 1, without a unit. Every component is a face of its own, so the box is the rule to
-    take where outputs have different units, or different precision.
+    E = max_i (e_i²/threshold_i²) − 1, without a unit. Every component is a face of its own. This rule is therefore
+    suitable if outputs have different units or different precision.
 
     Attributes:
         threshold: one for each output or state [its unit], shape (n_y,) or (n̂,); or one number for all.
         on: ``output`` or ``state``.
-        delta_min: least open-loop interval Δ_min [s]; no event comes earlier than this after the last.
+        delta_min: shortest open-loop interval Δ_min [s]; no event occurs earlier than this after the previous one.
 
     Raises:
         AnalysisError: on construction, if a threshold is not positive or Δ_min negative.

@@ -21,12 +21,12 @@ from icmj.base.array import Array
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The F faces of an event rule; none without an event function.
+    """The F faces of an event rule; F is 0 if there is no event function.
 
     Attributes:
-        R: the rows of all R_j, one under the other, shape (r, n̂).
-        cuts: R_j are the rows cuts[j] … cuts[j + 1] − 1; rising from 0 to r, shape (F + 1,), integer.
-        unit: of E; positive.
+        R: the rows of all R_j, one below the other, shape (r, n̂).
+        cuts: R_j consists of the rows cuts[j] … cuts[j + 1] − 1; increasing from 0 to r, shape (F + 1,), integer.
+        unit: factor of E, E = unit · max_j E_j; positive.
     """
 
     R: Array
@@ -45,13 +45,13 @@ class Faces:
         return self.squares(e @ self.R.T) - 1
 
     def E(self, e: Array) -> Array:
-        """The event function, shape (..., n̂) → (...); NaN throughout where there is no face."""
+        """The event function, shape (..., n̂) → (...); NaN if there is no face."""
         if not len(self):
             return np.full(e.shape[:-1], np.nan)
         return np.asarray(self.unit * self.levels(e).max(axis=-1))
 
     def rates(self, e: Array, e_rate: Array) -> Array:
-        """dE_j/dt of every face where e moves at ``e_rate``; (..., n̂), (..., n̂) → (..., F)."""
+        """dE_j/dt of every face if e changes at the rate ``e_rate``; shapes (..., n̂), (..., n̂) → (..., F)."""
         return 2 * np.add.reduceat((e @ self.R.T) * (e_rate @ self.R.T), self.cuts[:-1], axis=-1)
 
     def active(self, e: Array) -> int:
@@ -68,13 +68,13 @@ class Faces:
         return np.asarray(2 * self.unit * (R @ e) @ R)
 
     def polynomials(self, components: Array) -> Array:
-        """E_j along a motion whose components R e(s) are polynomials in s; exact, as their squares are polynomials.
+        """The polynomials E_j(s) along a motion whose components R e(s) are polynomials in s; they are exact.
 
         Args:
-            components: power coefficients of R e, by rising power, shape (d + 1, ..., r).
+            components: power coefficients of R e, by increasing power, shape (d + 1, ..., r).
 
         Returns:
-            power coefficients of every E_j, shape (2d + 1, ..., F).
+            Power coefficients of every E_j, shape (2d + 1, ..., F).
         """
         d, shape = len(components) - 1, components.shape[1:-1]
         levels = np.zeros((2 * d + 1, *shape, len(self)))

@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class EventTrigger(EventRule):
-    """An event when E = e_hpᵀ Q_t e_hp − q_t² reaches zero, e_hp = x_h − x_o (eqs. ED_e, ed_e).
+    """The rule of an event when E = e_hpᵀ Q_t e_hp − q_t² reaches zero, with e_hp = x_h − x_o (eqs. ED_e, ed_e).
 
     Attributes:
         Q_t: positive semidefinite weight, shape (n̂, n̂).
         q_t: threshold [unit of the weighted state].
-        delta_min: least open-loop interval Δ_min [s] (eq. PRP); no event comes earlier than this after the last.
+        delta_min: shortest open-loop interval Δ_min [s] (eq. PRP); no event occurs earlier than this after the
+            previous one.
 
     Raises:
         AnalysisError: if Q_t is not positive semidefinite or is zero, q_t not positive, or Δ_min negative.

@@ -24,11 +24,11 @@ class RecordedRule(EventRule):
     Attributes:
         R, cuts, unit: its faces for the design that it had; see :class:`icmj.controller.trigger.faces.Faces`.
         threshold: its size.
-        delta_min: least open-loop interval Δ_min [s].
+        delta_min: shortest open-loop interval Δ_min [s].
         reference: ``module:name`` of its class.
-        sha256: digest of the source file; "" where there was none.
-        parameters: of the rule, by name: the fields of its dataclass.
-        told: what it said of itself.
+        sha256: digest of the source file; "" if there was none.
+        parameters: parameters of the rule, by name: the fields of its dataclass.
+        told: the settings that the rule reported, by their usual names.
     """
 
     R: Array

@@ -24,7 +24,7 @@ class Trigger(ABC):
     Attributes:
         kind: ``event``, ``clock`` or ``continuous``.
         holds: whether a hold drives the control between events; false for continuous control.
-        delta_min: least open-loop interval Δ_min [s]; 0 where there is none.
+        delta_min: shortest open-loop interval Δ_min [s]; 0 if there is no such limit.
         clock: interval of a clock [s]; infinite for others.
     """
 
@@ -51,7 +51,7 @@ class Trigger(ABC):
 
 
 class EventRule(Trigger):
-    """A trigger that fires when the hold error reaches a threshold: E(e_hp) = 0.
+    """A trigger that causes an event when the hold error reaches a threshold: E(e_hp) = 0.
 
     Attributes:
         size: the threshold as one number; amplitudes are proportional to it, intervals do not depend on it.
@@ -71,7 +71,7 @@ class EventRule(Trigger):
 
 @dataclass(frozen=True)
 class ClockTrigger(Trigger):
-    """An event every ``interval`` seconds (the clock-driven controller of the paper's panel (a))."""
+    """A trigger that causes an event every ``interval`` seconds, as in panel (a) of the paper."""
 
     interval: float
     kind = "clock"
@@ -93,7 +93,7 @@ class ClockTrigger(Trigger):
 
 @dataclass(frozen=True)
 class Continuous(Trigger):
-    """No hold at all: u = −k̂ x_o (eq. u), the continuous controller."""
+    """The trigger of continuous control, which has no hold: u = −k̂ x_o (eq. u)."""
 
     kind = "continuous"
     holds = False
