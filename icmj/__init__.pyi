@@ -149,6 +149,7 @@ from .simulation.sources import Bias as Bias
 from .simulation.sources import Gaussian as Gaussian
 from .simulation.sources import Impulse as Impulse
 from .simulation.sources import Noise as Noise
+from .simulation.sources import Sampled as Sampled
 from .simulation.sources import Sinusoids as Sinusoids
 from .simulation.sources import Step as Step
 from .study.experiment import analyse_recordings as analyse_recordings

@@ -304,7 +304,21 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
     start = positive(rng, duration / 2, duration / 10, low=0.0)
     base = {"size": number(rng, 0.1, 1.0), **({"start": start} if rng.random() < 0.5 else {})}
     kind = rng.choice(
-        ("impulse", "step", "noise", "bias", "noise", "gaussian", "sinusoids", "sines", "ternary", "os:system")
+        [
+            "impulse",
+            "step",
+            "noise",
+            "bias",
+            "noise",
+            "gaussian",
+            "sinusoids",
+            "sines",
+            "ternary",
+            "os:system",
+            "ramp",
+            "sampled",
+            "file",
+        ]
     )
     on_input = kind in ("impulse", "step") or (kind != "bias" and rng.random() < 0.5)
     port = {"input": rng.choice(list(names.inputs))} if on_input else {"output": rng.choice(list(names.outputs))}
@@ -333,6 +347,13 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
         keys = {"axis": lambda: rng.choice(([0, 1, 0], [0, 0, 0], [1e12, 0, 0])), "point": lambda: [0, 0, 1.0]}
         keys["vertical"] = lambda: {rng.choice(list(names.outputs)): number(rng, 0.5, 1.0)}
         found |= _some(rng, 0.5, keys)
+    if kind == "ramp":
+        found["duration"] = positive(rng, 0.05, 0.5, duration)
+    if kind == "sampled":
+        found.pop("size")
+        found["values"] = [number(rng, 0.1, 1.0) for _ in range(rng.choice((1, 2, 50)))]
+    if kind == "file":
+        found |= {"file": rng.choice(("run.toml", "none.csv", "/dev/zero", "")), "column": rng.choice(("y", "t", ""))}
     if kind == "gaussian":
         found |= {"size": abs(found["size"]) or 0.1, "seed": rng.choice((0, 1, 2**63 - 1))}
         keys = {"corner": lambda: positive(rng, 1.0, 0.1), "interval": lambda: positive(rng, 0.01, duration / 100)}

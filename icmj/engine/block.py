@@ -39,7 +39,7 @@ from icmj.engine.signals import (
     weights_of,
 )
 from icmj.simulation.disturbance import Disturbance
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.sources import Gridded
 
 MAGIC = 20170508228.0
 VERSION = 8.0
@@ -192,7 +192,7 @@ def pack(
     act: int,
     stage: int,
     powers: int = 0,
-    drawn: Sequence[Sequence[tuple[int, float, Gaussian]]] = ((), (), ()),
+    drawn: Sequence[Sequence[tuple[int, float, Gridded]]] = ((), (), ()),
     duration: float = 0.0,
 ) -> Array:
     """The numeric's data.

@@ -19,7 +19,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.simulation.gaussian import at_points, points_of
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.sources import Gridded
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
 HALF = 12  # coefficients of even powers, and of odd ones
@@ -74,7 +74,7 @@ def cells_of(signals: Array) -> Array:
     return cells
 
 
-def drawn_of(noises: Sequence[tuple[int, float, Gaussian]], first: int, duration: float) -> tuple[Array, Array]:
+def drawn_of(noises: Sequence[tuple[int, float, Gridded]], first: int, duration: float) -> tuple[Array, Array]:
     """Signals of Gaussian noises, each (place, factor, noise), and their values over a run of ``duration`` [s].
 
     ``first`` is the number of values before them.

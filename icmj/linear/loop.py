@@ -19,7 +19,7 @@ from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.sources import Gridded
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Forcing:
     phase: Array
     start: Array
     end: Array
-    gaussian: tuple[tuple[int, Gaussian], ...] = ()
+    gaussian: tuple[tuple[int, Gridded], ...] = ()
 
     @property
     def edges(self) -> Array:

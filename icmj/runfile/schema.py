@@ -25,7 +25,7 @@ from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable, followed_files
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
-from icmj.runfile.source_tables import OwnNoiseTable
+from icmj.runfile.source_tables import drawn_of
 from icmj.runfile.table import (
     MOST,
     Line,
@@ -132,18 +132,16 @@ class RunFile(TomlTable):
         return changed
 
     def drawn(self) -> RunFile:
-        """The same run file, with noise from user code replaced by the sinusoids that the code draws.
+        """The same run file, with noise from user code and columns of files replaced by numbers, which a log keeps.
 
         Raises:
-            RunFileError: if the code may not be executed, fails, or draws no sinusoids.
+            RunFileError: if the code may not be executed, fails, or draws no sinusoids, or a file cannot be read.
         """
-        own = [(i, table) for i, table in enumerate(self.simulation.disturbance) if isinstance(table, OwnNoiseTable)]
-        end = self.simulation.duration
         try:
-            changes = {f"simulation.disturbance[{i}]": table.drawn(self.code, end) for i, table in own}
+            drawn = drawn_of(self.simulation.disturbance, self.code, self._path.parent, self.simulation.duration)
         except RunFileError as error:
             raise RunFileError(f"{self._path}: {error}") from error
-        return self.with_(**changes) if changes else self
+        return self.with_(**{f"simulation.disturbance[{i}]": one for i, one in drawn.items()}) if drawn else self
 
     def _data(self) -> dict[str, Any]:
         """The contents as plain data without defaults."""

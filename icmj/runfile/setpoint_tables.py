@@ -13,12 +13,12 @@ from pydantic import Field, model_validator
 from icmj.base.array import Array
 from icmj.controller.setpoint import Target, polygon, pulse, ramp, sines, step, ternary
 from icmj.controller.step_pairs import StepPairs, double_steps
-from icmj.errors import AnalysisError, DataError, RunFileError
+from icmj.errors import AnalysisError, RunFileError
+from icmj.runfile.sampled_tables import read_column
 from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
 
 MOST_STEPS = 10_000  # of pairs of steps
 MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a run carries
-_SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 0.01), "mm": ("m", 0.001)}
 
 
 class TargetTable(TomlTable):
@@ -227,17 +227,8 @@ class FileSetpoint(TargetTable):
 
     def _read(self, path: Path) -> tuple[Array, Array, str]:
         """Times in the run [s], values, and their unit."""
-        from icmj.series.reading import read_series
-
-        try:
-            series = read_series(path, columns=(self.column,))
-        except DataError as error:
-            raise RunFileError(f"setpoint: {error}") from error
-        unit, scale = _SCALES.get(series.units[0].lower(), (series.units[0], 1.0))
-        t, values = series.t - series.t[0], scale * self.size * series.values[:, 0]
-        if not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise RunFileError(f"setpoint: {path}: {self.column} has no number in row {row + 1}; fill its gaps")
+        t, values, unit = read_column("setpoint", path, self.column)
+        values = self.size * values
         if self.interval is not None:
             count = t[-1] / self.interval
             if count > MOST_INTERVALS:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from icmj.errors import RunFileError
 from icmj.runfile.messages import short
 from icmj.runfile.periodic_tables import SinesTable, TernaryTable
 from icmj.runfile.place_table import PlaceTable
+from icmj.runfile.sampled_tables import FileTable, RampTable, SampledTable
 from icmj.runfile.table import (
     LARGEST,
     Finite,
@@ -204,6 +206,19 @@ class OwnNoiseTable(PlaceTable):
         return {**kept, "kind": "sinusoids", **drawn}
 
 
+def drawn_of(tables: Sequence[Any], code: Code, folder: Path, duration: float) -> dict[int, dict[str, Any]]:
+    """Those of these tables that stand for code or a file in ``folder``, as numbers for a run of ``duration`` [s].
+
+    Raises:
+        RunFileError: if the code may not be run, fails, or draws nothing, or a file cannot be read.
+    """
+    return {
+        i: table.drawn(code, duration) if isinstance(table, OwnNoiseTable) else table.drawn(folder, duration)
+        for i, table in enumerate(tables)
+        if isinstance(table, OwnNoiseTable | FileTable)
+    }
+
+
 def _kind(table: Any) -> str | None:
     kind = table.get("kind") if isinstance(table, Mapping) else getattr(table, "kind", None)
     return "own" if isinstance(kind, str) and ":" in kind else None if kind is None else str(kind)
@@ -218,6 +233,9 @@ SourceTable = Annotated[
     | Annotated[SinusoidsTable, Tag("sinusoids")]
     | Annotated[SinesTable, Tag("sines")]
     | Annotated[TernaryTable, Tag("ternary")]
+    | Annotated[RampTable, Tag("ramp")]
+    | Annotated[SampledTable, Tag("sampled")]
+    | Annotated[FileTable, Tag("file")]
     | Annotated[OwnNoiseTable, Tag("own")],
     Discriminator(_kind),
 ]

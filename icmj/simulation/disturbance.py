@@ -24,7 +24,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.simulation.gaussian import at_times
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Placed, Sinusoids, Source
+from icmj.simulation.sources import Bias, Gridded, Impulse, Noise, Placed, Sinusoids, Source
 from icmj.simulation.waves import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
@@ -48,7 +48,7 @@ class Disturbance:
         omega: ω [rad/s], shape (M,); zero for a constant.
         phase: φ [rad], shape (M,).
         start, end: window [s], shape (M,); ``end`` may be infinite.
-        gaussian: Gaussian noises beside the terms, each with the index of its input.
+        gaussian: Gaussian noises and sampled disturbances beside the terms, each with the index of its input.
     """
 
     n_u: int
@@ -58,7 +58,7 @@ class Disturbance:
     phase: Array
     start: Array
     end: Array
-    gaussian: tuple[tuple[int, Gaussian], ...] = ()
+    gaussian: tuple[tuple[int, Gridded], ...] = ()
 
     def __len__(self) -> int:
         return len(self.input) + len(self.gaussian)
@@ -121,12 +121,12 @@ class Pushes:
 def pushes_of(settings: Settings) -> Pushes:
     """p(t): the forces on the plant itself, summed for each place."""
     places, terms = settings.pushes, []
-    gaussian: list[tuple[int, Gaussian]] = []
+    gaussian: list[tuple[int, Gridded]] = []
     for source in settings.disturbance:
         if isinstance(source, Placed) and source.push is not None:
             place = places.index(source.push)
             terms += [(place, *term) for term in terms_of(source)]
-            gaussian += [(place, source)] if isinstance(source, Gaussian) else []
+            gaussian += [(place, source)] if isinstance(source, Gridded) else []
     return Pushes(places, _from_terms(len(places), terms, gaussian))
 
 
@@ -149,8 +149,8 @@ class Acting(NamedTuple):
         return np.unique(np.concatenate([self.disturbance.edges, self.errors.edges, self.pushes.size.edges]))
 
     @property
-    def gaussian(self) -> tuple[Gaussian, ...]:
-        """All Gaussian noises."""
+    def gaussian(self) -> tuple[Gridded, ...]:
+        """All Gaussian noises and sampled disturbances."""
         return tuple(noise for of in (self.disturbance, self.errors, self.pushes.size) for _, noise in of.gaussian)
 
     @property
@@ -196,7 +196,7 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
         SimulationError: if a source names an output that the plant does not have.
     """
     return _sum(
-        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gaussian | Sinusoids)],
+        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gridded | Sinusoids)],
         outputs,
         "output",
     )
@@ -232,20 +232,20 @@ def _expected(flat: bool, periods: float, terms: int) -> tuple[float, float]:
 
 def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], what: str) -> Disturbance:
     terms: list[tuple[float, ...]] = []
-    gaussian: list[tuple[int, Gaussian]] = []
+    gaussian: list[tuple[int, Gridded]] = []
     for source, name in sources:
         if name is None:  # noise on the other side
             continue
         if name not in names:
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
         terms += [(names.index(name), *term) for term in terms_of(source)]
-        gaussian += [(names.index(name), source)] if isinstance(source, Gaussian) else []
+        gaussian += [(names.index(name), source)] if isinstance(source, Gridded) else []
     return _from_terms(len(names), terms, gaussian)
 
 
 def terms_of(source: Source) -> list[tuple[float, ...]]:
-    """(a, ω, φ, start, end) of every term; Gaussian noise has none."""
-    if isinstance(source, Gaussian):
+    """(a, ω, φ, start, end) of every term; what is given on a grid has none."""
+    if isinstance(source, Gridded):
         return []
     if isinstance(source, Sinusoids):
         return [(*term, 0.0, np.inf)[:5] if len(term) == 3 else term for term in source.terms]
@@ -267,7 +267,7 @@ def terms_of(source: Source) -> list[tuple[float, ...]]:
 
 
 def _from_terms(
-    n_u: int, terms: Sequence[tuple[float, ...]] | Array, gaussian: Sequence[tuple[int, Gaussian]] = ()
+    n_u: int, terms: Sequence[tuple[float, ...]] | Array, gaussian: Sequence[tuple[int, Gridded]] = ()
 ) -> Disturbance:
     index, amplitude, omega, phase, start, end = np.array(terms, dtype=float).reshape(-1, 6).T
     return Disturbance(n_u, index.astype(int), amplitude, omega, phase, start, end, tuple(gaussian))

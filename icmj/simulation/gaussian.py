@@ -1,4 +1,4 @@
-"""Gaussian noise: values at the points of a grid in time, exact in law, joined by straight lines.
+"""Disturbances on a regular time grid, linear between its points: Gaussian noise, exact in law, and given values.
 
 White noise has independent values; a first-order low-pass is an Ornstein–Uhlenbeck process, x_{k+1} = a x_k +
 √(1 − a²) ξ_k with a = exp(−2π f_c Δ), which at the points of the grid is the continuous one's own law. It is a function
@@ -13,20 +13,24 @@ from functools import lru_cache
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.sources import Gaussian, Gridded, Sampled
 
 _SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
 _BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whatever the run's length, to the last bit
 
 
-def at_points(source: Gaussian, first: int, last: int) -> Array:
-    """The noise at points ``first`` to ``last`` − 1 of its grid, which is counted from zero [its unit]."""
+def at_points(source: Gridded, first: int, last: int) -> Array:
+    """The values at points ``first`` to ``last`` − 1 of its grid, which is counted from zero [its unit]."""
+    if isinstance(source, Sampled):
+        held = source.at_points
+        return np.asarray(held[np.minimum(np.arange(first, last), len(held) - 1)])
+    assert isinstance(source, Gaussian)
     count = -(-last // (_BLOCK * _BLOCKS))
     return source.size * _drawn(source.seed, _memory(source), 1 << max(count - 1, 0).bit_length())[first:last]
 
 
-def at_times(source: Gaussian, t: Array) -> Array:
-    """The noise at any times [s], zero before its start."""
+def at_times(source: Gridded, t: Array) -> Array:
+    """Its value at any times [s], zero before its start."""
     if not t.size:
         return np.zeros(t.shape)
     place = np.maximum(t, 0) / source.interval
@@ -68,13 +72,13 @@ def _left(a: float) -> Array:
     return np.where(since >= 0, (a ** order.astype(float))[np.abs(since)], 0.0)
 
 
-def points_of(source: Gaussian, duration: float) -> int:
+def points_of(source: Gridded, duration: float) -> int:
     """Number of points of its grid that a run of ``duration`` [s] takes, one beyond the end with it."""
     return int(duration / source.interval * (1 + 1e-12)) + 2
 
 
-def points_between(edges: Array, noises: Sequence[Gaussian], duration: float) -> Array:
-    """The points of the finest grid of Gaussian noises in a run, where these bend, among ``edges``; rising [s]."""
+def points_between(edges: Array, noises: Sequence[Gridded], duration: float) -> Array:
+    """The points of the finest of these grids in a run, where they bend, among ``edges``; rising [s]."""
     if not noises:
         return edges
     finest = min(noises, key=lambda noise: noise.interval)

@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.plant.push import Push
 from icmj.simulation.ending import Limit
-from icmj.simulation.sources import Gaussian, Noise, Placed, Sinusoids, Source, require
+from icmj.simulation.sources import Gaussian, Gridded, Noise, Placed, Sinusoids, Source, require
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
@@ -85,17 +85,19 @@ class Settings:
             good = LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE
             require(good, f"tolerance {self.tolerance}: {known_range}")
         object.__setattr__(self, "disturbance", tuple(self.disturbance))
-        grids = [source.interval for source in self.disturbance if isinstance(source, Gaussian)]
+        grids = [source.interval for source in self.disturbance if isinstance(source, Gridded)]
         for interval in grids:
             times = interval / min(grids)
             require(
                 abs(times - round(times)) < 1e-9 * times,
-                f"gaussian noise: intervals of {min(grids):g} and {interval:g} s; give whole multiples of the shortest",
+                f"gaussian and sampled disturbances: intervals of {min(grids):g} and {interval:g} s; give whole "
+                "multiples of the shortest",
             )
             points = self.duration / interval
             require(
                 points <= MOST_ROWS,
-                f"gaussian noise: {points:.3g} values, {interval:g} s apart; expected at most {MOST_ROWS:.0e}",
+                f"gaussian or sampled disturbance: {points:.3g} values, {interval:g} s apart; expected at most "
+                f"{MOST_ROWS:.0e}",
             )
         rows = self.duration / self.record_interval
         require(

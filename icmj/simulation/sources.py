@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.errors import SimulationError
 from icmj.plant.push import ZERO, Push, Surface, Vector
 
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 GRID = 0.01  # s, between two values of Gaussian noise: beyond 20 Hz a body does not follow
+MOST_VALUES = 100_000  # of a sampled disturbance, which a log carries
 MOST_TERMS = 2000  # sinusoids of one noise, each evaluated at every stage of a step
 On = Literal["command", "body"]
 
@@ -185,7 +188,31 @@ class Bias:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gaussian(Placed):
+class Gridded(Placed):
+    """A disturbance given by its values at the points of a regular time grid from t = 0 on, and linear between them.
+
+    Attributes:
+        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
+        interval: distance between the points of the grid [s].
+        start: time at which it begins [s].
+    """
+
+    input: str | None = None
+    output: str | None = None
+    interval: float = GRID
+    start: float = 0.0
+
+    def _check_grid(self, what: str, *names: str) -> str:
+        """Where it acts; SimulationError if the place or the grid is wrong."""
+        where = f"{what} on {self._check_place(what)!r}"
+        _check(self, what, *names, "interval", "start")
+        require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
+        require(self.start >= 0, f"{where}: start {self.start} s is negative")
+        return where
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian(Gridded):
     """Gaussian noise on a regular time grid, in the same places as :class:`Noise`, for fits and for runs of any length.
 
     At the points of the grid its distribution is exact; between them it is linear.
@@ -200,28 +227,46 @@ class Gaussian(Placed):
         start: time at which it begins [s].
     """
 
-    input: str | None = None
-    output: str | None = None
     size: float = 1.0
     corner: float | None = None
-    interval: float = GRID
     seed: int = 0
-    start: float = 0.0
     on: On = "command"
 
     def __post_init__(self) -> None:
         if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
-        where = f"gaussian noise on {self._check_place('gaussian noise')!r}"
-        _check(self, "gaussian noise", "size", "interval", "start", *(["corner"] if self.corner is not None else []))
+        where = self._check_grid("gaussian noise", "size", *(["corner"] if self.corner is not None else []))
         require(self.size > 0, f"{where}: size {self.size} must be positive")
         require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
-        require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
-        require(self.start >= 0, f"{where}: start {self.start} s is negative")
 
 
-Source = Impulse | Step | Noise | Bias | Gaussian | Sinusoids
+@dataclass(frozen=True, kw_only=True)
+class Sampled(Gridded):
+    """A disturbance of any course, by its values: a ramp, or a recording; in the same places as :class:`Noise`.
+
+    Attributes:
+        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
+        values: at the points of the grid [unit of the input or output, or of force and torque]; after the last point,
+            its value is held.
+        interval: distance between the points of the grid [s].
+        start: time before which it is zero [s].
+    """
+
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        where = self._check_grid("sampled disturbance")
+        require(0 < len(self.values) <= MOST_VALUES, f"{where}: {len(self.values)} values; expected 1 to {MOST_VALUES}")
+        require(bool(np.isfinite(self.at_points).all()), f"{where}: the values must be finite")
+
+    @cached_property
+    def at_points(self) -> Array:
+        """The values as an array."""
+        return np.array(self.values, dtype=float)
+
+
+Source = Impulse | Step | Noise | Bias | Gaussian | Sampled | Sinusoids
 """One source of disturbance."""
 
 

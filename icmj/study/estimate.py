@@ -24,7 +24,7 @@ from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.sources import Gridded
 from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
@@ -124,7 +124,7 @@ def _timestep(case: Case) -> float:
     """What the engine steps by at most [s]; where steps are adapted, about."""
     step = stepping_of(close_loop(case.model, case.controller, case.settings), case.settings).timestep
     # no step goes across a bend of noise
-    return min([step, *(noise.interval for noise in case.settings.disturbance if isinstance(noise, Gaussian))])
+    return min([step, *(noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))])
 
 
 class _Enough(Exception):

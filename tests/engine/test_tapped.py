@@ -30,7 +30,7 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Step
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Sampled, Step
 
 START = np.array([0.1, 0.03])
 DISTURBED = (
@@ -42,7 +42,8 @@ DISTURBED = (
 GAUSSIAN = (
     Gaussian(input="ankle", size=6.0, corner=2.0, interval=0.05, seed=4, on="body"),
     Gaussian(input="ankle", size=3.0, interval=0.1, seed=5, start=0.33),
-    Gaussian(output="theta", size=3e-3, corner=3.0, interval=0.1, seed=6), Bias("omega", 2e-2, 0.9),
+    Gaussian(output="theta", size=3e-3, corner=3.0, interval=0.1, seed=6),
+    Sampled(input="ankle", values=(0, 0, 2, 4, 1, 1), interval=0.15, start=0.2), Bias("omega", 2e-2, 0.9),
 )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from icmj.errors import SimulationError
 from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Step
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Sampled, Step
 
 START = np.array([0.01, 0.003])
 
@@ -118,7 +118,8 @@ DISTURBED = (
 GAUSSIAN = (
     Gaussian(input="ankle", size=0.6, corner=2.0, interval=0.05, seed=4, on="body"),
     Gaussian(input="ankle", size=0.3, interval=0.1, seed=5, start=0.33),
-    Gaussian(output="theta", size=3e-4, corner=3.0, interval=0.1, seed=6), Bias("omega", 2e-3, 0.9),
+    Gaussian(output="theta", size=3e-4, corner=3.0, interval=0.1, seed=6),
+    Sampled(input="ankle", values=(0, 0, 0.2, 0.4, 0.1, 0.1), interval=0.15, start=0.2), Bias("omega", 2e-3, 0.9),
 )  # fmt: skip
 
 
