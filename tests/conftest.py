@@ -9,12 +9,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from icmj.base.environment import one_thread
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
     one_thread()
 ROOT = Path(__file__).resolve().parent.parent
+
+
+# on a busy machine whatever is drawn is slow
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
