@@ -29,7 +29,7 @@ are further away."""
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What the linear theory says: Δ_crit [s], λ_crit, period [s], γ, peak of every output, verdict on the orbit."""
+    """The linear prediction: Δ_crit [s], λ_crit, period [s], γ, peak of every output, and verdict on the orbit."""
 
     delta_crit: float | None
     eigenvalue: complex | None
@@ -42,10 +42,10 @@ class Predicted:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the run did: interval and period [s], peak of every output, |χ_k1| at events, kind of motion.
+    """The measured motion of the run: interval and period [s], peak of every output, |χ_k1| at events, kind of motion.
 
-    ``converged`` says whether it settled on the predicted cycle: that number of events in a period, mirrored or not,
-    every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit.
+    ``converged`` states whether it settled on the predicted cycle: with the predicted number of events in a period,
+    mirrored or not, and every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit.
     """
 
     interval: float | None
@@ -58,7 +58,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class RelativeError:
-    """(measured − predicted)/predicted, ``None`` where either is missing; amplitude for every output, shape (n_y,)."""
+    """(measured − predicted)/predicted, ``None`` if either is missing; amplitude for every output, shape (n_y,)."""
 
     interval: float | None
     period: float | None
@@ -75,11 +75,11 @@ class RelativeError:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Shown):
-    """One run beside its prediction.
+    """The comparison of one run with its prediction.
 
     Attributes:
-        case, plant: the case's name, and ``linear`` or ``mujoco``.
-        predicted, measured, relative_error: the numbers.
+        case, plant: name of the case, and ``linear`` or ``mujoco``.
+        predicted, measured, relative_error: predicted and measured values, and their relative differences.
         words: the verdict in one or two sentences.
         notices: notices about plants and run.
         pressure: for a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; otherwise empty.

@@ -20,7 +20,7 @@ REFINEMENT = 0.5  # of the run file's timestep: at the smallest thresholds the e
 
 
 def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
-    """Run the case in MuJoCo at each threshold, started on the predicted orbit, and fit the slopes.
+    """Simulate the case in MuJoCo at each threshold, starting on the predicted orbit, and fit the slopes.
 
     Returns:
         The law; ``None`` if no attracting cycle is predicted or there are fewer than two thresholds. A threshold at

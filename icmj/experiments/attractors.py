@@ -36,10 +36,10 @@ def attractors(
     progress: Callable[[int], None] | None = None,
     match: Match = "name",
 ) -> tuple[Attractor, ...]:
-    """All motions found from ``starts`` random initial states of the linear closed loop, the most frequent first.
+    """The motions that the linear closed loop reaches from ``starts`` random initial states, the most frequent first.
 
-    Plant state and observer error are drawn at random; each entry is scaled with its largest value on the run that
-    ``settings`` describes, and with the ``magnitudes`` in turn. A motion that has not settled is continued for up to
+    Plant state and observer error are drawn at random; each entry is scaled by its largest value in the run that
+    ``settings`` describes, and by the ``magnitudes`` in turn. A motion that has not settled is continued for up to
     eight times the duration. Two cycles are one attractor if their states at the events agree up to a shift along the
     cycle, or up to the sign (the loop is odd, so the mirror image of a motion is a motion); other motions are grouped
     by their kind. The limit on positions is not applied, because the loop is linear. The search may miss attractors

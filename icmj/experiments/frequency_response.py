@@ -27,13 +27,13 @@ from icmj.plant.matching import Match, matched
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Responses to S signals at F frequencies.
+    """Frequency responses to S signals at F frequencies.
 
     Attributes:
-        frequency: [Hz], shape (F,).
-        signals: ``d.<input>`` beside the command, ``n.<output>`` an error of its reading, ``r.<name>`` of a set-point.
-        x, y, u: of plant state, outputs and command, complex, shapes (F, n, S), (F, n_y, S), (F, n_u, S).
-        applied: of what acts, u + d, shape (F, n_u, S).
+        frequency: frequencies [Hz], shape (F,).
+        signals: ``d.<input>``, added to the command; ``n.<output>``, an error of the reading; ``r.<name>``, set-point.
+        x, y, u: responses of plant state, outputs and command, complex, shapes (F, n, S), (F, n_y, S), (F, n_u, S).
+        applied: responses of the acting input u + d, shape (F, n_u, S).
     """
 
     frequency: Array
@@ -47,7 +47,7 @@ class FrequencyResponse:
         """Index of a signal.
 
         Raises:
-            AnalysisError: if there is none.
+            AnalysisError: if there is no such signal.
         """
         if signal not in self.signals:
             raise AnalysisError(f"no signal {signal!r} acts on the loop; expected one of {', '.join(self.signals)}")
@@ -57,16 +57,16 @@ class FrequencyResponse:
 def frequency_response(
     plant: LinearPlant, controller: Law, frequency: ArrayLike, *, match: Match = "name"
 ) -> FrequencyResponse:
-    """The response of ``plant`` under ``controller``, whose trigger is taken as continuous.
+    """The frequency response of ``plant`` under ``controller``, whose trigger is replaced by continuous control.
 
     Args:
         plant: the actual plant.
         controller: a :class:`icmj.Controller`, or another one that reads delayed outputs in a single mode.
-        frequency: [Hz], positive, shape (F,).
-        match: how inputs and outputs of plant and controller's model belong together.
+        frequency: frequencies [Hz], positive, shape (F,).
+        match: how inputs and outputs of the plant are assigned to those of the controller's model.
 
     Raises:
-        AnalysisError: if they do not, a frequency is not positive, or the controller is not linear.
+        AnalysisError: if they do not correspond, a frequency is not positive, or the controller is not linear.
     """
     f = np.atleast_1d(np.asarray(frequency, dtype=float))
     if f.ndim != 1 or not (np.isfinite(f).all() and (f > 0).all()):

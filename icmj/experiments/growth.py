@@ -15,7 +15,7 @@ INTERVALS = 6  # the least that a growth is measured from
 
 
 def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
-    """Run the case under clocks around Δ_crit and measure the growth of x̄ from event to event.
+    """Simulate the case under clocks with intervals around Δ_crit, and measure the growth of x̄ from event to event.
 
     Each run starts along the dominant eigenvector of φ(Δ), so that the growth appears immediately.
 

@@ -35,11 +35,11 @@ class IntersectionPoint(Shown):
     """The intersection point over frequency.
 
     Attributes:
-        frequency: [Hz], rising, greater than 0, shape (F,).
+        frequency: frequencies [Hz], increasing, greater than 0, shape (F,).
         z: height above the ground [m], shape (F,); infinite where the force keeps its direction.
-        share: of the variance on the dominant eigenvector, 0.5–1, shape (F,).
-        windows: how many were averaged; 0 of a theoretical curve.
-        height: of the centre of mass [m], or ``None``.
+        share: share of the variance along the dominant eigenvector, 0.5–1, shape (F,).
+        windows: number of windows that were averaged; 0 for a theoretical curve.
+        height: height of the centre of mass [m], or ``None``.
     """
 
     frequency: Array
@@ -50,20 +50,20 @@ class IntersectionPoint(Shown):
 
     @property
     def ratio(self) -> Array:
-        """z over the height of the centre of mass, shape (F,).
+        """z divided by the height of the centre of mass, shape (F,).
 
         Raises:
-            DataError: if the height is not known.
+            DataError: if the height is unknown.
         """
         if self.height is None:
             raise DataError("the height of the centre of mass is not known; give it: 0.56 of the body's height")
         return self.z / self.height
 
     def crossing(self) -> float:
-        """The lowest frequency at which z falls to the height of the centre of mass [Hz]; NaN where it does not.
+        """The lowest frequency at which z falls to the height of the centre of mass [Hz]; NaN if it does not.
 
         Raises:
-            DataError: if that height is not known.
+            DataError: if this height is unknown.
         """
         ratio = self.ratio
         below = np.flatnonzero((ratio[1:] <= 1) & (ratio[:-1] > 1))
@@ -73,7 +73,7 @@ class IntersectionPoint(Shown):
         return float(np.interp(1.0, ratio[[i + 1, i]], self.frequency[[i + 1, i]]))
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         f, of = self.frequency, "" if self.height is None else " of the centre of mass's height"
         shown = self.z if self.height is None else self.ratio
         rows = tuple(
@@ -94,22 +94,23 @@ def intersection_point(
     window: float = WINDOW,
     band: tuple[float, float] = (0.4, 8.0),
 ) -> IntersectionPoint:
-    """The intersection point in recorded or simulated force and centre of pressure.
+    """The intersection point, from a recorded or simulated force and centre of pressure.
 
     Windows overlap by half; each is detrended by a straight line, weighted by Hann's window and padded with zeros to
     twice its length. At 100 Hz they are the 512 samples of Sugimoto-Dimitrova et al.
 
     Args:
-        series: holds both signals, with their units.
-        angle: θ_F = −F_x / F_z [rad, deg]; see :func:`force_angle`.
-        cop: centre of pressure along the same axis [m, cm, mm].
-        height: of the centre of mass [m].
-        window: [s].
-        band: which frequencies are told [Hz]. Below some 2 / window the result is what leaks from its neighbours.
+        series: a series that contains both signals, with their units.
+        angle: name of the signal θ_F = −F_x / F_z [rad, deg]; see :func:`force_angle`.
+        cop: name of the centre of pressure along the same axis [m, cm, mm].
+        height: height of the centre of mass [m].
+        window: length of a window [s].
+        band: lowest and highest frequency of the result [Hz]. Below about 2 / window, leakage from neighbouring
+            frequencies dominates the result.
 
     Raises:
-        DataError: if there is no such signal, its unit is not known, values are missing, the record is shorter than a
-            window, or nothing moves.
+        DataError: if there is no such signal, its unit is unknown, values are missing, the record is shorter than a
+            window, or the signals are constant.
     """
     pair = even_series(series.chosen([angle, cop]))
     theta, p = pair.values.T * [[_factor(pair, 0, ANGLES)], [_factor(pair, 1, LENGTHS)]]
@@ -131,13 +132,14 @@ def intersection_point(
 def intersection_curve(
     frequency: ArrayLike, response: ArrayLike, noise: ArrayLike, height: float | None = None
 ) -> IntersectionPoint:
-    """The intersection point of any linear loop that white noise drives, from its frequency response.
+    """The intersection point of a linear loop that is driven by white noise, from its frequency response.
 
     Args:
-        frequency: [Hz], positive, shape (F,).
-        response: from each noise to θ_F [rad] and p [m], shape (F, 2, S), as :func:`icmj.frequency_response` gives it.
-        noise: covariance of the noises, or their intensities alone, shape (S, S) or (S,).
-        height: of the centre of mass [m].
+        frequency: frequencies [Hz], positive, shape (F,).
+        response: response of θ_F [rad] and p [m] to each noise, shape (F, 2, S), computed for example with
+            :func:`icmj.frequency_response`.
+        noise: covariance matrix of the noises, or only their intensities, shape (S, S) or (S,).
+        height: height of the centre of mass [m].
 
     Raises:
         AnalysisError: if shapes do not fit.
@@ -152,11 +154,11 @@ def intersection_curve(
 
 
 def force_angle(series: Series, horizontal: str, vertical: str) -> Series:
-    """The series with θ_F = −F_x / F_z as a further signal ``force_angle`` [rad].
+    """The series with θ_F = −F_x / F_z as an additional signal ``force_angle`` [rad].
 
     Args:
-        series: holds the force of the ground on the body.
-        horizontal, vertical: its components, in one unit; the vertical one is positive upwards.
+        series: a series that contains the force of the ground on the body.
+        horizontal, vertical: names of its components, in the same unit; the vertical one is positive upwards.
 
     Raises:
         DataError: if there is no such signal, units are not those of forces, or the vertical force is not positive.

@@ -29,17 +29,17 @@ class Multisine(Shown):
     """Response and remnant, over all periods of all trials.
 
     Attributes:
-        line: excited lines [Hz], rising, shape (L,).
-        response: of the signal to the stimulus there, mean over periods, complex [unit of signal per unit of
-            stimulus], shape (L,).
-        radius: of the circle that holds the true response with 95 % confidence, shape (L,).
-        coherence: between stimulus and signal over periods, 0–1, shape (L,); of noise alone 1/P on average.
-        periods: how many there are.
-        frequency: all lines of a record but 0 [Hz], shape (K,).
-        power: mean square of the signal at each, mean over trials [unit²], shape (K,).
-        excited: which of them the stimulus has, shape (K,), bool.
+        line: excited lines [Hz], increasing, shape (L,).
+        response: response of the signal to the stimulus at these lines, mean over periods, complex [unit of signal per
+            unit of stimulus], shape (L,).
+        radius: radius of the circle that contains the true response with 95 % confidence, shape (L,).
+        coherence: coherence of stimulus and signal over periods, 0–1, shape (L,); for noise alone it is 1/P on average.
+        periods: number P of periods.
+        frequency: all lines of a record except 0 [Hz], shape (K,).
+        power: mean square of the signal at each of these lines, mean over trials [unit²], shape (K,).
+        excited: whether the stimulus contains each of these lines, shape (K,), bool.
         stimulus_power: mean square of the stimulus at the excited lines [unit²], shape (L,).
-        unit: of the response.
+        unit: unit of the response.
     """
 
     line: Array
@@ -55,16 +55,18 @@ class Multisine(Shown):
 
     @property
     def remnant(self) -> float:
-        """Share of the signal's power at lines that are not excited; NaN of a signal that is still."""
+        """Share of the signal's power at lines that are not excited; NaN for a constant signal."""
         whole = float(self.power.sum())
         return float(self.power[~self.excited].sum()) / whole if whole > 0 else float("nan")
 
     def explained(self, response: ArrayLike | None = None) -> float:
-        """Share of the signal's power that a linear model explains: 1 less the share that it leaves.
+        """Share of the signal's power that a linear model explains: 1 minus the share of the residual.
+
+        It is negative if the power of the residual exceeds that of the signal.
 
         Args:
-            response: of the model at the excited lines, shape (L,); that of the best one, which has the measured
-                response, if ``None``. It is negative where a model leaves more than there is.
+            response: response of the model at the excited lines, shape (L,); if ``None``, the measured response, which
+                is that of the best linear model.
 
         Raises:
             DataError: if the shape does not fit.
@@ -82,7 +84,7 @@ class Multisine(Shown):
         return 1 - float(left.sum() + self.power[~self.excited].sum()) / whole if whole > 0 else float("nan")
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         rows = tuple(
             (f"{f:.4g} Hz", f"{abs(value):.4g} {self.unit}, {np.degrees(np.angle(value)):.1f}°, coherence {c:.3f}")
             for f, value, c in zip(self.line, self.response, self.coherence, strict=True)
@@ -96,14 +98,14 @@ def multisine(
 ) -> Multisine:
     """The response of a signal to a periodic stimulus, and its remnant, in one trial or several.
 
-    Of each trial the last whole periods are taken. Periods count as independent where the confidence is concerned.
+    The last whole periods of each trial are used. For the confidence, periods are assumed to be independent.
 
     Args:
-        trials: each holds both signals, with their units.
-        stimulus: which is the stimulus.
-        signal: which is analysed.
-        period: of the stimulus [s].
-        lines: its frequencies [Hz], whole multiples of 1 / period.
+        trials: series that contain both signals, with their units.
+        stimulus: name of the stimulus.
+        signal: name of the signal that is analysed.
+        period: period of the stimulus [s].
+        lines: frequencies of the stimulus [Hz], integer multiples of 1 / period.
 
     Raises:
         DataError: if lines or stimulus are not periodic in the record, periods are too few, units are missing, or

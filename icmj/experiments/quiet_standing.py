@@ -38,12 +38,13 @@ class Standing:
     """Quiet standing over K trials; a :class:`icmj.experiments.recording.Finding`.
 
     Attributes:
-        names, units: of the signals.
-        measures: of each trial by ``<signal>.<measure>``, as :func:`icmj.simulate_many` names them, each shape (K,).
-        positions: every signal in units of its deviation, shape (N, w) for all trials together.
-        unimodal: test of one mode of each signal in each trial, K tuples of w tests.
-        intervals: open-loop intervals of all trials [s]; empty where there are no events.
-        interval_modes: test of one mode of these; ``None`` of too few.
+        names, units: names and units of the signals.
+        measures: measures of each trial by ``<signal>.<measure>``, named as in :func:`icmj.simulate_many`, each of
+            shape (K,).
+        positions: every signal in units of its standard deviation, shape (N, w) for all trials together.
+        unimodal: test for one mode of each signal in each trial, K tuples of w tests.
+        intervals: open-loop intervals of all trials [s]; empty without events.
+        interval_modes: test for one mode of the intervals; ``None`` if there are too few.
     """
 
     names: tuple[str, ...]
@@ -56,7 +57,7 @@ class Standing:
 
     @property
     def several(self) -> Array:
-        """Share of the trials in which each signal has more than one mode by its test at 1 %, shape (w,)."""
+        """Share of the trials in which each signal has more than one mode, tested at 1 %, shape (w,)."""
         return np.mean([[test.p <= SURE for test in trial] for trial in self.unimodal], axis=0)
 
     @property
@@ -101,15 +102,15 @@ class Standing:
 
 
 def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:
-    """Measures of sway in every trial, intervals, and tests of one mode.
+    """Measures of sway in every trial, intervals between events, and tests for one mode.
 
     Args:
-        recordings: trials of the same signals, with units; those that fell are left out.
-        low_pass: corner of the filter before all measures [Hz].
-        resamples: of each test of one mode.
+        recordings: trials with the same signals and with units; trials in which the person fell are left out.
+        low_pass: cut-off frequency of the filter that is applied before all measures [Hz].
+        resamples: number of samples for each test for one mode.
 
     Raises:
-        DataError: if no trial is left, trials are of other signals, units are missing, or a trial cannot be measured.
+        DataError: if no trial is left, trials have different signals, units are missing, or a trial cannot be measured.
     """
     kept = completed(recordings)
     first = kept[0].series

@@ -15,12 +15,12 @@ from icmj.series.series import Series
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One trial.
+    """One trial of an experiment.
 
     Attributes:
         series: its signals, evenly sampled.
-        events: times of the events of its controller [s], shape (K,); empty where it has none, or of people.
-        outcome: how a simulated run ended, ``completed`` or otherwise; "" of people.
+        events: times of the events of its controller [s], shape (K,); empty if it has none, and for people.
+        outcome: how a simulated run ended, such as ``completed``; "" for people.
     """
 
     series: Series
@@ -32,9 +32,9 @@ class Finding(Protocol):
     """The interface of the result of an analysis.
 
     Attributes:
-        numbers: by name, with the unit in brackets; NaN where there is none.
-        curves: columns of one length by name, with the unit in brackets.
-        words: one sentence.
+        numbers: numbers by name, with the unit in brackets; NaN if a number could not be determined.
+        curves: columns of the same length by name, with the unit in brackets.
+        words: the result in one sentence.
     """
 
     @property

@@ -31,17 +31,17 @@ _START, _LIMIT = 1e-6, 1e8  # sizes of a motion that is followed, in units of it
 
 @dataclass(frozen=True)
 class Rounds:
-    """The rounds of a motion under a switched controller.
+    """The rounds of a motion under a switched controller; see the glossary for this term.
 
     Attributes:
-        factor: size of a round over that of the one before; NaN where no rounds are found.
-        period: of a round [s]; NaN where none are found.
-        switches: in a round; 0 where none are found.
-        mirrored: whether each round is the mirror image of the one before.
-        growth: of the size [1/s]: log factor / period, or that of the whole motion where it has no rounds.
-        closure: relative difference of the last two rounds but for their size.
-        multiplier: what is left after a round of a departure from the settled ones, from how the run came to them: the
-            largest |multiplier| of the cycle or of the ray; NaN where it came too quickly to tell.
+        factor: size of a round divided by that of the previous round; NaN if no rounds are found.
+        period: duration of a round [s]; NaN if no rounds are found.
+        switches: number of switches in a round; 0 if no rounds are found.
+        mirrored: whether each round is the mirror image of the previous one.
+        growth: growth rate of the size [1/s]: log factor / period or, without rounds, that of the whole motion.
+        closure: relative difference of the last two rounds, apart from their size.
+        multiplier: factor by which a deviation from the settled rounds changes in one round: the largest |multiplier|,
+            estimated from the approach of the run to them; NaN if the approach was too fast for an estimate.
     """
 
     factor: float
@@ -54,7 +54,7 @@ class Rounds:
 
     @property
     def verdict(self) -> str:
-        """``stands``, ``falls``, ``on the edge``; ``not settled`` of a motion that switches without rounds so far."""
+        """``stands``, ``falls``, ``on the edge``, or ``not settled`` if the motion switches without rounds so far."""
         if np.isfinite(self.closure) and self.switches == 0:
             return "not settled"
         size = self.growth if np.isnan(self.period) else self.factor - 1
@@ -75,10 +75,10 @@ class Rounds:
 
 
 def rounds_of(run: Simulation) -> Rounds:
-    """The rounds that a run under a switched controller has settled on, from its last switches.
+    """The rounds on which a run under a switched controller has settled, from its last switches.
 
     Args:
-        run: on either plant; its events are the switches.
+        run: a run on either plant; its events are the switches.
     """
     x, interval = run.events.x, run.events.interval
     size = np.linalg.norm(x, axis=1)
@@ -118,10 +118,10 @@ def rounds(
     """The rounds of a switched loop without a dead zone on the linear plant, simulated exactly.
 
     Args:
-        plant: with the inputs and outputs of the law's plant.
-        law: without a dead zone.
-        duration: of the motion that is followed [s].
-        direction: in which it starts, shape (n,); the first state by default.
+        plant: a plant with the inputs and outputs of the law's plant.
+        law: a controller without a dead zone.
+        duration: duration of the simulated motion [s].
+        direction: direction of the initial state, shape (n,); by default that of the first state.
 
     Raises:
         AnalysisError: if the law has a dead zone.
@@ -138,12 +138,12 @@ def rounds(
 
 @dataclass(frozen=True, eq=False)
 class Attraction:
-    """Which gains hold a body upright.
+    """The map of the gains with which a switched controller keeps a body upright.
 
     Attributes:
         P, D: gains, shapes (p,) and (d,).
-        factor: per round, NaN where no rounds are found, shape (d, p).
-        growth: of the size [1/s], shape (d, p).
+        factor: factor per round, NaN if no rounds are found, shape (d, p).
+        growth: growth rate of the size [1/s], shape (d, p).
     """
 
     P: Array
@@ -166,12 +166,12 @@ def attraction(
     duration: float = 40.0,
     progress: Callable[[float], None] | None = None,
 ) -> Attraction:
-    """The map of attraction over gains: the factor per round at every pair of them (:func:`rounds`).
+    """The map of attraction over gains: the factor per round for every pair of gains (:func:`rounds`).
 
     Args:
-        plant, law, duration: as of :func:`rounds`; the gains of the law are replaced.
+        plant, law, duration: as for :func:`rounds`; the gains of the law are replaced.
         P, D: gains, shapes (p,) and (d,).
-        progress: called with the part that is done, 0–1.
+        progress: called repeatedly with the completed fraction, 0–1.
     """
     P, D = np.asarray(P, float), np.asarray(D, float)
     factor, growth = np.empty((len(D), len(P))), np.empty((len(D), len(P)))

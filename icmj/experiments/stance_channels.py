@@ -24,15 +24,16 @@ _STARTS = ((1.3, 0.35, 0.12, 0.5), (1.3, 0.35, 0.2, 0.9), (1.1, 0.5, 0.08, 0.2))
 
 @dataclass(frozen=True)
 class StanceChannels:
-    """A one-link person.
+    """A one-link person with independent sensory channels.
 
     Attributes:
-        inertia: J about the ankle [kg m²].
-        toppling: m g h [N m/rad].
-        stiffness, damping: passive, K [N m/rad] and D₀ [N m s/rad].
-        P, D: feedback K_p [N m/rad] and K_d [N m s/rad].
-        delay: τ [s].
-        weight: W, of the angle to the surface and its rate, beside 1 − W of those to the vertical.
+        inertia: moment of inertia J about the ankle [kg m²].
+        toppling: toppling stiffness m g h [N m/rad].
+        stiffness, damping: passive stiffness K [N m/rad] and damping D₀ [N m s/rad].
+        P, D: feedback gains K_p [N m/rad] and K_d [N m s/rad].
+        delay: delay τ of the feedback [s].
+        weight: weight W of the angle to the surface and its rate; the angle to the vertical and its rate have the
+            weight 1 − W.
     """
 
     inertia: float
@@ -45,7 +46,7 @@ class StanceChannels:
     weight: float = 1.0
 
     def response(self, frequency: ArrayLike) -> np.ndarray:
-        """Body in space over surface at frequencies [Hz], complex."""
+        """Response of the angle of the body in space to that of the surface at frequencies [Hz], complex."""
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
         body, passive = 1 / (self.inertia * s**2 - self.toppling), self.stiffness + self.damping * s
         active = (self.P + self.D * s) * np.exp(-s * self.delay)
@@ -53,13 +54,14 @@ class StanceChannels:
 
 
 def fit_channels(body: StanceChannels, frequency: ArrayLike, response: ArrayLike, radius: ArrayLike) -> StanceChannels:
-    """The same body with the P, D, delay and weight whose response is nearest to a measured one.
+    """Fit P, D, delay and weight of a body to a measured response.
 
     Args:
-        body: inertia, toppling stiffness, and what is passive.
+        body: the body, with inertia, toppling stiffness, passive stiffness and damping.
         frequency: lines [Hz], shape (L,).
-        response: measured, complex, shape (L,).
-        radius: of confidence of each, by which it is weighted, shape (L,); equal weights where it is zero or unknown.
+        response: measured response, complex, shape (L,).
+        radius: radius of confidence of each response, which determines its weight, shape (L,); weights are equal if it
+            is zero or unknown.
 
     Raises:
         DataError: if there are fewer than three lines, or shapes do not fit.

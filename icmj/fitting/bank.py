@@ -40,17 +40,18 @@ _VERSIONS = ("icmj", "numpy", "scipy", "numba", "mujoco")
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Draws of a family, those that stood and those that did not.
+    """Simulated trials of n draws from the prior of a family, including draws that fell.
 
     Attributes:
         family: name of the family.
-        prior: of its numbers.
-        fingerprint: of the family, trials and duration; banks with the same one can be trained on together.
-        theta: the numbers, shape (n, p).
-        summaries: of each trial, shape (n, K, s); NaN where a draw fell.
+        prior: prior of its parameters.
+        fingerprint: fingerprint of family, number of trials and duration; banks with the same fingerprint can be
+            combined for training.
+        theta: parameters of each draw, shape (n, p).
+        summaries: summary statistics of each trial, shape (n, K, s); NaN if a draw fell.
         fell: whether a draw fell in one of its trials, or has no controller, shape (n,).
-        seed: of the draws and their noise.
-        duration: of a trial [s].
+        seed: seed of the draws and their noise.
+        duration: duration of a trial [s].
     """
 
     family: str
@@ -67,33 +68,33 @@ class Bank:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the numbers."""
+        """Names of the parameters."""
         return self.prior.names
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of the numbers."""
+        """Units of the parameters."""
         return self.prior.units
 
     @property
     def summary_names(self) -> tuple[str, ...]:
-        """Of the summaries."""
+        """Names of the summary statistics."""
         return SUMMARIES
 
     @property
     def z(self) -> Array:
-        """The numbers as standard normal variables, shape (n, p)."""
+        """The parameters as standard normal variables, shape (n, p)."""
         return self.prior.to_normal(self.theta)
 
     @property
     def stood(self) -> Bank:
-        """Those draws that stood in all their trials: what a network is trained on."""
+        """The draws that stood in all their trials, on which a network is trained."""
         kept = ~self.fell
         return replace(self, theta=self.theta[kept], summaries=self.summaries[kept], fell=self.fell[kept])
 
     @property
     def words(self) -> str:
-        """How many there are and how many fell, in a sentence."""
+        """The number of draws and the number of those that fell, in one sentence."""
         share = 100 * float(np.mean(self.fell)) if len(self) else 0.0
         trials = self.summaries.shape[1]
         return (
@@ -115,23 +116,24 @@ def simulate_bank(
     chunk: int = CHUNK,
     progress: Callable[[float], None] | None = None,
 ) -> Bank:
-    """Draw members of a family from its prior, let each stand, and summarise its trials; what is there is not redone.
+    """Draw members of a family from its prior, simulate quiet standing, and compute summary statistics of the trials.
 
     Args:
         family: the family.
         n: number of draws.
-        seed: of draws and noise.
-        trials: of each draw.
-        duration: of a trial [s], at least 30.
-        folder: where finished chunks are kept, and a bank that was begun goes on; nothing is kept if ``None``.
+        seed: seed of draws and noise.
+        trials: number of trials of each draw.
+        duration: duration of a trial [s], at least 30.
+        folder: folder in which finished chunks are stored, and an interrupted bank is resumed; nothing is stored if
+            ``None``.
         jobs: number of local processes; by default the number of cores.
         dask: address of a Dask scheduler, whose workers are used instead.
-        chunk: draws that are kept together.
-        progress: called with the completed fraction, 0–1.
+        chunk: number of draws that are stored together.
+        progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        FitError: if there is nothing to draw, or the folder holds another bank or cannot be used.
-        SweepError: if the cluster is not there, or goes away.
+        FitError: if there is nothing to draw, or the folder contains another bank or cannot be used.
+        SweepError: if the cluster cannot be reached or disappears.
     """
     if not (1 <= n <= MOST and 1 <= trials <= 100 and chunk >= 1 and seed >= 0):
         raise FitError(f"{n} draws, {trials} trials, seed {seed}: expected at least one of each, and no negative seed")
@@ -157,14 +159,14 @@ def simulate_bank(
 
 
 def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
-    """The finished part of a bank, from its first draw to the last before one that is missing.
+    """Read the finished part of a bank, from its first draw to the last one before a missing draw.
 
     Args:
-        folder: of the bank.
-        family: that it is of; by default it is loaded by what the bank says.
+        folder: folder of the bank.
+        family: family of the bank; by default it is loaded as the bank states it.
 
     Raises:
-        FitError: if it is no bank or of another family, or a file cannot be read.
+        FitError: if the folder is not that of a bank, the bank belongs to another family, or a file cannot be read.
     """
     folder = Path(folder)
     facts = _facts(folder)

@@ -40,14 +40,14 @@ _STOOD = ("completed", "sliding")  # one that slides had events as often as it m
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One member of a family, ready to stand; nothing is predicted for it.
+    """One member of a family, prepared for simulation without a prediction.
 
     Attributes:
         run: its run file.
         plant: the actual plant.
         law: the controller.
-        settings: of its trials, their warm-up included.
-        weights: the centre of pressure from the plant's states [m per unit of the state], shape (n,).
+        settings: settings of its trials, including the time before they begin.
+        weights: weights of the plant's states in the centre of pressure [m per unit of the state], shape (n,).
     """
 
     run: RunFile
@@ -60,13 +60,14 @@ class Member:
     def trial(self, seed: int) -> Array | None:
         """The front-to-back centre of pressure of one trial on the linear plant [m] at 100 Hz, forwards positive.
 
-        It is that of :func:`icmj.simulate` bit for bit, without what nobody asks for here.
+        It equals that of :func:`icmj.simulate` bit for bit; results that are not needed here are not computed.
 
         Args:
-            seed: of all noise, together with each noise's own.
+            seed: seed of all noise, together with the seed of each noise.
 
         Returns:
-            shape (N,), or ``None`` if it fell, or its events stood in each other's way.
+            The centre of pressure, shape (N,), or ``None`` if the member fell or the run ended early for another
+            reason.
         """
         settings = reseeded(self.settings, seed)
         if isinstance(self.law, Controller):
@@ -85,11 +86,11 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A family of controllers: a run file some of whose numbers are unknown.
+    """A family of controllers: a run file with some unknown parameters.
 
     Attributes:
         file: the family file.
-        prior: of its numbers.
+        prior: prior of its parameters.
     """
 
     file: FamilyFile
@@ -102,26 +103,26 @@ class Family:
 
     @property
     def title(self) -> str:
-        """What stands in tables and figures."""
+        """Its title in tables and figures."""
         return self.file.family.title or self.name
 
     def run_file(self, theta: ArrayLike) -> RunFile:
         """The run file of one member.
 
         Args:
-            theta: its numbers, shape (p,).
+            theta: its parameters, shape (p,).
 
         Raises:
-            RunFileError: if a value is not allowed there.
+            RunFileError: if a value is not allowed for its key.
         """
         return self.file.base.with_(**self._changes(theta, pressure=False))
 
     def member(self, theta: ArrayLike, duration: float = DURATION) -> Member:
-        """One member, ready to stand for trials of this duration [s].
+        """One member, prepared for trials of this duration [s].
 
         Raises:
             RunFileError, ModelError, DesignError, AnalysisError: if there is no such controller.
-            FitError: if the centre of pressure is said to depend on what is no state.
+            FitError: if the family file lets the centre of pressure depend on something that is not a state.
         """
         run = self.run_file(theta).with_(
             **{"simulation.duration": WARM_UP + duration, "simulation.record_interval": 1 / RATE}
@@ -146,7 +147,7 @@ class Family:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Sixteen hexadecimal digits that change with all that makes its trials but versions."""
+        """Sixteen hexadecimal digits that depend on all that determines its trials, except versions of software."""
         base = self.file.base
         said = {
             "family": self.file.model_dump(
@@ -177,11 +178,11 @@ class Family:
 
 
 def load_family(path: Path | str, *, allow_code: bool = False) -> Family:
-    """A family by its file, or by the name of a shipped one: ``event``, ``clock``, ``predictor``, ….
+    """Read and validate a family file; the name of a shipped family may be given instead: ``event``, ``clock``, ….
 
     Args:
         path: the file, or the name.
-        allow_code: whether Python code that its run file names may be run.
+        allow_code: whether Python code that its run file names may be executed.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.

@@ -31,12 +31,12 @@ _MOST_INFO = 50_000_000  # bytes
 
 @dataclass(frozen=True, eq=False)
 class TrialOf:
-    """One trial of a person.
+    """One recorded trial of a person.
 
     Attributes:
-        name: what it is of, for people.
+        name: name of the trial, from its file and column.
         cop: front-to-back centre of pressure [m] at 100 Hz, shape (N,).
-        notes: what was done to it.
+        notes: changes that were made to the recording.
     """
 
     name: str
@@ -45,25 +45,25 @@ class TrialOf:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the trial [s]."""
         return len(self.cop) / RATE
 
 
 def read_trials(
     path: Path | str, columns: Sequence[str] = (), *, unit: str | None = None, rate: float | None = None
 ) -> tuple[TrialOf, ...]:
-    """The trials in one file of any kind that :func:`icmj.read_series` takes; each column is one.
+    """Read the trials in one file of any kind that :func:`icmj.read_series` reads; each column is one trial.
 
     Args:
         path: the file.
-        columns: front-to-back centres of pressure; by default the column of such a name (``NAMES``, or one that
-            ends in ``_ap``), or the only one.
-        unit: ``m``, ``cm`` or ``mm``, of a file that states none.
-        rate: rows per second [Hz], of a file without times.
+        columns: front-to-back centres of pressure; by default the column with such a name (``NAMES``, or a name that
+            ends in ``_ap``), or the only column.
+        unit: ``m``, ``cm`` or ``mm``, for a file that states no unit.
+        rate: rows per second [Hz], for a file without times.
 
     Raises:
         FitError: one line that names the file, if it cannot be read, has no such column or unit, is too short, has
-            gaps, or is not the sway of a person who stands.
+            gaps, or does not contain the sway of a standing person.
     """
     with _of(path):
         series = read_series(path, columns=columns, rate=rate)
@@ -123,7 +123,7 @@ class PublicTrial:
         file: its text file.
         person: number of the person.
         vision, surface: ``Open`` or ``Closed``, ``Firm`` or ``Foam``.
-        group: age group, ``Young`` or ``Old``; "" where the table has none.
+        group: age group, ``Young`` or ``Old``; "" if the table has none.
     """
 
     file: Path
@@ -134,17 +134,17 @@ class PublicTrial:
 
 
 def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple[PublicTrial, ...]:
-    """The trials in a folder of the public data set's own text files, by its table ``BDSinfo.txt``.
+    """The trials in a folder with the text files of the public data set, as listed in its table ``BDSinfo.txt``.
 
-    Each ``BDS00001.txt`` has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to back.
-    :func:`icmj.read_trials` reads it.
+    Each file, such as ``BDS00001.txt``, has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to
+    back. :func:`icmj.read_trials` reads these files.
 
     Args:
-        folder: with ``BDSinfo.txt`` and the files.
-        people: numbers of those wanted; by default all whose files are there.
+        folder: folder with ``BDSinfo.txt`` and the files.
+        people: numbers of the requested people; by default all people whose files are in the folder.
 
     Raises:
-        FitError: if the table cannot be read or names no file that is there.
+        FitError: if the table cannot be read, or none of its files is in the folder.
     """
     table = Path(folder) / INFO
     try:

@@ -66,7 +66,7 @@ def measure(
 
     A *cycle* is a return of x̄ and of the interval after p events that is seen three times, within ``tolerance`` of its
     limit: while the closure error decreases geometrically, its remainder (r/(1 − ratio)) must be below ``tolerance``;
-    if it clearly grows, the motion is leaving the cycle. The smallest p that closes is taken.
+    if it clearly grows, the motion is leaving the cycle. The smallest p for which the cycle closes is used.
 
     Args:
         simulation: a run on the linear plant or in MuJoCo, driven by events or a clock.

@@ -28,12 +28,13 @@ _INNER = (0.025, 0.975)  # quantiles between which values are looked at
 
 @dataclass(frozen=True)
 class Modality:
-    """A test of one mode against several.
+    """The result of a test of one mode against several.
 
     Attributes:
-        bandwidth: critical bandwidth over the standard deviation.
-        p: share of samples of one mode whose critical bandwidth is as large; small where there are several modes.
-        count: values that were tested.
+        bandwidth: critical bandwidth divided by the standard deviation.
+        p: share of samples with one mode whose critical bandwidth is at least as large; it is small if there are
+            several modes.
+        count: number of values that were tested.
     """
 
     bandwidth: float
@@ -45,13 +46,13 @@ def modality(values: Array, *, signal: bool = False, resamples: int = 199, seed:
     """Test whether values have one mode.
 
     Args:
-        values: shape (N,).
-        signal: whether they are a signal over time, evenly sampled, rather than independent values.
-        resamples: how many samples of one mode they are compared with.
-        seed: of these.
+        values: the values, shape (N,).
+        signal: whether they are an evenly sampled signal over time rather than independent values.
+        resamples: number of samples with one mode with which they are compared.
+        seed: seed of these samples.
 
     Raises:
-        DataError: if there are too few values, one is not finite, or all are the same.
+        DataError: if there are too few values, one is not finite, or all are equal.
     """
     x = np.asarray(values, dtype=float)
     if x.ndim != 1 or len(x) < FEWEST or not np.isfinite(x).all():

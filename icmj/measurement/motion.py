@@ -18,20 +18,20 @@ class Measurement(Shown):
     """The motion at the end of a run, read from its events.
 
     Attributes:
-        kind: what the motion is; ``homoclinic`` is an interval that keeps growing while the state decays, ``noisy`` a
-            motion that noise drives, which is told by its :mod:`icmj.measurement.statistics`.
-        p: events per period (1, 2, ... 8), or ``None`` where there is no cycle. A mirrored cycle has p = 2.
+        kind: kind of the motion. ``homoclinic``: the interval keeps growing while the state decays; ``noisy``: noise
+            drives the motion, which is then described by its :mod:`icmj.measurement.statistics`.
+        p: events per period (1, 2, ... 8), or ``None`` without a cycle. A mirrored cycle has an even p.
         mirrored: whether the second half of the cycle is the first with opposite sign.
-        interval: mean open-loop interval over the last period [s], or the last intervals' mean where there is no
-            cycle, or the mean under noise; ``None`` without events.
-        intervals: the intervals of the last period, shape (p,); empty where there is no cycle.
+        interval: mean open-loop interval over the last period [s] or, without a cycle, over the last intervals or,
+            under noise, over the run; ``None`` without events.
+        intervals: the intervals of the last period [s], shape (p,); empty without a cycle.
         period: time after which the state repeats [s], or ``None``.
-        amplitude: peak magnitude of every output over the last period, shape (n_y,) (over the last ten events
-            where there is no cycle).
+        amplitude: peak magnitude of every output over the last period or, without a cycle, over the last ten events;
+            shape (n_y,).
         residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
             a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
-        words: one sentence for people.
-        outputs, output_units: names and units of the outputs; empty where they are not known.
+        words: the motion in one sentence.
+        outputs, output_units: names and units of the outputs; empty if unknown.
     """
 
     kind: MotionKind

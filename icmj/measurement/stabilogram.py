@@ -24,10 +24,10 @@ class Regime:
     """A range of lags of the diffusion plot.
 
     Attributes:
-        start, end: lags [s].
+        start, end: first and last lag [s].
         H: scaling exponent, half the slope on logarithmic axes.
         D: diffusion coefficient, half the slope on linear axes [unit²/s].
-        offset: where that line meets lag zero [unit²].
+        offset: value of this line at lag zero [unit²].
     """
 
     start: float
@@ -45,7 +45,7 @@ class Diffusion:
         lag: time differences [s], increasing from one step, shape (M,).
         displacement: mean square displacement [unit²], for a point in a plane the sum over both coordinates, shape
             (M,).
-        short, long: the fitted lines; ``None`` if the record is too short, or too coarse, for one.
+        short, long: the fitted lines; ``None`` if the record is too short or too coarse for a line.
     """
 
     lag: Array
@@ -69,14 +69,14 @@ def diffusion(
     short: tuple[float, float] = SHORT,
     long: tuple[float, float] = LONG,
 ) -> Diffusion:
-    """The stabilogram diffusion of an evenly sampled sway.
+    """The stabilogram diffusion of evenly sampled sway.
 
     ⟨Δx²⟩ at a lag is the mean over all pairs of samples with this time difference; for a plane ⟨Δr²⟩ = ⟨Δx²⟩ + ⟨Δy²⟩.
     The lines are ⟨Δx²⟩ = 2 D Δt + c, and log ⟨Δx²⟩ = 2 H log Δt + c, fitted by least squares to all lags within each
     window.
 
     Args:
-        values: shape (N,), or (N, 2) for a plane.
+        values: the coordinate, shape (N,), or both coordinates of a plane, shape (N, 2).
         rate: samples per second [Hz].
         short, long: windows of the fits [s].
     """

@@ -28,11 +28,12 @@ class Statistics:
         start, end: the part of the run that is evaluated [s].
         events: number of events in it.
         interval: mean open-loop interval [s]; ``None`` with fewer than two events.
-        interval_deviation: its standard deviation [s]; ``None`` with fewer than two events.
+        interval_deviation: standard deviation of the intervals [s]; ``None`` with fewer than two events.
         least: the minimum interval [s], the larger of Δ_min (the refractory period) and the delay.
-        binding: share of the intervals at this minimum, for which Δ_min and not the threshold determined the event.
-        edges, counts: histogram of the intervals, edges of its bins [s], shapes (B + 1,) and (B,); empty without
-            intervals.
+        binding: share of the intervals that equal this minimum, for which the minimum and not the threshold determined
+            the event.
+        edges, counts: histogram of the intervals: edges of its bins [s] and counts, shapes (B + 1,) and (B,); empty
+            without intervals.
         mean, rms: mean of every output, and root mean square about that mean; length n_y.
         spectrum: spectrum of every output.
     """

@@ -27,9 +27,9 @@ class Frequencies:
 
     Attributes:
         mean: ∫f P df / ∫P df [Hz].
-        median: below which half of the power is [Hz].
-        edge: below which 95 % of the power is [Hz].
-        slope: of log P against log f from 0.1 to 0.7 Hz, whatever the band; NaN where there are fewer than four lines.
+        median: frequency below which half of the power lies [Hz].
+        edge: frequency below which 95 % of the power lies [Hz].
+        slope: slope of log P against log f from 0.1 to 0.7 Hz, independent of the band; NaN with fewer than four lines.
     """
 
     mean: float
@@ -43,15 +43,16 @@ class Coordinate:
     """Measures of one coordinate, about its mean.
 
     Attributes:
-        name, unit: of the coordinate.
-        mean: [unit].
+        name, unit: name and unit of the coordinate.
+        mean: mean value [unit].
         rms: root mean square about the mean [unit] (Prieto et al. 1996: RDIST).
         mean_distance: mean magnitude about the mean [unit] (MDIST).
         range: largest minus smallest value [unit] (RANGE).
         prediction_range: width of the 95 % prediction interval [unit].
-        speed: length of the way there and back over duration [unit/s] (MVELO).
-        rotation_frequency: speed / (4√2 mean_distance) [Hz], as Prieto et al. print it (MFREQ); 1.11 f of a sinusoid.
-        frequencies: of its power spectrum.
+        speed: mean speed, the total path length divided by the duration [unit/s] (MVELO).
+        rotation_frequency: speed / (4√2 mean_distance) [Hz], as printed by Prieto et al. (MFREQ); 1.11 f for a sinusoid
+            of frequency f.
+        frequencies: distribution of its power over frequency.
         diffusion: stabilogram diffusion.
     """
 
@@ -73,12 +74,12 @@ class Plane:
     """Measures of two coordinates together.
 
     Attributes:
-        names, unit: of the coordinates.
-        rms, mean_distance: of the distance from the mean point [unit].
-        speed: length of the path over duration [unit/s].
-        rotation_frequency: of the circle of the same mean distance and speed [Hz] (MFREQ).
+        names, unit: names and common unit of the coordinates.
+        rms, mean_distance: root mean square and mean of the distance from the mean point [unit].
+        speed: mean speed, the length of the path divided by the duration [unit/s].
+        rotation_frequency: frequency of a rotation on a circle with this mean distance and speed [Hz] (MFREQ).
         ellipse: 95 % prediction ellipse.
-        frequencies: of the sum of both power spectra.
+        frequencies: distribution of the sum of both power spectra over frequency.
         diffusion: stabilogram diffusion, ⟨Δr²⟩.
     """
 
@@ -102,7 +103,7 @@ class Sway(Shown):
         duration: N / rate [s].
         rate: samples per second [Hz].
         band: band of the frequency measures [Hz].
-        low_pass: corner of the filter that is applied before all measures [Hz], or ``None``.
+        low_pass: cut-off frequency of the filter that is applied before all measures [Hz], or ``None``.
         coordinates: the measures of each signal.
         plane: the measures of two signals with the same unit together, otherwise ``None``.
         spectrum: spectrum of every signal.
@@ -149,14 +150,14 @@ def measure_sway(
     Args:
         series: for example from :func:`icmj.read_series` or ``Result.to_series``.
         columns: names of the signals to measure; by default all.
-        rate: rate at which it is resampled by a cubic spline [Hz]; by default its own rate.
-        low_pass: corner [Hz] of a fourth-order Butterworth filter, run forward and backward without phase shift, from
-            one period in the record to half the rate; by default no filter.
+        rate: rate to which the series is resampled by a cubic spline [Hz]; by default its own rate.
+        low_pass: cut-off frequency [Hz] of a fourth-order Butterworth filter, run forward and backward without phase
+            shift, between one period in the record and half the rate; by default there is no filter.
         band: band for mean, median and edge frequency [Hz]; Prieto et al. used 0.15 to 5 Hz.
 
     Raises:
-        DataError: if there is no such signal, values are missing, there are gaps or too few rows, or corner or band do
-            not fit the rate.
+        DataError: if there is no such signal, values are missing, there are gaps or too few rows, or filter or band
+            does not fit the rate.
     """
     series = even_series(series.chosen(columns) if columns else series, rate)
     N = len(series)

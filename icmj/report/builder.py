@@ -56,20 +56,20 @@ def build_report(
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
     Args:
-        results: runs as read from logs; normally one of the linear plant and one of MuJoCo for each case. Angles
-            are drawn in degrees, other outputs in the unit that their plant tells.
-        out: the page.
-        figures: folder of the single figures, ``<stem>_figures`` beside the page if ``None``.
+        results: runs as read from logs; normally one on the linear plant and one in MuJoCo for each case. Angles
+            are drawn in degrees, other outputs in the units of their plant.
+        out: path of the page.
+        figures: folder of the single figures; ``<stem>_figures`` in the folder of the page if ``None``.
         sweeps: sweeps as read from their folders, shown after the runs, or alone.
-        branches: of cycles, as read from their files, shown after these, or alone; those of one run file along one
-            parameter in one figure, those of the linear plant beneath.
+        branches: branches of cycles as read from their files, shown after runs and sweeps, or alone. Branches of one
+            run file along one parameter share a figure, in which those of the linear plant are drawn below the others.
         tried: runs under controllers that are not intermittent, shown after these, or alone.
-        draw: draws the figures of all cases into a folder, see :func:`icmj.report.drawing.draw_case`; one after the
-            other if ``None``.
+        draw: a function that draws the figures of all cases into a folder, see
+            :func:`icmj.report.drawing.draw_case`; if ``None``, they are drawn one after the other.
 
     Raises:
-        ReportError: if there are no results, sweeps or branches, two of the same run, or the files cannot be written.
-            Nothing is left under the page's name then, unless it was there before.
+        ReportError: if there are no results, sweeps or branches, two results of the same run, or the files cannot be
+            written. In this case no page is left, except one that existed before.
     """
     cases = in_paper_order(paired(results)) if results or not (sweeps or branches or tried) else []
     out = Path(out)

@@ -78,7 +78,7 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
         letters: whether each panel has its letter.
 
     Returns:
-        A figure of matplotlib; panel (c) shows the first four outputs.
+        A matplotlib figure; panel (c) shows the first four outputs.
     """
     from icmj.report.sheet import draw_sheet
 
@@ -86,13 +86,13 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
 
 
 def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(a) Largest |λ| of φ(Δ_ol) with the true and with an exact model; points: growth measured under the clock."""
+    """(a) Largest |λ| of φ(Δ_ol) for the actual plant and for an exact model; points: growth measured under a clock."""
     eigenvalues.draw_modulus(axes, _case(results))
     return _legend(axes, legend)
 
 
 def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
-    """(b) Eigenvalues of φ about the unit circle as Δ_ol grows; ``scale`` adds the colour scale right of the axes."""
+    """(b) Eigenvalues of φ and the unit circle for increasing Δ_ol; ``scale`` adds a colour scale right of the axes."""
     case = _case(results)
     eigenvalues.draw_locus(axes, case)
     if scale:
@@ -108,25 +108,25 @@ def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = T
 
 
 def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(d) Velocity against position of every output, latter part, over the predicted orbit; circles: at events."""
+    """(d) Velocity against position of every output, last part of the run, and the predicted orbit; circles: events."""
     draw_phase(axes, _case(results))
     return _legend(axes, legend)
 
 
 def intervals(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(e) Open-loop interval that ends at each event against time; dotted: Δ_crit."""
+    """(e) Open-loop intervals against the time of the event that ends them; dotted: Δ_crit."""
     time.draw_intervals(axes, _case(results))
     return _legend(axes, legend)
 
 
 def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(f), upper part: the critical mode χ_k1 over the last intervals; dotted: events and ±γ."""
+    """(f), upper part: the critical mode χ_k1 during the last intervals; dotted: events and ±γ."""
     modes.draw_critical(axes, _case(results))
     return _legend(axes, legend)
 
 
 def other_modes(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(f), lower part: the norm of the other modes over the last intervals, which vanishes at events of a cycle."""
+    """(f), lower part: the norm of the other modes during the last intervals; on a cycle it is zero at events."""
     modes.draw_others(axes, _case(results))
     return _legend(axes, legend)
 
@@ -144,13 +144,13 @@ def mode_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 
 def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """The norm of x̄ on a logarithmic scale; what (f) shows where there is no Δ_crit, hence no χ."""
+    """The norm of x̄ on a logarithmic scale; panel (f) shows it if there is no Δ_crit and therefore no χ."""
     modes.draw_norm(axes, _case(results))
     return _legend(axes, legend)
 
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the least interval."""
+    """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the minimum interval."""
     noise.draw_histogram(axes, _under_noise(_case(results)))
     return _legend(axes, legend)
 
@@ -163,7 +163,7 @@ def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool =
 
 
 def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """Departures from the linear prediction against the threshold, with the fitted slopes."""
+    """Differences from the linear prediction against the threshold, with the fitted slopes."""
     case = _case(results)
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
@@ -173,7 +173,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 
 def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> Axes:
-    """(g) The command and what acts on an input where they differ, by number or name; the first such by default."""
+    """(g) The command and the acting input, for an input (number or name); by default the first where they differ."""
     case = _case(results)
     there, names = ground.acting_inputs(case), case.first.actual.inputs
     if not there:
@@ -186,7 +186,7 @@ def acting(axes: Axes, *results: Result, input: int | str | None = None, legend:
 
 
 def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> Axes:
-    """(h) The centre of pressure along ``x`` or ``y`` against time, of a body that stands on a floor."""
+    """(h) The centre of pressure along ``x`` or ``y`` against time, for a body that stands on a floor."""
     case = _case(results)
     there = ground.pressed_axes(case)
     if axis not in ("x", "y", None) or not there:
@@ -197,7 +197,7 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
 
 
 def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> Axes:
-    """Of a sweep over ``x`` and ``y``: relative error of the theory's interval, contours at 0.1, 1 and 10 %."""
+    """Relative error of the predicted interval over columns ``x`` and ``y`` of a sweep; contours: 0.1, 1 and 10 %."""
     draw_validity(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()
@@ -205,13 +205,13 @@ def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco",
 
 
 def critical_interval(axes: Axes, swept: Swept, x: str, *, legend: bool = True) -> Axes:
-    """Of a sweep over ``x``: Δ_crit, and the intervals of the cycles that were measured."""
+    """Δ_crit and the intervals of the measured cycles over the column ``x`` of a sweep."""
     draw_curve(axes, swept, x)
     return _legend(axes, legend)
 
 
 def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> Axes:
-    """Of a sweep over two initial states: the motion that each start leads to."""
+    """The motion that each initial state leads to, over the two columns of initial states of a sweep."""
     draw_basins(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()
@@ -225,7 +225,7 @@ def sway_path(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
 
 
 def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
-    """Stabilogram diffusion: mean square displacement against time, with the slopes on short and long times."""
+    """Stabilogram diffusion: mean square displacement against time lag, with the lines at short and long times."""
     draw_diffusion(axes, sway)
     return _legend(axes, legend)
 
@@ -237,13 +237,13 @@ def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
 
 
 def reaction_times(axes: Axes, found: Refractoriness, *, legend: bool = True) -> Axes:
-    """Mean reaction times to first and second steps against their interval, with both regressions."""
+    """Mean reaction times to first and second steps against the interval between them, with both regressions."""
     draw_reactions(axes, found)
     return _legend(axes, legend)
 
 
 def reconstruction(axes: Axes, found: Reconstruction, pair: int = 0, *, legend: bool = True) -> Axes:
-    """The control about one pair of steps, and the linear model's with the steps where they fit it best."""
+    """The control around one pair of steps, and that of the linear model with the steps at the times that fit best."""
     draw_reconstruction(axes, found, pair)
     return _legend(axes, legend)
 

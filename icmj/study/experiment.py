@@ -46,19 +46,19 @@ def run_experiment(
     jobs: int | None = None,
     progress: Tell | None = None,
 ) -> Experiment:
-    """Carry out an experiment, or what is left of it, and analyse it.
+    """Carry out an experiment, or its unfinished part, and analyse it.
 
     Args:
         file: the experiment file, its path, or the name of a shipped one.
-        out: folder that trials, results and figure are written to; where one is that was begun, it goes on. Nothing is
-            kept if ``None``.
-        jobs: processes; as many as there are cores by default.
-        progress: called now and then with what is under way and the fraction done, 0–1.
+        out: folder for trials, results and figure; an experiment that was begun there is resumed. Nothing is stored if
+            ``None``.
+        jobs: number of processes; by default the number of cores.
+        progress: called repeatedly with a description of the current work and the completed fraction, 0–1.
 
     Raises:
-        RunFileError: if experiment file or a run file do not validate.
-        StudyError: if the folder holds another experiment, or a process died.
-        IcmjError: what the plants, designs, runs or the analysis refuse.
+        RunFileError: if the experiment file or a run file does not validate.
+        StudyError: if the folder contains another experiment, or a process died.
+        IcmjError: errors of the plants, designs, runs or the analysis.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
     kind, conditions = kind_of(made), list(conditions_of(made))
@@ -81,17 +81,17 @@ def analyse_recordings(
     *,
     rate: float | None = None,
 ) -> Experiment:
-    """Analyse recordings of people, or any, as an experiment file says; nothing is simulated.
+    """Analyse recordings of people, or other recordings, with the settings of an experiment file, without simulation.
 
     Args:
-        file: the experiment file, its path, or the name of a shipped one; its cases do not matter.
-        recordings: files as :func:`icmj.read_series` takes them; the trials of one person and condition.
-        out: folder that results and figure are written to.
-        rate: of files without times [Hz].
+        file: the experiment file, its path, or the name of a shipped one; its cases are ignored.
+        recordings: files that :func:`icmj.read_series` reads: the trials of one person and condition.
+        out: folder for results and figure.
+        rate: rows per second of files without times [Hz].
 
     Raises:
         RunFileError: if the experiment file does not validate.
-        DataError: if a recording cannot be read, a column or its unit is missing, or the analysis cannot tell.
+        DataError: if a recording cannot be read, a column or its unit is missing, or the analysis is not possible.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
     kind, trials = kind_of(made), []
@@ -121,9 +121,9 @@ class Condition:
     """One case on one plant.
 
     Attributes:
-        case, title: its name, and what stands in tables.
+        case, title: name of the case, and its title in tables.
         plant: ``linear`` or ``mujoco``.
-        table: of the experiment file.
+        table: its table in the experiment file.
         run: its run file.
     """
 
@@ -137,7 +137,7 @@ class Condition:
         return hash((self.case, self.plant))
 
     def trigger(self, case: Case) -> Trigger | None:
-        """Instead of the case's own."""
+        """The trigger that replaces that of the case."""
         if self.table.control == "continuous":
             return continuous_limit(case.controller)
         return None if self.table.interval is None else ClockTrigger(self.table.interval)

@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What was found of one case on one plant.
+    """The result for one case on one plant.
 
     Attributes:
-        case: its name.
-        title: for people.
+        case: name of the case.
+        title: title of the case in tables and figures.
         plant: ``linear``, ``mujoco``, or ``recording``.
-        finding: what the analysis found; ``None`` where it could not tell, and ``words`` say why.
-        trials: how many.
-        words: one sentence.
+        finding: result of the analysis; ``None`` if there is none, and ``words`` give the reason.
+        trials: number of trials.
+        words: the result in one sentence.
     """
 
     case: str
@@ -52,11 +52,11 @@ class Told:
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What came of an experiment.
+    """The results of an experiment.
 
     Attributes:
         file: the experiment file.
-        found: of each case on each plant, in the order of the file; or of recordings.
+        found: the results for each case on each plant, in the order of the file, or for recordings.
     """
 
     file: ExperimentFile
@@ -72,7 +72,7 @@ class Experiment:
 
 
 class Kind(ABC):
-    """See the module; made of the table of an experiment file."""
+    """A kind of experiment, made from its table in an experiment file."""
 
     def __init__(self, settings: Any) -> None:
         self.settings = settings
@@ -81,28 +81,28 @@ class Kind(ABC):
     def stimulated(self, run: RunFile, seed: int) -> RunFile:
         """The run file of one trial: with the stimulus and the duration of this experiment.
 
-        Only ``simulation`` and ``setpoint`` may depend on the seed. Seeds of noise need no care: the frame changes
-        them from trial to trial.
+        Only ``simulation`` and ``setpoint`` may depend on the seed. The seeds of noise are changed elsewhere from trial
+        to trial.
         """
 
     @abstractmethod
     def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
-        """What the analysis needs of a run, evenly sampled; a recording of people holds the same."""
+        """The evenly sampled signals of a run that the analysis needs; a recording of people contains the same."""
 
     @abstractmethod
     def read(self, series: Series) -> Series:
-        """The same from a file of somebody's; DataError where a column is missing."""
+        """The same signals from a file; DataError if a column is missing."""
 
     @abstractmethod
     def analysed(
         self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
     ) -> Finding:
-        """What is found in the trials of one case on one plant; without these in recordings.
+        """The result of the trials of one case on one plant, or of recordings if neither is given.
 
         Raises:
-            DataError: if it cannot be told, such as of too few trials.
+            DataError: if the analysis is not possible, for example with too few trials.
         """
 
     @abstractmethod
     def drawn(self, found: Sequence[Told]) -> Figure:
-        """The figure of all that was found."""
+        """The figure of all results."""

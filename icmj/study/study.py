@@ -36,10 +36,10 @@ class Outputs:
     """Files of a study.
 
     Attributes:
-        logs: one for each case and plant.
+        logs: the logs, one for each case and plant.
         report: the HTML page.
-        summary: ``summary.json``.
-        page: what stands in both.
+        summary: the file ``summary.json``.
+        page: the contents of both.
     """
 
     logs: tuple[Path, ...]
@@ -80,9 +80,9 @@ def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
 
 
 def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
-    """One case on one plant, complete: prediction, run, continuous control, growth, amplitude law, poses.
+    """Compute one case on one plant completely: prediction, run, continuous control, growth, amplitude law, poses.
 
-    If it is interrupted, the run up to this moment is kept, and time-consuming further results are left out.
+    If this is interrupted, the run up to this moment is kept, and further results that take much time are left out.
 
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
@@ -260,8 +260,9 @@ def run_study(
         runs: the cases.
         out: folder of the outputs; created if it does not exist.
         jobs: number of processes; if ``None``, the number of cores.
-        progress: called with a label and the completed fraction of the whole.
-        longest: a case that is estimated to take longer on one plant is refused [s]; ``None`` for no limit.
+        progress: called repeatedly with a label and the completed fraction of the whole, 0–1.
+        longest: longest time for one case on one plant; a case that is estimated to take longer is refused [s];
+            ``None`` for no limit.
 
     Raises:
         IcmjError: the first error of any case. All inputs are checked before the first log is written.

@@ -21,7 +21,7 @@ PLENTY = 4000  # delays that a run on the linear plant may last before its work 
 
 
 def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Tried:
-    """Run one controller that is not intermittent on one plant, with poses.
+    """Simulate one controller that is not intermittent on one plant, with poses.
 
     Raises:
         IcmjError: if the run file, its models or the controller fail.

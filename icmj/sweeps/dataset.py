@@ -39,10 +39,10 @@ class Dataset:
         self.folder, self._plan, self._facts = folder, plan, facts
 
     def finished(self) -> set[int]:
-        """Chunks that are done.
+        """The numbers of the chunks that are finished.
 
         Raises:
-            SweepError: if one cannot be read, or is not of this sweep.
+            SweepError: if a chunk cannot be read, or belongs to another sweep.
         """
         files, columns = chunk_files(self.folder / POINTS, self._facts), schema(self._plan)
         for chunk, path in files.items():
@@ -50,7 +50,7 @@ class Dataset:
         return set(files)
 
     def write(self, chunk: int, content: bytes) -> None:
-        """Put one chunk in its place; it is on the disk before it has its name.
+        """Write one chunk; it is completely on the disk before it gets its final name.
 
         Raises:
             SweepError: if it cannot be written.
@@ -66,7 +66,7 @@ class Dataset:
             raise SweepError(f"{target}: cannot be written: {error.strerror}; what is finished is kept") from error
 
     def time(self, chunk: int, computed: Computed) -> None:
-        """Note how long a chunk took; of no weight, and lost where it cannot be written."""
+        """Record how long a chunk took; this is not essential, and omitted if it cannot be written."""
         line = f"{chunk},{computed.rows},{computed.failed},{computed.seconds:.4f},{computed.simulating:.4f}\n"
         with suppress(OSError):
             handle = regular(self.folder / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)

@@ -26,10 +26,10 @@ class Progress:
     """Progress of a sweep.
 
     Attributes:
-        points: of the whole.
-        done: points that are done.
-        failed: of those computed now, how many failed.
-        rate: points computed in a second of the clock, so far; 0 at the start.
+        points: number of points of the sweep.
+        done: number of points that are finished.
+        failed: number of points that failed in this call.
+        rate: points computed per second so far; 0 at the start.
     """
 
     points: int
@@ -39,7 +39,7 @@ class Progress:
 
     @property
     def left(self) -> float:
-        """Time left at this rate [s]; infinite at the start."""
+        """Remaining time at this rate [s]; infinite at the start."""
         return (self.points - self.done) / self.rate if self.rate > 0 else float("inf")
 
 
@@ -67,8 +67,8 @@ def sweep(
         One row for each point, in their order (docs/sweeps.md describes the columns).
 
     Raises:
-        RunFileError: if sweep file or run file do not validate.
-        SweepError: if the sweep cannot start, the folder is taken, or no process survives.
+        RunFileError: if the sweep file or the run file does not validate.
+        SweepError: if the sweep cannot start, the folder is in use, or no process survives.
     """
     plan = planned(file)
     if out is None:

@@ -35,9 +35,9 @@ class Explanation(Shown):
     """How well each kind of controller explains the reaction times.
 
     Attributes:
-        kind: the one that does: ``continuous``, ``event``, ``clock`` or ``sampling``.
-        bic: Bayes' criterion of each; less is better.
-        parameters: of each: c, D and d_s [s] where it has them, and the scale of the noise [s].
+        kind: the kind that explains them best: ``continuous``, ``event``, ``clock`` or ``sampling``.
+        bic: Bayesian information criterion of each kind; smaller is better.
+        parameters: parameters of each kind: c, D and d_s [s] if it has them, and the scale of the noise [s].
     """
 
     kind: str
@@ -46,27 +46,27 @@ class Explanation(Shown):
 
     @property
     def intermittent(self) -> bool:
-        """Whether it is any of the kinds that sample."""
+        """Whether the kind is one of those that sample: all except ``continuous``."""
         return self.kind != "continuous"
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         least = min(self.bic.values())
         rows = tuple((name, f"{self.bic[name] - least:.1f} above the least") for name in self.bic)
         return Card(f"{self.kind} control, {KINDS[self.kind]}", rows)
 
 
 def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Explanation:
-    """Which kind of controller explains reaction times to pairs of steps.
+    """The kind of controller that explains reaction times to pairs of steps best.
 
     Args:
         isi: inter-step interval of each pair [s], shape (P,).
-        rt: reaction times to first and second step [s], shape (P, 2); pairs with NaN are left out, and those whose RT1
-            is far from the others (see :func:`icmj.refractoriness`).
-        resolution: how exactly they are known [s], such as the sampling interval: the least scale of the noise.
+        rt: reaction times to first and second step [s], shape (P, 2). Pairs with NaN are left out, and so are pairs
+            whose RT1 is far from the others (see :func:`icmj.refractoriness`).
+        resolution: accuracy of the reaction times [s], such as the sampling interval: the smallest scale of the noise.
 
     Raises:
-        DataError: if shapes do not fit, or there are too few pairs.
+        DataError: if shapes do not fit together, or there are too few pairs.
     """
     if not (np.isfinite(resolution) and resolution > 0):
         raise DataError(f"a resolution of {resolution:g} s; expected a positive one, such as the sampling interval")

@@ -30,18 +30,18 @@ _MOST_ROWS = 40_000  # that a model is fitted to
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction(Shown):
-    """When the steps of P pairs were responded to.
+    """Reaction times to the steps of P pairs, from moved step times.
 
     Attributes:
         pairs: true times and sizes of the steps.
-        rt: reaction times, moved minus true ones, of first and second steps [s], shape (P, 2); NaN where too little is
-            explained.
-        explained: share of the variance of the control about each pair that the model explains, shape (P,).
+        rt: reaction times to first and second steps, moved minus true times [s], shape (P, 2); NaN if the model
+            explains too little.
+        explained: share of the variance of the control around each pair that the model explains, shape (P,).
         response: the linear model.
-        t, u: rows and control that were compared [s], shape (N,).
-        fit: the model's control with moved step times, shape (N,); it follows slow drifts from pair to pair.
-        step: between the rows [s].
-        unit: of the control.
+        t, u: times of the rows [s] and control that were compared, shape (N,).
+        fit: control of the model with moved step times, shape (N,); it follows slow drifts from pair to pair.
+        step: time between the rows [s].
+        unit: unit of the control.
     """
 
     pairs: StepPairs
@@ -55,7 +55,7 @@ class Reconstruction(Shown):
     unit: str = ""
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         first, second = (float(column[np.isfinite(column)].mean()) for column in self.rt.T)
         rows = (
             ("mean RT1", amount(first, "s")),
@@ -77,33 +77,35 @@ def reconstruct_steps(
     latest: float = 1.0,
     worth: float = 0.5,
 ) -> Reconstruction:
-    """Move the steps of a set-point until a linear model of the control fits best, and so find reaction times.
+    """Determine reaction times by moving the steps of a set-point until a linear model of the control fits best.
 
-    Without a ``response`` a model is fitted first, to the pair that makes the one best for others; then times are moved
-    and the model is fitted in turn until the times stay (van de Kamp et al. 2013 fit it to the true steps, and move
-    them once). Its order is that of the least Bayes' criterion. A fitted model has no delay of its own: reaction times
-    hold all of it, and are known but for what all have in common, up to about a sampling interval. Every pair is
-    searched through at every row, then refined between rows. What earlier pairs left is taken off; the mean of each
-    pair is free.
+    Without a ``response``, a model is fitted first, to the pair whose model fits the others best. Then times are moved
+    and the model is fitted alternately until the times no longer change (van de Kamp et al. 2013 fit the model to the
+    true steps, and move the steps once). The order of the model is the one with the smallest Bayesian information
+    criterion. A fitted model has no delay of its own, so reaction times include the whole delay; their common part is
+    known to about one sampling interval. For each pair, times at every row are tried, and the best are refined between
+    rows. The remaining responses to earlier pairs are subtracted; the mean of the control in each pair is free.
 
     Args:
-        series: a record of the control, and of whatever else; rows as they were sampled, since a response that jumps
-            is not to be interpolated.
-        control: which signal that is.
-        pairs: true times and sizes of the steps: of :func:`icmj.double_steps` where they are known, else those that
-            :func:`icmj.find_step_pairs` finds.
-        response: a linear model to take instead of one fitted, such as :func:`icmj.own_response`.
-        order: of the fitted model, (coefficients of the control's past, of the set-point); chosen by default.
-        rate: rows per second to resample at [Hz]; as recorded by default.
+        series: a series that contains the control. Use the rows as they were sampled, because a response that jumps
+            cannot be interpolated.
+        control: name of the control signal.
+        pairs: true times and sizes of the steps: those of :func:`icmj.double_steps` if they are known, otherwise those
+            that :func:`icmj.find_step_pairs` finds.
+        response: a linear model that is used instead of a fitted one, such as :func:`icmj.own_response`.
+        order: order of the fitted model, (number of coefficients of past control, of the set-point); by default it is
+            chosen.
+        rate: rows per second to which the series is resampled [Hz]; by default the recorded rows are used.
         earliest, latest: bounds of reaction times [s].
-        worth: share of the control's variance about a pair that the model must explain; others have NaN for times.
+        worth: share of the variance of the control around a pair that the model must explain; for other pairs the
+            times are NaN.
 
     Returns:
-        Reaction times; moved steps of a pair stay in their order.
+        Reaction times; the moved steps of a pair remain in their order.
 
     Raises:
-        DataError: if there are too few pairs, there is no such signal, it does not cover the pairs or does not move,
-            rows are too far apart, pairs follow too quickly on each other, or no model can be fitted.
+        DataError: if there are too few pairs, there is no such signal, it does not cover the pairs or is constant,
+            rows are too far apart, pairs follow each other too quickly, or no model can be fitted.
     """
     even = even_series(series.chosen([control]), rate)
     t, u, step = even.t, even.values[:, 0], float(even.t[-1] - even.t[0]) / (len(even) - 1)

@@ -27,10 +27,10 @@ _AT_ONCE = 4_000_000  # numbers drawn at a time
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its confidence.
+    """A duration with its confidence interval.
 
     Attributes:
-        value: [s].
+        value: estimate [s].
         low, high: 95 % confidence interval [s].
     """
 
@@ -44,23 +44,23 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refractoriness(Shown):
-    """Mean reaction times against inter-step interval, K of them, and the refractory duration by four estimates.
+    """Mean reaction times for K inter-step intervals, and four estimates of the refractory duration.
 
     Attributes:
-        isi: inter-step intervals [s], rising, shape (K,).
-        count: pairs of each, shape (K,).
+        isi: inter-step intervals [s], increasing, shape (K,).
+        count: number of pairs with each interval, shape (K,).
         rt1, rt2: mean reaction times [s], shape (K,).
         rt1_error, rt2_error: their standard errors [s], shape (K,).
         rt1_mean: mean first reaction time over all pairs [s].
-        free: a of the line a + b ISI that RT2 − mean RT1 follows down to zero: intercept of a free regression.
-        slope: its b, without a unit; −1 under a refractory period. NaN where less than two intervals are on it.
-        fixed: the same with b = −1.
-        largest: largest interval at which RT2 is longer than RT1: by an analysis of variance, then tests by Welch with
-            Holm's correction, 5 % in all; 0 s where there is none.
-        range: largest minus least mean RT2: that between the shortest intervals that were tried and long ones, hence
-            less than the duration.
-        p: of the analysis of variance (RT1 of all pairs, RT2 of each interval).
-        discarded: pairs that were left out: without reaction times, or with an outlying RT1.
+        free: intercept a of the line a + b ISI, which RT2 − mean RT1 follows until it reaches zero; a and b are fitted.
+        slope: its slope b, without a unit; −1 under a refractory period. NaN if fewer than two intervals are on the
+            line.
+        fixed: the intercept of the same line with b = −1.
+        largest: largest interval at which RT2 is longer than RT1, by an analysis of variance followed by Welch's tests
+            with Holm's correction, at 5 % in total; 0 s if there is none.
+        range: largest minus smallest mean RT2, which is less than the duration by the shortest interval tested.
+        p: p-value of the analysis of variance (RT1 of all pairs, RT2 of each interval).
+        discarded: number of pairs that were left out, because they have no reaction times or an outlying RT1.
     """
 
     isi: Array
@@ -79,7 +79,7 @@ class Refractoriness(Shown):
     discarded: int = field(default=0)
 
     def card(self) -> Card:
-        """What a prompt or a notebook shows of it."""
+        """Its representation at a prompt or in a notebook."""
         names = {"free": "free regression", "fixed": "slope −1", "largest": "largest ISI", "range": "range of RT2"}
         rows = [("mean RT1", amount(self.rt1_mean, "s", 4))]
         for name, words in names.items():
@@ -99,21 +99,24 @@ def refractoriness(
     seed: int = 0,
     resamples: int = RESAMPLES,
 ) -> Refractoriness:
-    """Refractory duration from reaction times to pairs of steps.
+    """The refractory duration, from reaction times to pairs of steps.
 
     Args:
         isi: inter-step interval of each pair [s], shape (P,).
         rt: reaction times to first and second step [s], shape (P, 2), such as those of :func:`icmj.reconstruct_steps`;
-            NaN where there is none, and such pairs are left out.
-        alike: intervals no further apart are one [s]; a record knows them to its sampling interval.
-        shortest: interval from which on the two regressions look [s]; shorter ones may fall into one sampling delay.
-        outlying: pairs whose RT1 is further than so many deviations from the median are left out, deviations by the
-            median one, but no less than ``alike``: who had just sampled was refractory when the first step came.
-        seed: of what is drawn for the confidence intervals.
-        resamples: how often pairs are drawn anew.
+            pairs with NaN are left out.
+        alike: intervals that differ by at most this count as equal [s]; in a record they are known to one sampling
+            interval.
+        shortest: shortest interval that the two regressions use [s]; shorter ones may be within one sampling delay.
+        outlying: pairs are left out if their RT1 deviates from the median by more than this number of standard
+            deviations (estimated from the median deviation) and by more than ``alike``: a person who had just sampled
+            was refractory at the first step.
+        seed: seed of the resampling for the confidence intervals.
+        resamples: number of resamples of the pairs.
 
     Raises:
-        DataError: if shapes do not fit, there are fewer than three intervals, or fewer than three pairs of one.
+        DataError: if shapes do not fit together, there are fewer than three intervals, or fewer than three pairs of
+            one interval.
     """
     if resamples < FEWEST_RESAMPLES:
         raise DataError(f"{resamples} resamples; expected at least {FEWEST_RESAMPLES} for a confidence interval")

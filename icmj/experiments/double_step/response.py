@@ -17,20 +17,20 @@ _FLOOR = 1e-10  # of the power: a residual beneath is as good as none, and does 
 
 
 class Sampled(Protocol):
-    """A response at the rows of a record."""
+    """A response that is evaluated at the rows of a record."""
 
     def after(self, f: float) -> tuple[Array, Array]:
-        """It and its derivative by f at rows k, k + 1, … after a step at k + f rows, 0 ≤ f ≤ 1; shape (n,) each."""
+        """The response to a step at k + f rows, 0 ≤ f ≤ 1, and its derivative by f, at rows k, k + 1, …; (n,) each."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """A response h(t) = rest + row exp(A t) state to a step of size 1 at t = 0, and none before.
+    """The response h(t) = rest + row exp(A t) state to a step of size 1 at t = 0; before t = 0 it is 0.
 
     Attributes:
-        A: shape (n, n) [1/s].
-        state, row: shape (n,).
-        rest: what it comes to [unit of the control per unit of the set-point].
+        A: matrix of the response, shape (n, n) [1/s].
+        state, row: vectors of the response, shape (n,).
+        rest: final value [unit of the control per unit of the set-point].
     """
 
     A: Array
@@ -64,14 +64,14 @@ class _Exact:
 
 @dataclass(frozen=True, eq=False)
 class FittedResponse:
-    """A model u_k = Σ a_i u_{k−i} + Σ b_j r_{k−j}, fitted to a record; straight from row to row.
+    """A model u_k = Σ a_i u_{k−i} + Σ b_j r_{k−j}, fitted to a record; its response is linear between rows.
 
     Attributes:
         a: its p coefficients from i = 1 on, shape (p,).
         b: its q coefficients from j = 0 on, shape (q,).
-        step: between the rows [s].
-        residual: root mean square of what it leaves of the record [unit of the control].
-        bic: Bayes' criterion, N ln σ² + (p + q + 1) ln N; the order chosen has the least.
+        step: time between the rows [s].
+        residual: root mean square of the residual [unit of the control].
+        bic: Bayesian information criterion, N ln σ² + (p + q + 1) ln N; the order with the smallest value is chosen.
     """
 
     a: Array
@@ -107,18 +107,18 @@ def sampled(response: StepResponse | FittedResponse, step: float, n: int) -> Sam
 
 
 def own_response(controller: Controller, channel: int = 0, input: int = 0) -> StepResponse:
-    """The response of a controller's command to a step of its set-point, where its model is exact and the hold matched.
+    """The response of a controller's command to a step of its set-point, for an exact model and a system-matched hold.
 
-    It is the one of the continuous controller of the same design, delay apart: after an event at rest the intermittent
-    controller does the same.
+    Apart from the delay, this is the response of the continuous controller of the same design: after an event at rest,
+    the intermittent controller has the same response.
 
     Args:
-        controller: with a set-point.
-        channel: of the set-point.
-        input: of the plant.
+        controller: a controller with a set-point.
+        channel: index of the channel of the set-point.
+        input: index of the input of the plant.
 
     Raises:
-        AnalysisError: if it has no set-point.
+        AnalysisError: if the controller has no set-point.
     """
     design, followed = controller.design, controller.setpoint
     if followed is None:
