@@ -80,7 +80,7 @@ class IdentificationError(IcmjError):
 
 
 class FitError(IcmjError):
-    """A family of controllers, a bank of its simulations or a fit of it cannot be made, or does not belong there."""
+    """A family of controllers, a bank of its simulations, or a fit cannot be made, or belongs elsewhere."""
 
 
 @contextmanager

@@ -38,11 +38,11 @@ class Subject:
     """One person in one condition.
 
     Attributes:
-        name: of the person.
-        trials: front-to-back centre of pressure of each [m] at 100 Hz.
-        held: how many of the last trials are not fitted, but compared with what the fit predicts.
-        group, condition: as a table says; empty where it does not.
-        notes: what was done to the recordings.
+        name: name of the person.
+        trials: front-to-back centre of pressure of each trial [m] at 100 Hz.
+        held: number of the last trials that are not fitted but compared with the prediction of the fit.
+        group, condition: group and condition from a table; otherwise empty.
+        notes: changes that were made to the recordings.
     """
 
     name: str
@@ -60,15 +60,15 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """What is found of one person, if the family is right.
+    """The fit of one family to one person, valid if the family is right.
 
     Attributes:
-        person: whose trials.
+        person: the person and the trials.
         family: name of the family.
-        z, theta: draws of the numbers, as standard normal variables and in their units, shape (n, p).
-        misfit: whether the person is like anyone simulated.
-        support: effective number of simulated people that the posterior rests on.
-        predictive: measures of simulated trials beside the recorded ones.
+        z, theta: draws of the parameters, as standard normal variables and in their units, shape (n, p).
+        misfit: how far the person is from the simulated people.
+        support: effective number of simulated people on which the posterior is based.
+        predictive: measures of simulated trials, with those of the recorded ones.
     """
 
     person: Subject
@@ -82,15 +82,16 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit of people to families.
+    """Fits of families to people.
 
     Attributes:
-        people: whose.
-        trained: the families, by name.
-        fitted: of each person under each family, people first.
-        confusion: of the choice among families; ``None`` if there is one family.
-        probabilities: of the families for each person, shape (people, families); ``None`` likewise.
-        differences: between groups and between conditions, by the family.
+        people: the people and their trials.
+        trained: the trained families, by name.
+        fitted: the fit of each family to each person, in the order of the people.
+        confusion: confusion matrix of the choice among families; ``None`` if there is one family.
+        probabilities: probability of each family for each person, shape (people, families); ``None`` if there is one
+            family.
+        differences: differences between groups and between conditions, by family.
     """
 
     people: tuple[Subject, ...]
@@ -114,19 +115,19 @@ def fit(
     dask: str | None = None,
     progress: Tell | None = None,
 ) -> Fit:
-    """Fit families of controllers to people, or what is left of it to do; an interrupted fit goes on where it was.
+    """Fit families of controllers to people; an interrupted fit is resumed.
 
     Args:
-        people: their trials.
-        families: their files, or names of shipped ones.
-        out: folder of what is found.
-        trained: folder of banks and networks, which serve for all people.
-        simulations: draws of each family's prior to train on.
-        draws: from each posterior.
-        seed: of everything random.
+        people: the people with their trials.
+        families: family files, or names of shipped families.
+        out: folder for the results.
+        trained: folder for banks and networks, which are used for all people.
+        simulations: number of draws from the prior of each family for training.
+        draws: number of draws from each posterior.
+        seed: seed of everything random.
         jobs: number of local processes; by default the number of cores.
         dask: address of a Dask scheduler, whose workers are used instead.
-        progress: called with what is under way and the fraction done, 0–1.
+        progress: called repeatedly with a description of the current work and the completed fraction, 0–1.
 
     Raises:
         FitError: if people or families do not fit together, bayesflow is missing, or a folder cannot be used.
