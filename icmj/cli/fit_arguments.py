@@ -25,7 +25,8 @@ class Fit(Shared):
     model: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FAMILY")] = ()
     """Family file, or name of a shipped family. May be repeated: then the families' probabilities are told, too."""
     table: Path | None = None
-    """CSV table of people instead of recordings: columns file, person, and if wanted column, group, condition."""
+    """CSV table of people instead of recordings: columns file, person, and if wanted column, group, condition; or
+    BDSinfo.txt of the public data set (Santos and Duarte 2016), beside its trials."""
     columns: tuple[str, ...] = ()
     """Columns of the recordings with the front-to-back centre of pressure, one a trial."""
     unit: Literal["m", "cm", "mm"] | None = None

@@ -101,7 +101,19 @@ def people_of(command: Fit) -> list[Subject]:
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a table of people."""
+    """The rows of a table of people, or of the public data set's own table."""
+    from icmj.fitting.recordings import INFO, public_trials
+
+    if path.name == INFO:
+        return [
+            {
+                "file": one.file.name,
+                "person": one.person,
+                "group": one.group,
+                "condition": f"eyes {one.vision}, {one.surface}".lower(),
+            }
+            for one in public_trials(path.parent)
+        ]
     try:
         if path.stat().st_size > _MOST:
             raise FitError(f"{path}: is larger than any table of people")

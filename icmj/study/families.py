@@ -7,6 +7,7 @@ FOLDER/NAME-FINGERPRINT/posterior-*.npz, FOLDER/choice-*.npz   networks
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,7 @@ def train_family(
         folder: of banks and networks.
         simulations: draws to train on.
         seed: of everything random.
-        check: draws to calibrate with.
+        check: people who stand to calibrate with.
         trials: of each synthetic person that calibration is shown, 1 to 3.
         jobs, dask: processes, or the address of a Dask scheduler.
         progress: called with what is under way and the fraction done.
@@ -83,8 +84,10 @@ def train_family(
         tell(f"{family.name}, training", 0.7 + 0.3 * done)
 
     bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
-    apart = simulated("check", check, 0.65, 0.05, 2 * seed + 1).stood
     stood = bank.stood
+    share = max(len(stood) / len(bank), 0.1)
+    apart = simulated("check", math.ceil(1.1 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
+    truth, shown = apart.z[:check], apart.summaries[:check]  # as many stood, but for bad luck
     path = home / f"posterior-{simulations}-{seed}.npz"
     if path.exists():
         posterior = Posterior.load(path)
@@ -95,9 +98,9 @@ def train_family(
         posterior.save(path)
     if not 1 <= trials <= posterior.seen.trials:
         raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
-    drawn = posterior.sample_all(apart.summaries[:, :trials], 499, seed)
-    calibration = calibrate(apart.z, drawn, family.prior.names)
-    return Trained(family, bank.words, posterior, calibration, apart.summaries)
+    drawn = posterior.sample_all(shown[:, :trials], 499, seed)
+    calibration = calibrate(truth, drawn, family.prior.names)
+    return Trained(family, bank.words, posterior, calibration, shown)
 
 
 def choice_among(
@@ -105,6 +108,7 @@ def choice_among(
     folder: Path,
     simulations: int,
     seed: int,
+    progress: Tell | None = None,
 ) -> Choice:
     """The choice among families, trained or found again."""
     said = "-".join([*(family.fingerprint for family in families), str(simulations), str(seed)])
@@ -121,6 +125,6 @@ def choice_among(
         ).stood.summaries
         for family in families
     }
-    choice = train_choice(banks, SUMMARIES, seed=seed)
+    choice = train_choice(banks, SUMMARIES, seed=seed, progress=progress)
     choice.save(path)
     return choice

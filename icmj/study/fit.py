@@ -147,12 +147,16 @@ def fit(
     for i, family in enumerate(made):
 
         def told(label: str, done: float, i: int = i) -> None:
-            tell(label, 0.9 * (i + done) / len(made))
+            tell(label, 0.85 * (i + done) / len(made))
 
         known[family.name] = train_family(
             family, trained, simulations, seed, trials=K, jobs=jobs, dask=dask, progress=told
         )
-    choice = choice_among(made, trained, simulations, seed) if len(made) > 1 else None
+
+    def choosing(_: str, done: float) -> None:
+        tell("which family, training", 0.85 + 0.07 * done)
+
+    choice = choice_among(made, trained, simulations, seed, choosing) if len(made) > 1 else None
     fitted = []
     for i, one in enumerate(people):
         tell(f"fitting {one.label}", 0.92 + 0.08 * i / len(people))

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from icmj.cli.fit_arguments import Fit
+from icmj.cli.fitting import people_of
 from icmj.errors import FitError
 from icmj.fitting.recordings import public_trials, read_trials
 from icmj.fitting.summaries import SUMMARIES, measures, summarise
@@ -107,6 +109,12 @@ def test_the_public_data_set_is_read_from_its_own_files(tmp_path):
     ]
     (read,) = read_trials(trials[1].file)
     np.testing.assert_allclose(read.cop, 1e-2 * sway(rms=0.4, seed=1)[1], atol=1e-7)
+    people = people_of(Fit(model=("event",), table=tmp_path / "BDSinfo.txt"))
+    assert [(one.label, one.group) for one in people] == [
+        ("1, eyes open, firm", "Young"),
+        ("1, eyes closed, firm", "Young"),
+    ]
+    np.testing.assert_array_equal(people[1].trials[0], read.cop)
     with pytest.raises(FitError, match="has none of the 1 files"):
         public_trials(tmp_path, [2])
     with pytest.raises(FitError, match="cannot be read"):

@@ -2,13 +2,15 @@
 
 import json
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from icmj.errors import FitError
+from icmj.fitting import choice, network, posterior
 from icmj.fitting.bank import Bank
 from icmj.fitting.prior import Distribution, Prior
 from icmj.fitting.summaries import summarise
@@ -72,48 +74,114 @@ class Killed(Exception):
     """As a signal would."""
 
 
-@pytest.mark.slow
-def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch) -> None:
+@dataclass(frozen=True)
+class Regression:
+    """Stands for a network, trained in no time: a linear regression, and what is left of it as noise."""
+
+    kind: str
+    weights: np.ndarray
+    spread: np.ndarray
+
+    @classmethod
+    def train(cls, kind, rows, held_out, seed, *, epochs, progress=None, **_) -> "Regression":
+        targets, conditions = rows(np.random.default_rng(seed))
+        for epoch in range(epochs):
+            if progress is not None:
+                progress("training", (epoch + 1) / epochs)
+        weights = np.linalg.lstsq(conditions, targets, rcond=None)[0]
+        return cls(kind, weights, (targets - conditions @ weights).std(axis=0))
+
+    def inverted(self, normal, conditions):
+        return conditions @ self.weights + self.spread * normal
+
+    def log_density(self, targets, conditions):
+        return -0.5 * np.sum(((targets - conditions @ self.weights) / self.spread) ** 2, axis=1)
+
+    def logits(self, conditions):
+        return conditions @ self.weights
+
+    def head(self):
+        return {"kind": self.kind}
+
+    def arrays(self):
+        return {"weights": self.weights, "spread": self.spread}
+
+    @classmethod
+    def of(cls, head, arrays) -> "Regression":
+        return cls(head["kind"], arrays["weights"], arrays["spread"])
+
+
+@pytest.fixture
+def toys(monkeypatch):
+    """Toy families, 25 predicted trials, pictures of the first person under the first family alone."""
     monkeypatch.setattr(families_module, "simulate_bank", toy_bank)
     monkeypatch.setattr(fits, "PREDICTED", 25)
-    monkeypatch.setattr(fit_page, "_SHOWN", 0.5)  # the first person under the first family
-    trainings = []
-    train_posterior, train_choice = families_module.train_posterior, families_module.train_choice
-
-    def counted_posterior(*given, **more):
-        made = train_posterior(*given, epochs=8, depth=1, **more)
-        trainings.append("posterior")
-        return made
-
-    def counted_choice(*given, **more):
-        made = train_choice(*given, epochs=8, **more)
-        trainings.append("choice")
-        return made
-
-    monkeypatch.setattr(families_module, "train_posterior", counted_posterior)
-    monkeypatch.setattr(families_module, "train_choice", counted_choice)
-    families = [Toy("one", 1), Toy("two", 2)]
+    monkeypatch.setattr(fit_page, "_SHOWN", 0.5)
     people = [person("anna", (4e-3, 0.3, 0.5), held=1), person("ben", (0.5, 0.3, 0.5))]
 
-    def attempt(out, **more):
-        return fit(people, families, out, trained=tmp_path / "trained", simulations=240, draws=400, jobs=1, **more)
+    def attempt(folder, out="out", **more):
+        families = [Toy("one", 1), Toy("two", 2)]
+        trained = folder / "trained"
+        return fit(people, families, folder / out, trained=trained, simulations=120, draws=400, jobs=1, **more)
 
-    for stage in ("two, training", "fitting anna", "fitting ben"):
+    return attempt
+
+
+@pytest.mark.slow
+def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch, toys) -> None:
+    trainings = []
+
+    def counted(kind, *given, **more):
+        made = Regression.train(kind, *given, **more)
+        trainings.append(kind)
+        return made
+
+    for module in (posterior, choice):
+        monkeypatch.setattr(module, "train", counted)
+    monkeypatch.setattr(posterior, "Network", Regression)
+    told: list[tuple[str, float]] = []
+    for stage in ("two, training", "which family, training", "fitting ben"):
 
         def kill(label: str, done: float, stage: str = stage) -> None:
+            told.append((label, done))
             if label == stage:
                 raise Killed
 
         with pytest.raises(Killed):
-            attempt(tmp_path / "out", progress=kill)
-    found = attempt(tmp_path / "out")
-    assert trainings == ["posterior", "posterior", "choice"]
-    again = attempt(tmp_path / "other")
+            toys(tmp_path, progress=kill)
+    done = [done for label, done in told if label == "which family, training"]
+    assert len(done) == 1 + choice.EPOCHS
+    assert len(set(done)) == choice.EPOCHS
+    assert done == sorted(done)
+    found = toys(tmp_path)
+    assert trainings == ["flow", "flow", "classifier"]
+    again = toys(tmp_path, "other")
     assert len(trainings) == 3
     for one, other in zip(found.fitted, again.fitted, strict=True):
         assert np.array_equal(one.theta, other.theta)
         assert np.array_equal(one.predictive.simulated, other.predictive.simulated)
+    assert np.array_equal(found.probabilities, again.probabilities)
 
+
+@pytest.fixture
+def compiled_in_a_hurry():
+    """Networks are compiled without optimisation, which takes longer than to train them."""
+    network.library()
+    import jax
+
+    before = jax.config.values["jax_disable_most_optimizations"]
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", before)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_in_a_hurry")
+def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> None:
+    monkeypatch.setattr(network, "_WIDTHS", (32,))
+    monkeypatch.setattr(families_module, "train_posterior", partial(families_module.train_posterior, epochs=8, depth=1))
+    monkeypatch.setattr(families_module, "train_choice", partial(families_module.train_choice, epochs=30))
+    found = toys(tmp_path)
     anna, ben = found.fitted[0], found.fitted[2]
     low, high = np.quantile(anna.theta[:, 0], (0.005, 0.995))
     assert low < 4e-3 < high
@@ -132,6 +200,30 @@ def test_killed_at_any_stage_it_goes_on_and_finds_the_same(tmp_path, monkeypatch
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told["people"][0]["fits"]["one"]["numbers"]["size"]["low"] < 4e-3
     assert told["choice"]["counts"][0][0] > 20
+
+
+def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkeypatch) -> None:
+    def half_fall(family: Toy, n: int, seed: int, **_) -> Bank:
+        theta, fell = family.prior.draw(n, seed), np.arange(n) % 2 == 0
+        return Bank(
+            family.name, family.prior, "", theta, np.where(fell[:, None, None], np.nan, theta[:, None]), fell, seed
+        )
+
+    class Known:
+        """A posterior that is the prior."""
+
+        seen = SimpleNamespace(trials=3)
+
+        def __init__(self, *_, **__) -> None: ...
+        def save(self, _) -> None: ...
+        def sample_all(self, S, draws, seed):
+            return np.random.default_rng(seed).normal(size=(len(S), draws, 3))
+
+    monkeypatch.setattr(families_module, "simulate_bank", half_fall)
+    monkeypatch.setattr(families_module, "train_posterior", Known)
+    found = families_module.train_family(Toy("one", 1), tmp_path, 400, check=60, trials=1)
+    assert len(found.check) == len(found.calibration.ranks) == 60
+    assert np.isfinite(found.check).all()
 
 
 def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> None:
