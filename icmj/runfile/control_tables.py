@@ -56,17 +56,18 @@ class Weights(TomlTable):
 
 
 class Control(TomlTable):
-    """Hold and event rule: ``quadratic`` by Q_t and q_t, or ``box`` by a threshold for each output or state.
+    """Hold and event rule: ``quadratic`` with Q_t and q_t, or ``box`` with a threshold for each output or state.
 
-    ``delta_min`` is Δ_min, the least time between two events [s]: what psychologists call the refractory period.
+    ``delta_min`` is Δ_min, the shortest time between two events [s], which psychologists call the refractory period.
     """
 
     kind: Literal["intermittent"] = "intermittent"
-    """Which controller: this one, ``"predictor"``, ``"switching"``, ``"delayed-pid"``, or your own, by its
+    """Kind of controller: this one, ``"predictor"``, ``"switching"``, ``"delayed-pid"``, or your own, by its
     ``module:name``."""
     hold: Literal["system-matched", "zero-order", "own"] | Reference = "system-matched"
-    """What drives the plant between events: the assumed closed loop (system-matched), the last control (zero-order), or
-    A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the design."""
+    """Hold, which drives the plant between events: the assumed closed loop (system-matched), a constant control
+    (zero-order), or A_h (own); or the ``module:name`` of a function that makes a hold, or its matrix, from the
+    design."""
     A_h: Matrix | None = None
     """Matrix of the hold ``own``, ẋ_h = A_h x_h, row by row."""
     rule: Literal["quadratic", "box"] | Reference = "quadratic"
@@ -76,7 +77,7 @@ class Control(TomlTable):
     hold_parameters: Parameters = {}
     """Parameters by name of a hold given as ``module:name``."""
     Q_t: Weight = "output"
-    """Weight of the hold error in the quadratic rule, given as ``design.Q_c`` is."""
+    """Weight of the hold error in the quadratic rule, in the same forms as ``design.Q_c``."""
     q_t: Positive | None = None
     """Threshold of the quadratic rule, required for it: an event occurs when √(eᵀQ_te) = q_t [unit of the outputs]."""
     on: Literal["output", "state"] = "output"
@@ -84,11 +85,11 @@ class Control(TomlTable):
     threshold: Positive | Positives | None = None
     """Threshold of the box rule, required for it: one for all, or a list with one for each [unit of each]."""
     delta_min: NonNegative = 1e-3
-    """Least interval between two events [s]: the refractory period."""
+    """Shortest interval between two events [s]: the refractory period."""
     sampling_delay: NonNegative = 0.0
-    """Time from when the rule reaches its threshold to the event, which samples observer and set-point [s].
-    ``delta_min`` then counts from threshold to threshold, and the rule is watched again once the feedback has acted.
-    The prediction is that without it."""
+    """Time from the instant at which the rule reaches its threshold to the event, at which observer and set-point are
+    sampled [s]. ``delta_min`` then counts from threshold to threshold, and the rule is evaluated again after the
+    action. The prediction does not account for it."""
 
     def trigger(self, design: Design, code: Code) -> EventRule:
         """The event rule for a controller of this design; ``code`` creates a user-defined rule.
@@ -152,7 +153,7 @@ class Control(TomlTable):
 
 
 class Analysis(TomlTable):
-    """Range of the search for crossings, and doubts about a prediction that are accepted."""
+    """Range of the search for crossings, and notices that are accepted although they are errors."""
 
     delta_max: Interval = 3.0
     """Upper end of the search for crossings [s]."""

@@ -36,7 +36,7 @@ class ExperimentTable(TomlTable):
     title: Line = ""
     """Title in tables and figures (default: the name)."""
     plants: Annotated[list[Literal["linear", "mujoco"]], Field(min_length=1, max_length=2)] = ["linear", "mujoco"]
-    """Plants on which each case is simulated. Those given by matrices have the linear one only."""
+    """Plants on which each case is simulated. Cases given by matrices have the linear plant only."""
     repetitions: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 1
     """Number of trials of each case on each plant."""
     seed: Annotated[int, Field(ge=0, le=2**62)] = 0
@@ -44,7 +44,7 @@ class ExperimentTable(TomlTable):
 
 
 class CaseTable(TomlTable):
-    """One case: a run file, with values replaced, and what decides when its controller takes up feedback."""
+    """One case: a run file with some values replaced, and the kind of control."""
 
     run: str
     """Run file, relative to the experiment file, or the name of a shipped case."""
@@ -53,8 +53,8 @@ class CaseTable(TomlTable):
     title: Line = ""
     """Title in tables and figures (default: the name, or the title of the run file)."""
     control: Literal["own", "continuous", "clock"] = "own"
-    """Which controller: the run file's own, the continuous one of the same design (with a delay a clock of a twentieth
-    of it), or a clock instead of the event rule."""
+    """Kind of control: the controller of the run file, the continuous controller of the same design (with a delay, a
+    clock with an interval of a twentieth of it), or a clock instead of the event rule."""
     interval: Interval | None = None
     """Interval of the clock [s]."""
     set: dict[str, Any] = {}
@@ -68,7 +68,7 @@ class CaseTable(TomlTable):
 
 
 class ExperimentFile(TomlTable):
-    """A validated experiment file. One of the tables of a kind says what is done, and how it is analysed."""
+    """A validated experiment file. One of the tables determines the kind of experiment and its analysis."""
 
     experiment: ExperimentTable
     """Name, plants and repetitions."""

@@ -24,20 +24,20 @@ _Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length
 
 
 class FamilyTable(TomlTable):
-    """Name of the family, and the run file that its members are made of."""
+    """Name of the family, and the run file from which its members are made."""
 
     name: _Name
     """Name of the family."""
     title: Line = ""
     """Title in tables and figures (default: the name)."""
     run: str
-    """Run file, beside this file or shipped. Trials have their own duration and are recorded at 100 Hz."""
+    """Run file, in the folder of this file or shipped. Trials have their own duration and are recorded at 100 Hz."""
     set: dict[str, Any] = {}
     """Values of the run file that are replaced, by dotted keys."""
 
 
 class PressureTable(TomlTable):
-    """How the centre of pressure follows from the plant's states: −(torque at the ankle) / weight."""
+    """Computation of the centre of pressure from the states of the plant: −(torque at the ankle) / weight."""
 
     weight: Positive
     """Vertical force on the feet [N]."""
@@ -46,18 +46,19 @@ class PressureTable(TomlTable):
 
 
 class PriorTable(TomlTable):
-    """What is known of a number before a recording is seen."""
+    """Prior distribution of a parameter, before recordings are taken into account."""
 
     kind: Literal["uniform", "log-uniform", "normal", "log-normal"]
-    """Its distribution. The logarithm of what is ``log-uniform`` or ``log-normal`` is uniform or normal."""
+    """Kind of distribution. For ``log-uniform`` and ``log-normal``, the logarithm is uniform or normal."""
     low: Finite | None = None
-    """Least value (required for the uniform ones; default of the others: none)."""
+    """Smallest value (required for the uniform distributions; default for the others: none)."""
     high: Finite | None = None
-    """Largest value, likewise."""
+    """Largest value (required for the uniform distributions; default for the others: none)."""
     median: Finite | None = None
-    """Median of the normal ones before they are cut at ``low`` and ``high``."""
+    """Median of the normal distributions before they are truncated at ``low`` and ``high``."""
     deviation: Positive | None = None
-    """Standard deviation of the normal ones before they are cut, for ``log-normal`` of the natural logarithm."""
+    """Standard deviation of the normal distributions before truncation; for ``log-normal``, of the natural
+    logarithm."""
 
     @model_validator(mode="after")
     def _is_one(self) -> PriorTable:
@@ -79,21 +80,22 @@ class PriorTable(TomlTable):
 
 
 class ParameterTable(TomlTable):
-    """One unknown number."""
+    """One unknown parameter."""
 
     name: _Name
-    """Its name in tables, figures and files."""
+    """Name of the parameter in tables, figures and files."""
     unit: Line = ""
-    """Its unit."""
+    """Unit of the parameter."""
     title: Line = ""
-    """What it is, in words (default: the name)."""
+    """Description in words (default: the name)."""
     keys: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)]
-    """Keys of the run file that it sets, each with a factor: ``{ "simulation.disturbance[1].size" = 0.5 }`` is half of
-    it there. What a key ``pressure.torque.STATE`` says is added to that state's weight in the centre of pressure."""
+    """Keys of the run file that the parameter sets, each with a factor: ``{ "simulation.disturbance[1].size" = 0.5 }``
+    sets this size to half the parameter. With a key ``pressure.torque.STATE``, the product is added to the weight of
+    this state in the centre of pressure."""
     prior: PriorTable
-    """What is known of it before."""
+    """Prior distribution of the parameter."""
     source: Line
-    """Where the prior comes from, or ``ours``."""
+    """Source of the prior, or ``ours``."""
 
 
 class FamilyFile(TomlTable):
@@ -102,15 +104,15 @@ class FamilyFile(TomlTable):
     Attributes:
         family: name, run file.
         pressure: the centre of pressure.
-        parameter: the unknown numbers.
+        parameter: the unknown parameters.
     """
 
     family: FamilyTable
     """Name and run file of the family."""
     pressure: PressureTable
-    """The centre of pressure from the plant's states."""
+    """Computation of the centre of pressure from the states of the plant."""
     parameter: Annotated[list[ParameterTable], Field(min_length=1, max_length=50)]
-    """The unknown numbers, one ``[[parameter]]`` each."""
+    """The unknown parameters, one ``[[parameter]]`` each."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("family.toml"))

@@ -1,4 +1,4 @@
-"""The tables of controllers that are not intermittent: ``[controller] kind`` says which one."""
+"""The tables of controllers that are not intermittent; ``[controller] kind`` selects one."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ Combination = str | Annotated[dict[str, Finite], Field(min_length=1, max_length=
 
 
 class SwitchingChannel(TomlTable):
-    """One channel of a switching controller of several joints: of a joint, or of the virtual pendulum."""
+    """One channel of a switching controller of several joints: for a joint, or for the virtual pendulum."""
 
     position: Combination
-    """What it feeds back: an output θ, or weights of several by name, ``{ ankle = 0.6, hip = 0.3 }``."""
+    """Position that is fed back: an output θ, or weights of several outputs, ``{ ankle = 0.6, hip = 0.3 }``."""
     rate: Combination
-    """The rate θ' that it feeds back: an output, or weights of several by name."""
+    """Rate that is fed back: an output θ', or weights of several outputs by name."""
     P: Finite
     """Gain of the position [input per output]."""
     D: Finite
     """Gain of the rate [input per output]."""
     input: str = ""
-    """The input that it commands; may be left out where there is one alone."""
+    """Input that is commanded; may be left out if the plant has only one input."""
     slope: Finite = 0.0
-    """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
+    """Slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s]."""
     share: Share | None = None
-    """Share ρ of the plane in which feedback is on, instead of ``slope``; 1 is throughout."""
+    """Share ρ of the plane in which feedback is on, instead of ``slope``; 1 means the whole plane."""
     dead_zone: NonNegative = 0.0
     """Size of (θ, θ') within which feedback is off."""
     switches: bool = True
-    """Whether it is switched at all."""
+    """Whether feedback is switched; if not, it is always on."""
 
     @property
     def channel(self) -> Channel:
@@ -74,29 +74,29 @@ def _once(table: Switching | SwitchingChannel) -> None:
 
 
 class Switching(TomlTable):
-    """Feedback of delayed outputs that is switched on and off in their plane (Asai et al. 2009).
+    """Feedback of delayed outputs that is switched on and off in their state plane (Asai et al. 2009).
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
     """
 
     kind: Literal["switching"]
-    """Says that this is the controller."""
+    """Kind of controller."""
     position: str
-    """The output θ that it feeds back."""
+    """Output θ that is fed back."""
     rate: str
-    """The output θ' that it feeds back."""
+    """Output θ' that is fed back."""
     P: Finite | Numbers
-    """Gain of the position: a number for all inputs, or one for each [input per output]."""
+    """Gain of the position: one number for all inputs, or one for each input [input per output]."""
     D: Finite | Numbers
-    """Gain of the rate: a number for all inputs, or one for each [input per output]."""
+    """Gain of the rate: one number for all inputs, or one for each input [input per output]."""
     slope: Finite = 0.0
-    """Slope a of the line θ' = aθ that bounds, with θ = 0, where feedback is off [1/s]."""
+    """Slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s]."""
     share: Share | None = None
-    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 is throughout."""
+    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 means everywhere."""
     dead_zone: NonNegative = 0.0
     """Size of (θ, θ') within which feedback is off."""
     switches: bool = True
-    """Whether it is switched at all; false makes it the continuous delayed controller."""
+    """Whether feedback is switched; if not, this is the continuous delayed controller."""
 
     def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
         """The controller for a plant and a delay [s].
@@ -116,7 +116,7 @@ class Switching(TomlTable):
 
 
 class Channelled(TomlTable):
-    """Switched feedback of a body with several joints: channels, each switched in its own plane.
+    """Switched feedback for a body with several joints: each channel is switched in its own plane.
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
     """
@@ -124,7 +124,7 @@ class Channelled(TomlTable):
     tag: ClassVar[str] = "channels"
 
     kind: Literal["switching"]
-    """Says that this is the controller, with channels instead of one position and rate."""
+    """Kind of controller; it has channels instead of one position and rate."""
     channel: Annotated[list[SwitchingChannel], Field(min_length=1, max_length=MOST)]
     """The channels, one ``[[controller.channel]]`` each."""
 
@@ -138,17 +138,17 @@ class Channelled(TomlTable):
 
 
 class DelayedPIDTable(TomlTable):
-    """Continuous feedback of delayed outputs: proportional, integral, derivative, and of the torque (Peterka's family).
+    """Continuous delayed feedback, proportional, integral and derivative, with force feedback (Peterka's family).
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
     """
 
     kind: Literal["delayed-pid"]
-    """Says that this is the controller."""
+    """Kind of controller."""
     position: str
-    """The output θ that it feeds back."""
+    """Output θ that is fed back."""
     rate: str
-    """The output θ' that it feeds back."""
+    """Output θ' that is fed back."""
     P: Finite
     """Gain K_P of the position [input per output]."""
     D: Finite
@@ -158,11 +158,11 @@ class DelayedPIDTable(TomlTable):
     weight: Finite = 1.0
     """Sensory weight w of position and rate."""
     input: str = ""
-    """The input that it commands; may be left out where there is one alone."""
+    """Input that is commanded; may be left out if the plant has only one input."""
     force: str = ""
-    """The output T that force feedback G/(τs + 1) reads, delayed; the command itself by default."""
+    """Output T that the force feedback G/(τs + 1) reads with the delay; by default the command itself."""
     force_gain: Finite = 0.0
-    """Gain G of the force feedback [position per unit of T]; 0 is none."""
+    """Gain G of the force feedback [position per unit of T]. With 0 there is no force feedback."""
     force_time: Positive = 1.0
     """Time constant τ of the force feedback [s]."""
 
@@ -177,13 +177,13 @@ class DelayedPIDTable(TomlTable):
 
 
 class Predictor(TomlTable):
-    """The continuous predictor controller: observer, predictor over the delay and feedback, all the time.
+    """The continuous predictor controller: observer, predictor over the delay, and feedback act continuously.
 
-    Its gains are those of ``[design]``, its delay is that of the plant, and its predictor goes by the assumed one.
+    Its gains are those of ``[design]``, its delay is that of the plant, and its predictor uses the assumed delay.
     """
 
     kind: Literal["predictor"]
-    """Says that this is the controller."""
+    """Kind of controller."""
 
     def predictor(self, design: Design, delay: Delay, setpoint: Setpoint | None) -> PredictorController:
         """The controller of a design.
@@ -200,9 +200,9 @@ class OwnController(TomlTable):
     tag: ClassVar[str] = "own"
 
     kind: Reference
-    """The class; it is given the assumed plant, its delay if it takes one, and the parameters."""
+    """The class; it receives the assumed plant, the delay if it accepts one, and the parameters."""
     parameters: Parameters = {}
-    """Of the controller, by name."""
+    """Parameters of the controller, by name."""
 
     def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
         """The controller for a plant and a delay [s], made by ``code``.

@@ -21,7 +21,7 @@ class MatrixTable(TomlTable):
     C: Matrix | Numbers | None = None
     """Output matrix, row by row; for a single output, also a list of its entries."""
     B_d: Matrix | Numbers | None = None
-    """Effect of a push of size 1 along each input, which no gain changes, given as B is (default: B)."""
+    """Effect of a push of size 1 along each input, independent of the input gain, in the form of B (default: B)."""
     matrices: str | None = None
     """File with A, B, C, optionally B_d, and names, relative to the run file: ``.npz``, or ``.json`` as printed by
     ``icmj linearise --json``."""

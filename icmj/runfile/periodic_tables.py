@@ -15,18 +15,18 @@ from icmj.simulation.surface import ternary_lines
 
 
 class SinesTable(PlaceTable):
-    """A sum of sinusoids, Σ a cos(2πf t + φ), of chosen frequencies."""
+    """A sum of sinusoids, Σ a cos(2πf t + φ), with given frequencies."""
 
     kind: Literal["sines"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Finite | Numbers
-    """Amplitude a: one for all, or one for each [unit of what is disturbed]."""
+    """Amplitude a: one number for all, or one for each sinusoid [unit of the disturbed signal]."""
     frequencies: Positives
-    """f of each [Hz]."""
+    """Frequency f of each sinusoid [Hz]."""
     phases: Numbers | None = None
-    """φ of each [rad]; drawn from the seed where they are not given."""
+    """Phase φ of each sinusoid [rad]. By default, phases are drawn at random."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Of the phases."""
+    """Seed of the phases."""
     output: str | None = None
     """Name of the output whose reading is disturbed, instead of an input or body."""
 
@@ -44,15 +44,15 @@ class SinesTable(PlaceTable):
 class TernaryTable(PlaceTable):
     """A pseudo-random ternary sequence of velocities −v, 0, v, integrated: the sum of its lines up to ``bandwidth``.
 
-    It repeats after 242 intervals. As a sum of sinusoids it is smooth, as the motion of a platform is.
+    It repeats after 242 intervals. As a sum of sinusoids it is smooth, like the motion of a platform.
     """
 
     kind: Literal["ternary"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Finite
-    """From peak to peak of the whole sequence [unit of what is disturbed]; negative for the mirror image."""
+    """Peak-to-peak size of the sequence [unit of the disturbed signal]. A negative size gives the mirror image."""
     interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
-    """How long each velocity lasts [s]."""
+    """Duration of each velocity [s]."""
     bandwidth: Positive | None = None
     """Highest line [Hz] (default: half of 1 / interval)."""
     output: str | None = None

@@ -34,16 +34,16 @@ _Each = Positive | dict[str, Positive]
 class ActivationTable(TomlTable):
     """Activation dynamics: a lag between the command of an input and its action, as in muscles.
 
-    One number is for all inputs; ``{ ankle = 0.1, hip = 0.05 }`` gives those that it names a lag, and others none.
+    One number applies to all inputs; ``{ ankle = 0.1, hip = 0.05 }`` adds a lag only to the inputs that it names.
     """
 
     order: Literal[0, 1, 2]
     """Order of the lag: 1 is ``1/(τs + 1)``, 2 is ``ω₀²/(s² + 2ζω₀s + ω₀²)``; 0 is none where the assumed plant has
     one."""
     time_constant: _Each | None = None
-    """Time constant τ [s]; of the second order 1/ω₀."""
+    """Time constant τ [s]. For the second order it is 1/ω₀."""
     frequency: _Each | None = None
-    """Natural frequency ω₀ of the second order, in place of a time constant [rad/s]."""
+    """Natural frequency ω₀ of the second order, instead of a time constant [rad/s]."""
     damping_ratio: _Each | None = None
     """Damping ratio ζ of the second order (default: 1, critically damped)."""
 
@@ -65,7 +65,7 @@ class ActivationTable(TomlTable):
 
 
 class PlantTable(MatrixTable):
-    """What both plants have: a model with an operating point, or matrices; names of inputs, outputs and states."""
+    """The keys of both plants: a model with an operating point, or matrices; names of inputs, outputs and states."""
 
     model: str | None = None
     """MJCF file, relative to the run file (default of the actual plant: that of the assumed plant)."""
@@ -92,7 +92,7 @@ class PlantTable(MatrixTable):
     """Height, mass and segments to which the model is scaled."""
 
     activation: ActivationTable | None = None
-    """Lag of the inputs, which are motors, as muscles have (default: none; of the actual plant that of the assumed)."""
+    """Lag of the inputs, which must be motors, as in muscles (default: none; for the actual plant, the assumed lag)."""
 
     @property
     def measures(self) -> Person | None:
@@ -132,7 +132,7 @@ class Assumed(PlantTable):
     """The plant that the controller assumes."""
 
     delay: NonNegative = 0.0
-    """Delay that the predictor compensates [s]."""
+    """Delay for which the predictor compensates [s]."""
 
     @model_validator(mode="after")
     def _is_there(self) -> Assumed:
@@ -142,12 +142,12 @@ class Assumed(PlantTable):
 
 
 class ChangeTable(TomlTable):
-    """One named change; see :mod:`icmj.plant.change` for what there is."""
+    """One change of a property; :mod:`icmj.plant.change` lists the properties."""
 
     what: What
     """Property to change."""
     of: str | None = None
-    """Name of what has the property (default: all that have it)."""
+    """Name of the element whose property changes (default: all elements that have the property)."""
     factor: Finite | None = None
     """Factor on the property; give either ``factor`` or ``value``."""
     value: Finite | list[Finite] | None = None
@@ -185,7 +185,7 @@ class Actual(PlantTable):
     change: list[ChangeTable] = []
     """Further differences from the assumed model."""
     edit: Reference | None = None
-    """The ``module:name`` of a function that changes the model itself: it is given the ``mujoco.MjSpec`` and ρ."""
+    """The ``module:name`` of a function that changes the model itself; it receives the ``mujoco.MjSpec`` and ρ."""
     edit_parameters: Parameters = {}
     """Parameters by name of the function ``edit``."""
     rho: Finite = 1.0

@@ -18,16 +18,16 @@ _SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 
 
 
 class SampledTable(PlaceTable):
-    """Values at the points of a regular grid from t = 0 on, and linear between them; the last one is held."""
+    """Values at the points of a regular grid from t = 0 on, with linear interpolation; the last value is held."""
 
     kind: Literal["sampled"]
     """Kind of the disturbance."""
     values: Annotated[list[Finite], Field(min_length=1, max_length=MOST_VALUES)]
-    """Values at the points of the grid [unit of what is disturbed]; of a body, factors on force and torque."""
+    """Values at the points of the grid [unit of the disturbed signal]. For a body, factors on force and torque."""
     interval: Positive = GRID
-    """Distance between the points of the grid [s]; of several, integer multiples of the shortest."""
+    """Distance between the points of the grid [s]. Those of several grids must be integer multiples of the shortest."""
     start: NonNegative = 0.0
-    """Time before which it is zero [s]."""
+    """Time before which the disturbance is zero [s]."""
     output: str | None = None
     """Name of the output whose reading is disturbed, instead of an input or body."""
     made_by: Line = ""
@@ -40,12 +40,12 @@ class SampledTable(PlaceTable):
 
 
 class RampTable(PlaceTable):
-    """A ramp: evenly to ``size`` from ``start`` [s] on, over ``duration`` [s], and there it stays."""
+    """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
 
     kind: Literal["ramp"]
     """Kind of the disturbance."""
     size: Finite | None = None
-    """Value at the end of the ramp [unit of what is disturbed]; for a body, a factor on force and torque (default:
+    """Value at the end of the ramp [unit of the disturbed signal]. For a body, a factor on force and torque (default:
     1)."""
     start: NonNegative = 0.0
     """Start [s], an integer multiple of ``interval``."""
@@ -72,20 +72,20 @@ class RampTable(PlaceTable):
 
 
 class FileTable(PlaceTable):
-    """A column of a file of time series, as a disturbance; a log carries its values."""
+    """A disturbance whose values are a column of a file of time series; the log contains these values."""
 
     kind: Literal["file"]
     """Kind of the disturbance."""
     file: Annotated[Line, Field(min_length=1)]
     """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
     column: Annotated[Line, Field(min_length=1)]
-    """Name of the column in it; degrees become radians, millimetres and centimetres metres."""
+    """Name of the column in the file; degrees are converted to radians, millimetres and centimetres to metres."""
     size: Finite = 1.0
     """Factor on the column."""
     start: NonNegative = 0.0
-    """Time of the run at which the file begins [s]; before it, the disturbance is zero."""
+    """Time of the run at which the file begins [s]. Before this time, the disturbance is zero."""
     interval: Positive = GRID
-    """Distance between the points at which the column is taken, linear between its rows [s]."""
+    """Distance between the points at which the column is sampled, with linear interpolation between its rows [s]."""
     output: str | None = None
     """Name of the output whose reading is disturbed, instead of an input or body."""
 

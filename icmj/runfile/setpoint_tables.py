@@ -22,16 +22,16 @@ MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a
 
 
 class TargetTable(TomlTable):
-    """A channel of the set-point, or a part of what moves it: entries of one name are added."""
+    """A channel of the set-point, or a part of it: entries with the same name are added."""
 
     output: Annotated[Line, Field(min_length=1)] | None = None
-    """Output of the assumed plant, or a state of it, that is to follow, by name; or"""
+    """Name of the output, or state, of the assumed plant that follows the set-point; or"""
     combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
-    """several with a weight for each, such as ``{ shank = 0.5, thigh = 0.3 }``, which follow as their sum."""
+    """several of them with weights, such as ``{ shank = 0.5, thigh = 0.3 }``, whose weighted sum follows it."""
     name: Line = ""
-    """Of the set-point; a combination needs one."""
+    """Name of the set-point; a combination needs one."""
     unit: Line = ""
-    """Of the set-point; that of the output by default."""
+    """Unit of the set-point; by default that of the output."""
 
     @abstractmethod
     def terms(self, end: float) -> Array:
@@ -52,46 +52,46 @@ class TargetTable(TomlTable):
 
 
 class StepSetpoint(TargetTable):
-    """A step: ``size`` from ``start`` [s] on; from the beginning where none is given."""
+    """A step of ``size`` at ``start`` [s], by default at the beginning of the run."""
 
     kind: Literal["step"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite
-    """Of the step [unit of the output]."""
+    """Size of the step [unit of the output]."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
 
     def terms(self, end: float) -> Array:
         return step(self.size, self.start)
 
 
 class PulseSetpoint(TargetTable):
-    """A pulse: ``size`` from ``start`` [s] on, for ``duration`` [s], and back."""
+    """A pulse of ``size`` from ``start`` [s] on, which ends after ``duration`` [s]."""
 
     kind: Literal["pulse"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite
-    """Of the pulse [unit of the output]."""
+    """Size of the pulse [unit of the output]."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
     duration: Positive
-    """How long [s]."""
+    """Duration [s]."""
 
     def terms(self, end: float) -> Array:
         return pulse(self.size, self.start, self.duration)
 
 
 class RampSetpoint(TargetTable):
-    """A ramp: evenly to ``size`` from ``start`` [s] on, over ``duration`` [s], and there it stays."""
+    """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
 
     kind: Literal["ramp"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite
-    """How far [unit of the output]."""
+    """Value at the end of the ramp [unit of the output]."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
     duration: Positive
-    """Over which [s]."""
+    """Duration [s]."""
 
     def terms(self, end: float) -> Array:
         return ramp(self.size, self.start, self.duration)
@@ -101,17 +101,17 @@ class SinesSetpoint(TargetTable):
     """A sum of sinusoids, Σ a sin(2πf(t − start) + φ)."""
 
     kind: Literal["sines"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite | Numbers
-    """Amplitude a: one for all, or one for each [unit of the output]."""
+    """Amplitude a: one number for all, or one for each sinusoid [unit of the output]."""
     frequencies: Positives
-    """f of each [Hz]."""
+    """Frequency f of each sinusoid [Hz]."""
     phases: Numbers | None = None
-    """φ of each [rad]; drawn from the seed where they are not given."""
+    """Phase φ of each sinusoid [rad]. By default, phases are drawn at random."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Of the phases."""
+    """Seed of the phases."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
 
     def terms(self, end: float) -> Array:
         drawn = 2 * np.pi * np.random.default_rng(self.seed).random(len(self.frequencies))
@@ -133,13 +133,13 @@ class TernarySetpoint(TargetTable):
     """A pseudo-random ternary sequence of velocities −v, 0, v, integrated; it repeats after 242 intervals."""
 
     kind: Literal["ternary"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite
-    """From peak to peak [unit of the output]; negative for the mirror image."""
+    """Peak-to-peak size [unit of the output]. A negative size gives the mirror image."""
     interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
-    """How long each velocity lasts [s]."""
+    """Duration of each velocity [s]."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
 
     def terms(self, end: float) -> Array:
         intervals = (end - self.start) / self.interval
@@ -152,22 +152,22 @@ class TernarySetpoint(TargetTable):
 
 
 class DoubleStepsSetpoint(TargetTable):
-    """Pairs of steps in random order, of a double-step experiment; the second leads on, or back twice as far."""
+    """Pairs of steps of a double-step experiment, in random order; the second step goes on, or back twice as far."""
 
     kind: Literal["double-steps"]
-    """How it moves."""
+    """Kind of motion."""
     size: Finite
-    """Of the first step of each pair [unit of the output]."""
+    """Size of the first step of each pair [unit of the output]."""
     isi: Annotated[Positives, Field(min_length=1, max_length=MOST)]
     """Inter-step intervals, from the first to the second step [s]."""
     repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
-    """How often each interval comes in each direction."""
+    """Number of repetitions of each interval in each direction."""
     recovery: tuple[Positive, Positive] = (2.0, 3.0)
-    """Least and longest time from a pair to the next [s], drawn evenly between them."""
+    """Shortest and longest time from a pair to the next [s]. Times are uniformly distributed between them."""
     directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
-    """Which way the second step leads."""
+    """Directions of the second step."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Of order, directions and times."""
+    """Seed of order, directions and times."""
     start: Positive = 1.0
     """Time before the first pair [s]."""
 
@@ -195,20 +195,20 @@ class DoubleStepsSetpoint(TargetTable):
 
 
 class FileSetpoint(TargetTable):
-    """A column of a file, with straight lines between its rows; before the first, r is 0, after the last as there."""
+    """A column of a file, linearly interpolated; r is 0 before its first row, and constant after its last row."""
 
     kind: Literal["file"]
-    """How it moves."""
+    """Kind of motion."""
     file: Annotated[Line, Field(min_length=1)]
     """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
     column: Annotated[Line, Field(min_length=1)]
-    """Name of the column in it; degrees become radians, millimetres and centimetres metres."""
+    """Name of the column in the file; degrees are converted to radians, millimetres and centimetres to metres."""
     size: Finite = 1.0
     """Factor on the column."""
     start: NonNegative = 0.0
     """Time of the run at which the file begins [s]."""
     interval: Positive | None = None
-    """Time between the values that are taken from the column [s]; by default every row."""
+    """Time between the values that are used from the column [s]. By default, every row is used."""
 
     def target(self, end: float, folder: Path = Path()) -> Target:
         times, values, unit = self._read(folder / self.file)

@@ -28,23 +28,23 @@ class SimulationTable(TomlTable):
     duration: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)] = 30.0
     """Duration of the run [s]."""
     initial: dict[str, Finite] = {}
-    """Initial departures of plant states from the operating point, by name; the others are zero."""
+    """Initial deviations of plant states from the operating point, by name; the others are zero."""
     observer: dict[str, Finite] = {}
     """Initial states of the observer, by name; the others are zero."""
     timestep: Positive | None = None
-    """Timestep of the engine, instead of a tolerance [s]. The linear plant needs none."""
+    """Timestep in MuJoCo, instead of a tolerance [s]. The linear plant needs none."""
     integrator: Integrator | None = None
-    """Integrator of the engine (default: that of the model)."""
+    """Integrator in MuJoCo (default: that of the model)."""
     record_interval: Positive = 0.01
     """Time between recorded rows [s]; events are always recorded."""
     limit: Positive | dict[str, Positive] | None = None
-    """Departure of a position at which the run counts as fallen: one number for all [rad or m, converted to other units
+    """Deviation of a position at which the run counts as fallen: one number for all [rad or m, converted to other units
     of angle or length], or positions by name, each in its own unit. Default: 1 rad or 1 m; in plants given by matrices,
     positions with other units have no limit."""
     disturbance: Annotated[list[SourceTable], Field(max_length=MOST)] = []
     """Disturbances."""
     tolerance: Positive | None = None
-    """Relative error of an open-loop interval to which the steps of the engine are adapted. Default, if neither
+    """Relative error of an open-loop interval to which the steps in MuJoCo are adapted. Default, if neither
     timestep nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the model."""
 
     def settings(self) -> Settings:
@@ -76,9 +76,9 @@ class SimulationTable(TomlTable):
 
 
 class StudyTable(TomlTable):
-    """What the study adds to one run.
+    """Further results that the study adds to one run.
 
-    Clock-driven points for panel (a), thresholds for the amplitude law, random starts in search of attractors.
+    They are clock-driven points for panel (a), the amplitude law, and a search for attractors from random starts.
     """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8

@@ -40,7 +40,7 @@ from icmj.work.own_code import Code, accepted, digest_of
 
 
 class ImpulseTable(PlaceTable):
-    """An impulse on an input or a body: ``size`` [N m s] spread evenly over ``duration`` [s] from ``start`` [s]."""
+    """An impulse on an input or a body: ``size`` [N m s], constant over ``duration`` [s] from ``start`` [s] on."""
 
     kind: Literal["impulse"]
     """Kind of the disturbance."""
@@ -75,8 +75,8 @@ class StepTable(PlaceTable):
 class NoiseTable(PlaceTable):
     """Coloured noise on one input or body, or on one output as the observer reads it.
 
-    Standard deviation ``size``, flat up to ``bandwidth`` [Hz] or a first-order low-pass with its ``corner`` [Hz], from
-    ``seed``; see :class:`icmj.simulation.sources.Noise`.
+    Its standard deviation is ``size``. Its spectrum is flat up to ``bandwidth`` [Hz], or a first-order low-pass with a
+    ``corner`` [Hz]; see :class:`icmj.simulation.sources.Noise`.
     """
 
     kind: Literal["noise"]
@@ -108,24 +108,25 @@ class NoiseTable(PlaceTable):
 class GaussianTable(PlaceTable):
     """Gaussian noise on one input or body, or on one output as the observer reads it.
 
-    White, or a first-order low-pass with its ``corner`` [Hz], exact in law at the points of a grid; see
-    :class:`icmj.simulation.sources.Gaussian`.
+    Its spectrum is white, or a first-order low-pass with a ``corner`` [Hz]. Its distribution is exact at the points of
+    a grid; see :class:`icmj.simulation.sources.Gaussian`.
     """
 
     kind: Literal["gaussian"]
-    """Of the disturbance."""
+    """Kind of the disturbance."""
     size: Positive | None = None
-    """Standard deviation [unit of the input or output]; of a body times its force and torque, 1 by default."""
+    """Standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1)."""
     corner: Positive | None = None
-    """Where a low-pass spectrum has fallen to half [Hz]; white noise by default."""
+    """Frequency at which a low-pass spectrum has fallen to half [Hz]. By default, the noise is white."""
     interval: Positive = GRID
-    """Between its values, which straight lines join [s]; of several, whole multiples of the shortest."""
+    """Time between values; noise is linear between them [s]. Those of several noises must be integer multiples of the
+    shortest."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
-    """Of its values."""
+    """Seed of the values."""
     start: NonNegative = 0.0
-    """From when on [s]."""
+    """Start [s]."""
     output: str | None = None
-    """The output that it acts on, by name, in place of an input or a body."""
+    """Name of the output whose reading is disturbed, instead of an input or body."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -153,7 +154,7 @@ class BiasTable(TomlTable):
 class SinusoidsTable(PlaceTable):
     """A sum of sinusoids on one input or body, or on one output as the observer reads it.
 
-    See :class:`icmj.simulation.sources.Sinusoids`. It is also how noise of a user's own code is recorded.
+    See :class:`icmj.simulation.sources.Sinusoids`. Noise from user code is also recorded in this form.
     """
 
     kind: Literal["sinusoids"]
@@ -163,7 +164,7 @@ class SinusoidsTable(PlaceTable):
     output: str | None = None
     """Name of the output, as the observer reads it."""
     made_by: Line = ""
-    """Code that has drawn the terms, as module:name."""
+    """Code that drew the terms, as ``module:name``."""
     sha256: str = ""
     """Digest of its source file."""
 
@@ -173,14 +174,14 @@ class SinusoidsTable(PlaceTable):
 
 
 class OwnNoiseTable(PlaceTable):
-    """Noise of one's own: the ``module:name`` of a function that draws the terms of its sum of sinusoids."""
+    """Noise from your own code: the ``module:name`` of a function that draws the terms of a sum of sinusoids."""
 
     tag: ClassVar[str] = "own"
 
     kind: Reference
-    """The function; it is given the parameters, and ``duration`` [s] if it takes one."""
+    """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
     parameters: Parameters = {}
-    """Of the function, by name; its seed among them."""
+    """Parameters of the function, by name, including its seed."""
     output: str | None = None
     """Name of the output, as the observer reads it."""
 

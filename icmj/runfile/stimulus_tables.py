@@ -14,17 +14,17 @@ _Text = Annotated[Line, Field(min_length=1)]
 
 
 class IntersectionPointTable(TomlTable):
-    """Intersection point of ground reaction forces: windows, and what is told.
+    """Intersection point of ground reaction forces: windows, and range of frequencies.
 
-    The noise of the run file is what moves the body.
+    The noise in the run file moves the body.
     """
 
     duration: Positive = 60.0
-    """Of the part of a trial that is analysed [s]."""
+    """Duration of the part of a trial that is analysed [s]."""
     settle: NonNegative = 10.0
-    """What is left out before it [s]."""
+    """Duration before this part, which is left out [s]."""
     rate: _Rate = 100.0
-    """Of the samples [Hz]."""
+    """Sampling rate [Hz]."""
     window: Positive = 5.12
     """Length of a window [s]; windows overlap by half."""
     low: Positive = 0.4
@@ -37,54 +37,54 @@ class IntersectionPointTable(TomlTable):
     """Height of the centre of mass above the ground [m] (default: that of the model; needed for ratios of a recording).
     """
     angle: _Text = "force_angle"
-    """Of a recording: column of the angle −F_x / F_z [rad, deg]; where there is none it is made of"""
+    """For a recording: column of the angle −F_x / F_z [rad, deg]. Without it, the angle is computed from"""
     force: tuple[_Text, _Text] = ("force.x", "force.z")
-    """the columns of horizontal and vertical force."""
+    """the columns of the horizontal and the vertical force."""
     cop: _Text = "cop.x"
-    """Of a recording: column of the centre of pressure [m, cm, mm]."""
+    """For a recording: column of the centre of pressure [m, cm, mm]."""
 
 
 class QuietStandingTable(TomlTable):
-    """Quiet standing: how long, and what is measured."""
+    """Quiet standing: duration of the trials, and measured signals."""
 
     duration: Positive = 60.0
-    """Of the part of a trial that is analysed [s]."""
+    """Duration of the part of a trial that is analysed [s]."""
     settle: NonNegative = 10.0
-    """What is left out before it [s]."""
+    """Duration before this part, which is left out [s]."""
     rate: _Rate = 100.0
-    """Of the samples [Hz]."""
+    """Sampling rate [Hz]."""
     low_pass: Positive | None = 10.0
-    """Corner of the filter before all measures [Hz]."""
+    """Cut-off frequency of the filter that is applied before all measures [Hz]."""
     columns: Annotated[list[_Text], Field(max_length=2)] = []
     """Signals that are measured (default: the centre of pressure, forwards; without a model, the outputs)."""
 
 
 class MultisineTable(TomlTable):
-    """A sum of sinusoids of chosen lines, with phases from the seed, as disturbance or as set-point.
+    """A sum of sinusoids with given lines and random phases, as a disturbance or as a set-point.
 
-    Lines are whole multiples of 1 / period, so that the record is periodic.
+    Lines are integer multiples of 1 / period, so that the record is periodic.
     """
 
     input: _Text | None = None
-    """Input that is disturbed, beside its command; or"""
+    """Input to whose command the stimulus is added; or"""
     setpoint: _Text | None = None
     """output, or state, of the assumed plant whose set-point moves."""
     amplitude: Positive
-    """Of each line [unit of the input or output]."""
+    """Amplitude of each line [unit of the input or output]."""
     period: Positive = 10.0
-    """Of the stimulus [s]."""
+    """Period of the stimulus [s]."""
     lines: Annotated[Positives, Field(max_length=MOST)]
-    """Frequencies [Hz], each a whole multiple of 1 / period."""
+    """Frequencies [Hz], each an integer multiple of 1 / period."""
     periods: Annotated[int, Field(ge=2, le=10_000)] = 10
     """Number of periods that are analysed."""
     settle: Annotated[int, Field(ge=0, le=10_000)] = 2
     """Number of periods before them, in which transients die out."""
     rate: _Rate = 100.0
-    """Of the samples [Hz]; a period has a whole number of them."""
+    """Sampling rate [Hz]. A period must contain a whole number of samples."""
     response: _Text | None = None
-    """Signal whose response is told, such as u.ankle_torque (default: the first command)."""
+    """Signal whose response is analysed, such as u.ankle_torque (default: the first command)."""
     stimulus: _Text = "stimulus"
-    """Of a recording: column of the stimulus."""
+    """For a recording: column of the stimulus."""
 
     @model_validator(mode="after")
     def _is_periodic(self) -> MultisineTable:
@@ -108,40 +108,41 @@ class MultisineTable(TomlTable):
 
 
 class PerturbedStanceTable(TomlTable):
-    """A pseudo-random ternary tilt of the support surface, and the response of the body's angle in space to it."""
+    """A pseudo-random ternary tilt of the support surface, and the response of the angle of the body in space."""
 
     size: Positive
-    """Of the tilt from peak to peak [rad]."""
+    """Peak-to-peak size of the tilt [rad]."""
     interval: Annotated[Positive, Field(ge=1e-2)] = 0.25
-    """How long each velocity of the sequence lasts [s]; it repeats after 242 of them."""
+    """Duration of each velocity of the sequence [s]. The sequence repeats after 242 intervals."""
     highest: Positive = 2.0
     """Highest line of the stimulus [Hz]."""
     axis_height: NonNegative = 0.0
-    """Height of the axis in the world, that of the ankle [m]."""
+    """Height of the axis of the tilt in the world, which is that of the ankle [m]."""
     vertical: dict[str, Finite] = {}
-    """Share of the tilt that is added to what is read of an output, by name: 1 − W, where W is the surface's weight."""
+    """Share of the tilt that is added to the reading of an output, by name: 1 − W, with the weight W of the surface."""
     vertical_rate: dict[str, Finite] = {}
-    """The same of its rate, for outputs that are rates."""
+    """The same share of the rate of the tilt, for outputs that are rates."""
     output: _Text | None = None
-    """Output that is the body's angle to the surface (default: the first)."""
+    """Output that gives the angle of the body to the surface (default: the first)."""
     periods: Annotated[int, Field(ge=2, le=1000)] = 3
     """Number of periods that are analysed."""
     settle: Annotated[int, Field(ge=0, le=1000)] = 1
     """Number of periods before them, in which transients die out."""
     rate: _Rate = 100.0
-    """Of the samples [Hz]."""
+    """Sampling rate [Hz]."""
     inertia: Positive | None = None
-    """Of a one-link person about the ankle [kg m²]; with it and the next three keys the channels are fitted."""
+    """Moment of inertia of a one-link person about the ankle [kg m²]. With this and the next three keys, the
+    independent channels are fitted."""
     toppling: Positive | None = None
     """Toppling stiffness m g h [N m/rad]."""
     stiffness: NonNegative = 0.0
-    """Passive, of the ankle [N m/rad]."""
+    """Passive stiffness of the ankle [N m/rad]."""
     damping: NonNegative = 0.0
-    """Passive, of the ankle [N m s/rad]."""
+    """Passive damping of the ankle [N m s/rad]."""
     stimulus: _Text = "stimulus"
-    """Of a recording: column of the tilt [rad]."""
+    """For a recording: column of the tilt [rad]."""
     response: _Text = "body"
-    """Of a recording: column of the body's angle in space [rad]."""
+    """For a recording: column of the angle of the body in space [rad]."""
 
     @property
     def period(self) -> float:
@@ -163,34 +164,34 @@ class PerturbedStanceTable(TomlTable):
 
 
 class DoubleStepTable(TomlTable):
-    """Double steps: pairs of steps of a set-point, in random order from the seed."""
+    """Double steps: pairs of steps of a set-point, in random order."""
 
     output: _Text | None = None
-    """Output, or state, of the assumed plant that is to follow the steps; or"""
+    """Output, or state, of the assumed plant that follows the steps; or"""
     combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
-    """several with a weight for each, such as ``{ shank = 0.44, thigh = 0.44, trunk = 0.69 }`` for the head [m]."""
+    """several of them with weights, such as ``{ shank = 0.44, thigh = 0.44, trunk = 0.69 }`` for the head [m]."""
     unit: Line = ""
-    """Of a combination."""
+    """Unit of a combination."""
     size: Positive
-    """Of the first step of each pair [unit of the output]."""
+    """Size of the first step of each pair [unit of the output]."""
     isi: Annotated[Positives, Field(min_length=3, max_length=MOST)]
     """Inter-step intervals [s]."""
     repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
-    """How often each interval comes in each direction, in one trial."""
+    """Number of repetitions of each interval in each direction, in one trial."""
     directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
-    """Which way the second step leads. A reversal is twice as large as the step before it."""
+    """Directions of the second step. A reversal is twice as large as the step before it."""
     recovery: tuple[Positive, Positive] = (2.0, 3.0)
-    """Least and longest time from a pair to the next [s]."""
+    """Shortest and longest time from a pair to the next [s]."""
     rate: _Rate = 100.0
-    """Of the samples [Hz]."""
+    """Sampling rate [Hz]."""
     latest: Positive = 1.0
-    """Longest reaction time that is looked for [s]; not longer than the least recovery."""
+    """Longest reaction time that is considered [s]. It must not exceed the shortest recovery."""
     shortest: NonNegative = 0.0
-    """Inter-step interval from which on the regressions look [s]."""
+    """Shortest inter-step interval that the regressions use [s]."""
     control: _Text | None = None
-    """Signal that responds, such as u.ankle_torque (default: the first command; of a recording the column control)."""
+    """Signal that responds, such as u.ankle_torque (default: the first command; in a recording, the column control)."""
     target: _Text = "target"
-    """Of a recording: column of the set-point."""
+    """For a recording: column of the set-point."""
 
     @model_validator(mode="after")
     def _responses_end_before_the_next_pair(self) -> DoubleStepTable:
