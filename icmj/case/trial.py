@@ -9,13 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from icmj.base.environment import single_threaded
+from icmj.base.text import one_line
 from icmj.case.case import PlantKind, check_names, simulate_plant
 from icmj.case.designs import rival
 from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
 from icmj.engine.plant import MujocoPlant
-from icmj.errors import SimulationError, named
+from icmj.errors import RunFileError, SimulationError, named
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings
@@ -81,3 +82,17 @@ def simulate_trial(
             "plant (--plant linear)"
         )
     return simulate_plant(there, trial.law, trial.settings, progress=progress, match="position")  # type: ignore[arg-type]
+
+
+def measured_by(run: RunFile, simulation: Simulation) -> dict[str, float]:
+    """What measures of the user's own say of the run."""
+    found: dict[str, float] = {}
+    for reference in run.study.measures:
+        told = run.code.made(reference, simulation)
+        try:
+            found |= {str(name): float(value) for name, value in dict(told).items()}
+        except (TypeError, ValueError) as error:
+            raise RunFileError(
+                f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
+            ) from error
+    return found

@@ -26,6 +26,8 @@ class Sweep(Shared):
     """Number of local processes (default: one per core)."""
     dask: str | None = None
     """Address of a Dask scheduler whose workers do the computing."""
+    allow_code: bool = False
+    """Run Python code that the run file names as module:name. Read the code first."""
     dry_run: bool = False
     """Print the number of points, the estimated time and the size of the results, and stop."""
 

@@ -26,7 +26,7 @@ def carry_out(command: Sweep, out: Terminal, err: Terminal) -> None:
     if command.jobs is not None and command.dask is not None:
         raise SweepError("--jobs and --dask: give one; the workers of a cluster are started with it")
     with Working("sweep", err) as working:
-        plan = planned(command.sweep)
+        plan = planned(command.sweep, allow_code=command.allow_code)
         folder = command.out or Path("runs/out") / plan.file.sweep.name
         if command.dry_run:
             _cost(plan, out)

@@ -23,6 +23,7 @@ class Facts(BaseModel):
         varies: columns of what varies.
         fields: of the run file that they are, "" for a change of the model.
         outputs: of the plant.
+        measures: names of the numbers of the user's own measures.
         versions: of what computed, by package.
     """
 
@@ -35,6 +36,7 @@ class Facts(BaseModel):
     varies: list[_Word]
     fields: list[_Word]
     outputs: list[_Word]
+    measures: list[_Word] = []
     versions: dict[str, _Word]
 
     @model_validator(mode="after")

@@ -148,7 +148,14 @@ class SweepFile(TomlTable):
     _base: RunFile = PrivateAttr()
 
     @classmethod
-    def validated(cls, data: Mapping[str, Any], path: Path, text: str = "", base: RunFile | None = None) -> SweepFile:
+    def validated(
+        cls,
+        data: Mapping[str, Any],
+        path: Path,
+        text: str = "",
+        base: RunFile | None = None,
+        allow_code: bool = False,
+    ) -> SweepFile:
         """A sweep file of plain data; its run file lies beside ``path``, if ``base`` is not it.
 
         Raises:
@@ -161,7 +168,7 @@ class SweepFile(TomlTable):
         made._path, made._text = path, text
         if base is None:
             beside = path.parent / made.sweep.run
-            base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)))
+            base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)), allow_code=allow_code)
         try:
             made._base = base.with_(**dict(leaves(made.set))) if made.set else base
         except RunFileError as error:
@@ -218,11 +225,11 @@ def leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{at}{key}", value
 
 
-def load_sweep(path: Path | str) -> SweepFile:
-    """Read and validate a sweep file and the run file that it names.
+def load_sweep(path: Path | str, *, allow_code: bool = False) -> SweepFile:
+    """Read and validate a sweep file and the run file that it names; ``allow_code`` as of :func:`icmj.load_run`.
 
     Raises:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
     path, text = read_text(Path(path), SWEEPS)
-    return SweepFile.validated(parse_toml(text, path), path, text)
+    return SweepFile.validated(parse_toml(text, path), path, text, allow_code=allow_code)

@@ -88,6 +88,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
     from icmj.case.case import Case, prepare, simulate
+    from icmj.case.trial import measured_by
     from icmj.controller.controller import continuous_limit
     from icmj.engine.pose import scene
     from icmj.experiments.amplitude_law import measure_law
@@ -97,7 +98,6 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
     from icmj.simulation.scene import frames
-    from icmj.study.trial import measured_by
     from icmj.work.provenance import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)

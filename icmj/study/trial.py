@@ -1,4 +1,4 @@
-"""One complete run under a controller that is not intermittent; and the user's own measures, for any run."""
+"""One complete run under a controller that is not intermittent."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from icmj.base.text import one_line
-from icmj.errors import RunFileError, named
-from icmj.runfile.schema import RunFile
+from icmj.errors import named
 
 if TYPE_CHECKING:
     from icmj.case.case import PlantKind
     from icmj.case.trial import Trial
     from icmj.result.tried import Tried
-    from icmj.simulation.simulation import Simulation
+    from icmj.runfile.schema import RunFile
 
 PLENTY = 4000  # delays that a run on the linear plant may last before its work is estimated
 
@@ -26,7 +24,7 @@ def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], 
     Raises:
         IcmjError: if the run file, its models or the controller fail.
     """
-    from icmj.case.trial import Trial, prepare_trial, simulate_trial
+    from icmj.case.trial import Trial, measured_by, prepare_trial, simulate_trial
     from icmj.engine.plant import MujocoPlant
     from icmj.engine.pose import scene
     from icmj.result.tried import Tried
@@ -89,17 +87,3 @@ def estimate_trial(trial: Trial, plant: PlantKind) -> float:
     begin = time.process_time()
     reached = float(simulate_trial(beginning, plant).t[-1])
     return (time.process_time() - begin) * settings.duration / max(reached, tap)
-
-
-def measured_by(run: RunFile, simulation: Simulation) -> dict[str, float]:
-    """What measures of the user's own say of the run."""
-    found: dict[str, float] = {}
-    for reference in run.study.measures:
-        told = run.code.made(reference, simulation)
-        try:
-            found |= {str(name): float(value) for name, value in dict(told).items()}
-        except (TypeError, ValueError) as error:
-            raise RunFileError(
-                f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
-            ) from error
-    return found

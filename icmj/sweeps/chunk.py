@@ -16,6 +16,7 @@ from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
+from icmj.case.trial import measured_by
 from icmj.comparison.comparison import finite, on_predicted_cycle
 from icmj.errors import CycleError, IcmjError, beyond_memory
 from icmj.experiments.attractors import attractors
@@ -63,6 +64,7 @@ class _Bench:
 
 def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Computed:
     """The rows of some points, computed with one thread of linear algebra, so that the load changes no bit."""
+    plan.expect_same_code()
     bench, begin = _Bench(), time.process_time()
     rows = []
     with single_threaded():
@@ -177,6 +179,7 @@ def _motion(case: Case, plant: PlantKind) -> dict[str, Any]:
         row["interval_deviation"] = finite(told.interval_deviation.value) if told.interval_deviation else None
         row["binding"] = finite(told.binding.value) if told.binding else None
         more = _peaks(f"{plant}_rms", case, np.array([rms.value for rms in told.rms]))
+    row |= columns.own(measured_by(case.run, run))
     row = {f"{plant}_{name}": value for name, value in row.items()}
     return row | _peaks(f"{plant}_peak", case, motion.amplitude) | more
 

@@ -74,6 +74,7 @@ TRIED = {
     "factor": (pa.float64(), "size of a round over that of the one before; empty without rounds"),
     "period": (pa.float64(), "of a round [s]; empty without rounds"),
 }
+OWN = (pa.float64(), "a number of a measure of the user's own")
 LATE_PEAK = (pa.float64(), "largest magnitude of the output in the second half of the run [its unit]")
 LATE_RMS = (pa.float64(), "standard deviation of the output in the second half of the run [its unit]")
 ATTRACTORS = {
@@ -91,7 +92,7 @@ def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
     varies = zip(plan.points.names, plan.points.kinds, strict=True)
     return columns(
         varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors),
-        tried=plan.file.base.tries,
+        tried=plan.file.base.tries, measures=plan.measures,
     )  # fmt: skip
 
 
@@ -104,11 +105,13 @@ def columns(
     noisy: bool,
     attractors: bool,
     tried: bool = False,
+    measures: Sequence[str] = (),
 ) -> dict[str, tuple[pa.DataType, str]]:
     """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle.
 
-    ``tried`` says whether the controller is not intermittent.
+    ``tried`` says whether the controller is not intermittent; ``measures`` are names of the user's own numbers.
     """
+    told = own(dict.fromkeys(measures, OWN))
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
@@ -116,14 +119,14 @@ def columns(
     if tried:
         found |= ROOT
         for plant in motion:
-            found |= {f"{plant}_{name}": column for name, column in TRIED.items()}
+            found |= {f"{plant}_{name}": column for name, column in (TRIED | told).items()}
             found |= {f"{plant}_peak_{output}": LATE_PEAK for output in outputs}
             found |= {f"{plant}_rms_{output}": LATE_RMS for output in outputs}
         return found
     found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
     found |= {f"predicted_peak_{output}": PEAK for output in outputs}
     for plant in motion:
-        named = MOTION | (STEP if plant == "mujoco" else {}) | (NOISY if noisy else {})
+        named = MOTION | (STEP if plant == "mujoco" else {}) | (NOISY if noisy else {}) | told
         found |= {f"{plant}_{name}": column for name, column in named.items()}
         found |= {f"{plant}_peak_{output}": PEAK for output in outputs}
         found |= {f"{plant}_rms_{output}": RMS for output in outputs if noisy}
@@ -131,6 +134,11 @@ def columns(
         found |= {f"{plant}_cycle_{name}": column for name, column in CYCLE.items()}
         found |= {f"{plant}_cycle_peak_{output}": PEAK for output in outputs}
     return found | (ATTRACTORS if attractors else {})
+
+
+def own(told: Mapping[str, Any]) -> dict[str, Any]:
+    """What is told by the user's own measures, by column."""
+    return {f"measure_{name}": value for name, value in told.items()}
 
 
 def schema(plan: Plan) -> pa.Schema:

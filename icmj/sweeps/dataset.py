@@ -143,6 +143,8 @@ def _begin(folder: Path, plan: Plan) -> Facts:
             "varies": list(plan.points.names),
             "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],
             "outputs": list(plan.outputs),
+            **({"code": dict(plan.code)} if plan.code else {}),
+            "measures": list(plan.measures),
             "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
             "versions": versions(),
             "provenance": provenance(plan.file.path.parent),
@@ -155,7 +157,7 @@ def _begin(folder: Path, plan: Plan) -> Facts:
     known = read_facts(folder / FACTS)
     if known.fingerprint != plan.fingerprint:
         raise SweepError(
-            f"{folder}: holds another sweep ({known.name}, of another sweep file, run file or model); choose "
+            f"{folder}: holds another sweep ({known.name}, of another sweep file, run file, model or code); choose "
             "another --out"
         )
     before, now = known.versions, versions()

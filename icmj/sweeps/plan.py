@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,6 +16,7 @@ from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.sweeps.points import Points, Value
+from icmj.work.own_code import REFERENCE
 
 FORMAT = 1
 PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
@@ -31,13 +33,17 @@ class Plan:
         file: the sweep file.
         points: all points.
         chunk: points of one task.
+        code: digests of the user's own source files, by the ``module:name`` that the files give.
         outputs: names of the plant's outputs; empty before the sweep was tried (:func:`icmj.sweeps.trial.tried`).
+        measures: names of the numbers that the user's own measures return, likewise.
     """
 
     file: SweepFile
     points: Points
     chunk: int
+    code: Mapping[str, str] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
+    measures: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, file: SweepFile) -> Plan:
@@ -50,7 +56,8 @@ class Plan:
         if len(points) > 10**9:
             raise RunFileError(f"{file.path}: {len(points):.3g} points; expected at most 1e9")
         largest = _LARGEST[bool(file.ask.motion or file.ask.attractors or file.ask.cycle)]
-        plan = cls(file, points, file.sweep.chunk or max(1, min(largest, len(points) // _CHUNKS)))
+        chunk = file.sweep.chunk or max(1, min(largest, len(points) // _CHUNKS))
+        plan = cls(file, points, chunk, dict(_named(file)))
         plan._check_values()
         return plan
 
@@ -84,6 +91,16 @@ class Plan:
             changes["actual.change"] = kept + deviations
         return self.file.base.with_(**changes)
 
+    def expect_same_code(self) -> None:
+        """Check that this process finds the code from which the sweep was planned.
+
+        Raises:
+            SweepError: if a source file is missing or another one.
+        """
+        for reference, known in self.code.items():
+            if self.file.base.code.digest(reference) != known:
+                raise SweepError(f"{reference}: its source is not the one with which the sweep began; start it again")
+
     def tried(self) -> list[int]:
         """A few points from all over the sweep."""
         return sorted({round(i * (len(self) - 1) / (_TRIED - 1)) for i in range(_TRIED)})
@@ -95,7 +112,8 @@ class Plan:
         data = self.file.model_dump(exclude={"sweep": {"title", "name", "run"}})
         run = base.model_dump(exclude={"case"})
         models = {str(path.name): _digest(path) for path in (base.assumed_path, base.actual_path)}
-        return {"format": FORMAT, "sweep": data, "chunk": self.chunk, "run": run, "models": models}
+        code = {"code": dict(self.code)} if self.code else {}
+        return {"format": FORMAT, "sweep": data, "chunk": self.chunk, "run": run, "models": models, **code}
 
     @cached_property
     def fingerprint(self) -> str:
@@ -126,6 +144,19 @@ class Plan:
                     raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
                 except (TypeError, ValueError) as error:
                     raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
+
+
+def _named(file: SweepFile) -> Iterator[tuple[str, str]]:
+    """Code that sweep file and run file name, with the digest of its source; only if it may be run."""
+    found: list[Any] = [file.model_dump(), file.base.model_dump()] if file.base.code.allowed else []
+    while found:
+        value = found.pop()
+        if isinstance(value, Mapping):
+            found += value.values()
+        elif isinstance(value, list | tuple):
+            found += value
+        elif isinstance(value, str) and re.fullmatch(REFERENCE, value) and (digest := file.base.code.digest(value)):
+            yield value, digest
 
 
 def versions() -> dict[str, str]:

@@ -53,6 +53,7 @@ def sweep(
     jobs: int | None = None,
     dask: str | None = None,
     progress: Told | None = None,
+    allow_code: bool = False,
 ) -> pa.Table:
     """Compute a sweep, or its unfinished part, and return its table.
 
@@ -62,6 +63,7 @@ def sweep(
         jobs: number of local processes; by default the number of cores.
         dask: address of a Dask scheduler, whose workers are used instead.
         progress: called after each chunk.
+        allow_code: whether Python code that the run file names may be run, if ``file`` is a path.
 
     Returns:
         One row for each point, in their order (docs/sweeps.md describes the columns).
@@ -70,7 +72,7 @@ def sweep(
         RunFileError: if the sweep file or the run file does not validate.
         SweepError: if the sweep cannot start, the folder is in use, or no process survives.
     """
-    plan = planned(file)
+    plan = planned(file, allow_code=allow_code)
     if out is None:
         with TemporaryDirectory() as folder:
             carry_out(plan, Path(folder), jobs=jobs, dask=dask, progress=progress)
@@ -79,13 +81,13 @@ def sweep(
     return read_table(Path(out))
 
 
-def planned(file: SweepFile | Path | str) -> Plan:
+def planned(file: SweepFile | Path | str, *, allow_code: bool = False) -> Plan:
     """The plan of a sweep, checked and tried.
 
     Raises:
         RunFileError, SweepError: as :func:`sweep`.
     """
-    return tried(Plan.of(file if isinstance(file, SweepFile) else load_sweep(file)))
+    return tried(Plan.of(file if isinstance(file, SweepFile) else load_sweep(file, allow_code=allow_code)))
 
 
 def carry_out(

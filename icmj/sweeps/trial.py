@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from icmj.case.case import prepare
-from icmj.case.trial import prepare_trial
+from icmj.case.case import Case, PlantKind, prepare, simulate
+from icmj.case.trial import Trial, measured_by, prepare_trial, simulate_trial
 from icmj.errors import IcmjError, SweepError
 from icmj.sweeps.chunk import compute
 from icmj.sweeps.plan import Plan
@@ -28,7 +29,7 @@ class Estimate:
 
 
 def tried(plan: Plan) -> Plan:
-    """The plan, with the outputs of its plant, once one of a few points could be prepared.
+    """The plan, with the names of outputs and of own measures, once one of a few points could be prepared.
 
     Raises:
         SweepError: if none could; it says why the first could not.
@@ -38,10 +39,19 @@ def tried(plan: Plan) -> Plan:
         try:
             run = plan.run(plan.points.at(index))
             case = prepare_trial(run) if run.tries else prepare(run)
-            return replace(plan, outputs=tuple(case.assumed.linearisation.plant.outputs))
+            told = _measures(case, plan.file.ask.motion)
+            return replace(plan, outputs=tuple(case.assumed.linearisation.plant.outputs), measures=told)
         except IcmjError as error:
             first = first or error
     raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
+
+
+def _measures(case: Case | Trial, plants: Sequence[PlantKind]) -> tuple[str, ...]:
+    """Names of the numbers that the user's own measures return of a run."""
+    if not case.run.study.measures or not plants:
+        return ()
+    run = simulate(case, plants[0]) if isinstance(case, Case) else simulate_trial(case, plants[0])
+    return tuple(measured_by(case.run, run))
 
 
 def estimate(plan: Plan) -> Estimate:

@@ -9,11 +9,12 @@ import numpy as np
 
 from icmj.case.case import PlantKind
 from icmj.case.roots import mode_roots
-from icmj.case.trial import Trial, prepare_trial, simulate_trial
+from icmj.case.trial import Trial, measured_by, prepare_trial, simulate_trial
 from icmj.comparison.comparison import finite
 from icmj.errors import AnalysisError
 from icmj.experiments.rounds import rounds_of
 from icmj.runfile.schema import RunFile
+from icmj.sweeps import columns
 
 
 def tried_row(run: RunFile, plants: Sequence[PlantKind]) -> dict[str, Any]:
@@ -42,5 +43,6 @@ def _motion(trial: Trial, plant: PlantKind) -> dict[str, Any]:
         "factor": finite(found.factor),
         "period": finite(found.period),
         **{f"peak_{name}": finite(peak) for name, peak in zip(outputs, np.abs(late).max(axis=0), strict=True)},
+        **columns.own(measured_by(trial.run, run)),
         **{f"rms_{name}": finite(rms) for name, rms in zip(outputs, late.std(axis=0), strict=True)},
     }
