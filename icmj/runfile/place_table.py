@@ -1,4 +1,4 @@
-"""The keys of a disturbance that say where it acts: on an input, a body, or by the support surface."""
+"""The keys of a disturbance that determine where it acts: on an input, on a body, or on the support surface."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Vector = tuple[Finite, Finite, Finite]
 
 
 class PlaceTable(TomlTable):
-    """Where a disturbance acts: on an input, or at any point of any body of a model."""
+    """The place at which a disturbance acts: an input, any point of any body of a model, or the support surface."""
 
     input: str | None = None
     """Name of the input that is disturbed; give either ``input`` or ``body``."""
     on: On | None = None
-    """For an input: ``"body"`` acts on the body itself, 1 N m about a hinge whatever gain, gear and dynamics the
-    actuator has, in the direction in which its length grows (default of impulses and steps); ``"command"`` is added to
-    the command and passes through all these (default of noise)."""
+    """For an input: with ``"body"``, the disturbance acts on the body itself, in the direction in which the length of
+    the actuator increases, independent of its gain, gear and dynamics: 1 N m about a hinge (default for impulses and
+    steps). With ``"command"``, it is added to the command, before gain, gear and dynamics (default for noise)."""
     body: str | None = None
     """Name of the body that is pushed; needs a model."""
     force: Vector = ZERO
@@ -34,15 +34,17 @@ class PlaceTable(TomlTable):
     in the world (default: the origin)."""
     surface: Literal["translation", "tilt", "gravity", "turning"] | None = None
     """Instead of an input or body, the support surface moves: ``"translation"`` with an acceleration of this ``size``
-    [m/s²], or ``"tilt"`` by an angle of this ``size`` [rad], of sums of sinusoids only. A tilt is ``"gravity"``, which
-    turns by this angle, and ``"turning"`` with its angular acceleration [rad/s²]. Needs a model."""
+    [m/s²], or ``"tilt"`` by an angle of this ``size`` [rad], which must be a sum of sinusoids. A tilt consists of
+    ``"gravity"``, whose direction turns by this angle, and ``"turning"`` with its angular acceleration [rad/s²]. Needs
+    a model."""
     axis: Vector | None = None
-    """Direction of a translation (default: x, forwards), or axis of a tilt (default: y; positive leans forwards)."""
+    """Direction of a translation (default: x, forwards), or axis of a tilt (default: y; positive angles tilt the
+    surface forwards)."""
     vertical: dict[str, Finite] = {}
-    """Of a tilt: share of it that is added to the observer's reading of an output, by name: 0 (default) of an angle to
-    the surface, as a joint senses it; 1 of an angle to the vertical."""
+    """For a tilt: share of the tilt that is added to the observer's reading of an output, by name: 0 (default) for an
+    angle to the surface, as joint receptors sense it; 1 for an angle to the vertical."""
     vertical_rate: dict[str, Finite] = {}
-    """The same of its rate, for outputs that are rates."""
+    """The same share of the rate of the tilt, for outputs that are rates."""
 
     @property
     def placed(self) -> dict[str, Any]:

@@ -84,13 +84,13 @@ class RunFile(TomlTable):
     controller: AnyController
     """The controller: hold and event rule of the intermittent one, or another one by its ``kind``."""
     setpoint: Annotated[list[SetpointTable], Field(max_length=MOST)] = []
-    """Where the plant is to be over time, of one output or combination each; upright throughout where there is none."""
+    """Set-points over time, each for one output or combination; without them the plant is to remain upright."""
     analysis: Analysis = Analysis()
     """Range of the analysis."""
     simulation: SimulationTable = SimulationTable()
-    """The run."""
+    """Settings of the run."""
     study: StudyTable = StudyTable()
-    """What ``icmj study`` does beside one run on each plant."""
+    """Further results of ``icmj study``, in addition to one run on each plant."""
 
     _text: str = PrivateAttr(default="")
     _path: Path = PrivateAttr(default=Path("run.toml"))

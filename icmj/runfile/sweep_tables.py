@@ -52,15 +52,15 @@ class DeviationTable(TomlTable):
     what: What
     """Property to change."""
     of: str | None = None
-    """Name of what has the property (default: all that have it)."""
+    """Name of the element whose property changes (default: all elements that have the property)."""
     by: Literal["factor", "value"] = "factor"
-    """Whether the factor on the property varies, or its value."""
+    """Whether a factor on the property varies, or its value."""
 
 
 class VaryTable(TomlTable):
-    """One thing that varies.
+    """One field or change that varies.
 
-    By ``values``, by ``count`` values from ``low`` to ``high``, or, without a count, sampled between them.
+    Its values are ``values``, or ``count`` values from ``low`` to ``high``, or, without a count, samples between them.
     """
 
     field: str | Annotated[list[str], Field(min_length=1, max_length=20)] | None = None
@@ -70,7 +70,7 @@ class VaryTable(TomlTable):
     name: _Name | None = None
     """Name of the column (default: the last part of the key)."""
     values: Annotated[list[Any], Field(min_length=1, max_length=100_000)] | None = None
-    """Values: numbers, texts or lists, as the field takes them."""
+    """Values: numbers, texts or lists that the field accepts."""
     low: Finite | None = None
     """Lowest value."""
     high: Finite | None = None
@@ -125,7 +125,7 @@ class AskTable(TomlTable):
     motion: Annotated[list[_Plant], Field(max_length=2)] = []
     """Plants on which the case is simulated and its motion measured; under noise, its statistics."""
     cycle: Annotated[list[_Plant], Field(max_length=2)] = []
-    """Plants whose exact cycle is found by Newton, attracting or not."""
+    """Plants whose exact cycle is computed by Newton's method, attracting or not."""
     attractors: Annotated[int, Field(ge=0, le=1000)] = 0
     """Number of random starts of the linear plant in the search for coexisting motions; seed and scale are those of the
     run file."""
