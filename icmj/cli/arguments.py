@@ -18,14 +18,14 @@ from icmj.cli.sweep_arguments import Identify, Sweep
 
 @dataclass(frozen=True)
 class Study(Overrides):
-    """Run all cases on the linear plant and in MuJoCo; write logs, report.html and summary.json.
+    """Simulate cases on the linear plant and in MuJoCo; write logs, report.html and summary.json.
 
     Example: icmj study --out runs/out
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Run files, folders of run files, or names of shipped cases. Without any: the folder runs if it has run files,
-    else all shipped cases.
+    """Run files, folders of run files, or names of shipped cases (default: the run files in the folder runs; if there
+    are none, all shipped cases).
     """
     out: Path = Path("runs/out")
     """Folder for the outputs."""
@@ -39,9 +39,10 @@ class Study(Overrides):
 
 @dataclass(frozen=True)
 class Analyse(Overrides):
-    """Predict from the linear theory: critical interval, eigenvalue, cycle, amplitude and all crossings.
+    """Predict by linear theory: critical open-loop interval, eigenvalues that cross the unit circle, limit cycle.
 
-    For a controller that is not intermittent: the characteristic roots of its loop, and how a switched motion grows.
+    For a controller that is not intermittent, the characteristic roots of its loop are computed instead; for one that
+    switches, also how fast its motion grows.
 
     Example: icmj analyse simple-0.8 --json
     """
@@ -73,7 +74,7 @@ class Run(Overrides):
 
 @dataclass(frozen=True)
 class Cycle(Overrides):
-    """Find the periodic orbit, attracting or not, and its multipliers by Newton's method.
+    """Find the periodic orbit, attracting or repelling, and its multipliers by Newton's method.
 
     Example: icmj cycle runs/simple-1.7.toml --plant mujoco
     """
@@ -81,16 +82,16 @@ class Cycle(Overrides):
     run: tyro.conf.Positional[Path]
     """Run file, or name of a shipped case."""
     plant: Literal["linear", "mujoco"] | None = None
-    """Plant whose orbit is sought (default: mujoco; linear if the run file gives matrices)."""
+    """Plant on which the orbit is found (default: mujoco; linear if the run file gives matrices)."""
     start: Literal["auto", "prediction", "simulation"] = "auto"
-    """First guess: the predicted orbit, or the end of a simulation. Auto takes the prediction if there is one."""
+    """Initial guess: the predicted orbit, or the end of a simulation; auto uses the prediction if there is one."""
     json: bool = False
     """Print JSON instead of a table."""
 
 
 @dataclass(frozen=True)
 class Continue(Overrides):
-    """Follow a cycle along a parameter, through folds, to where it changes or ends; write the branch and its figure.
+    """Follow a cycle as a parameter varies, through folds, up to its end; write the branch and its figure.
 
     Example: icmj continue runs/simple-1.7.toml --parameter b --from 1.7 --to 1.2 --branches
     """
@@ -98,19 +99,19 @@ class Continue(Overrides):
     run: tyro.conf.Positional[Path]
     """Run file, or name of a shipped case."""
     parameter: str
-    """Parameter to vary: b, q_t, delay, delta_min, rho, a change such as mass:trunk (its factor), or a dotted key of
-    the run file.
+    """Parameter to vary: b (input gain), q_t (threshold), delay, delta_min (refractory period), rho (share of the
+    changes of the plant), the factor of a change such as mass:trunk, or a dotted key of the run file.
     """
     to: float
     """Last value of the parameter."""
     from_: Annotated[float | None, tyro.conf.arg(name="from")] = None
     """First value of the parameter (default: that of the run file)."""
     plant: Literal["linear", "mujoco"] | None = None
-    """Plant whose cycle is followed (default: as for cycle). In MuJoCo, the linear prediction is drawn as well."""
+    """Plant whose cycle is followed (default: as for icmj cycle). With mujoco, the linear prediction is drawn, too."""
     start: Literal["auto", "prediction", "simulation"] = "auto"
-    """First guess of the first cycle, as for cycle."""
+    """Initial guess of the first cycle, as for icmj cycle."""
     points: int = 40
-    """Least number of cycles on a branch that spans the whole range."""
+    """Minimum number of cycles on a branch that spans the whole range."""
     branches: bool = False
     """Also follow the branches that bifurcate from this one."""
     out: Path = Path("runs/out")
@@ -125,8 +126,7 @@ class Report(Shared):
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """Logs (those of one case on both plants are shown together), folders of sweeps, or branches of cycles (Parquet).
-    """
+    """Logs, folders of sweeps, or branches of cycles (Parquet). Logs of one case on both plants are shown together."""
     out: Path = Path("report.html")
     """HTML page to write; its figures go into a folder beside it."""
     json: bool = False
@@ -141,11 +141,11 @@ class Replay(Shared):
     """
 
     log: tyro.conf.Positional[Path]
-    """Log. A log that was cut short is shown as far as it can be read."""
+    """Log to show. A truncated log is shown as far as it can be read."""
     web: bool = False
-    """Serve the log to a browser on the loopback address, and print the address."""
+    """Serve the log to a browser on this machine (loopback address only), and print the address."""
     screenshot: Path | None = None
-    """PNG file to render to, without a screen."""
+    """PNG file to render; no screen is needed."""
     time: float | None = None
     """Time of the screenshot [s]."""
 

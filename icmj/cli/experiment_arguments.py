@@ -13,7 +13,7 @@ from icmj.cli.overrides import Shared
 
 @dataclass(frozen=True)
 class Experiment(Shared):
-    """Carry out an experiment of the field, on simulated cases or on recordings; an interrupted one can be resumed.
+    """Carry out a standard experiment on simulated cases or on recordings; an interrupted one can be resumed.
 
     Example: icmj experiment intersection-point --out runs/out/intersection-point
     """
@@ -27,8 +27,8 @@ class Experiment(Shared):
     jobs: int | None = None
     """Number of processes (default: one per core)."""
     recording: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE")] = ()
-    """Recording to analyse (CSV, Parquet, npz) instead of simulating the cases. May be repeated, for the trials of one
-    condition.
+    """Recording to analyse (CSV, Parquet, npz) instead of simulating the cases. Repeat the option for further
+    trials of the same condition.
     """
     rate: float | None = None
     """Rate of a recording without times [Hz]."""

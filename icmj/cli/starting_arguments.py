@@ -39,7 +39,7 @@ class New(Shared):
 
 @dataclass(frozen=True)
 class Person(Shared):
-    """Write the three-link model of a person of another height and mass.
+    """Scale the three-link model to the height and mass of a person, and write it.
 
     Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
     """
@@ -56,7 +56,7 @@ class Person(Shared):
 
 @dataclass(frozen=True)
 class Linearise(Shared):
-    """Linearise an MJCF model by centred finite differences; print A, B, C and the poles.
+    """Linearise an MJCF model by centred finite differences; print the matrices A, B, C and the poles.
 
     Example: icmj linearise three_link --keyframe upright
     """
@@ -70,7 +70,7 @@ class Linearise(Shared):
     keyframe; without one, as given if the model is at rest there, else balance).
     """
     free: tuple[str, ...] = ()
-    """Joints that a balance may move (default: all)."""
+    """Joints that may move to complete the pose with --operating-point balance (default: all)."""
     outputs: tuple[str, ...] = ()
     """Sensors or joints to take as outputs; the word joints means all joints (default: all sensors)."""
     json: bool = False
@@ -83,7 +83,7 @@ class Linearise(Shared):
 
 @dataclass(frozen=True)
 class Schema(Shared):
-    """Print the JSON Schema of run, sweep, experiment or family files, with which editors complete and check them.
+    """Print the JSON Schema of run, sweep, experiment or family files; editors use it to complete and check them.
 
     Example: icmj schema run --out run.schema.json
     """

@@ -13,7 +13,7 @@ from icmj.cli.overrides import Overrides, Shared
 
 @dataclass(frozen=True)
 class Sweep(Shared):
-    """Compute a case at many points and write a folder of Parquet files; an interrupted sweep can be resumed.
+    """Compute a case at many points of its parameters and write Parquet files; an interrupted sweep can be resumed.
 
     Example: icmj sweep validity --out runs/out/validity
     """
@@ -44,7 +44,7 @@ class Identify(Overrides):
     motions: tyro.conf.Positional[tuple[Path, ...]]
     """Logs, or files of event times or outputs."""
     run: Path | None = None
-    """Run file with everything that is known (default: that of the log). Its value of the unknown is ignored."""
+    """Run file that describes plant and controller (default: that of the log). Its value of the unknown is ignored."""
     unknown: str = "actual.gain"
     """Unknown parameter: a key of the run file, or a change and its target, such as "mass trunk" (its factor)."""
     low: float = 0.5
@@ -52,13 +52,14 @@ class Identify(Overrides):
     high: float = 1.5
     """Upper end of the search."""
     timing: float | None = None
-    """Standard deviation of the errors of times [s] (default: that of rounding to the sampling interval)."""
+    """Standard deviation of timing errors [s] (default: that of rounding to the sampling interval)."""
     reading: float | None = None
-    """Standard deviation of the errors of outputs [rad, or the unit of the plant] (default: a hundredth of their size).
+    """Standard deviation of the measurement errors of outputs [rad, or the unit of the plant] (default: a hundredth of
+    the size of the outputs).
     """
     plant: Literal["linear", "mujoco"] | None = None
     """Plant that made the motion (default: that of the log; mujoco for other files)."""
     seed: int = 0
-    """Seed of the simulations with which a noisy motion is compared."""
+    """Seed of the simulations to which a noisy motion is compared."""
     json: bool = False
     """Print JSON instead of sentences."""
