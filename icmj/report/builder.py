@@ -36,11 +36,11 @@ Draw = Callable[[Sequence[CaseRuns], Path], None]
 TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
-FOLLOWED = "Cycles of the event-driven loop along a parameter: where they are, attract, change and end."
-SWEPT = "What linear theory predicts and what simulated plants do, over what varies from point to point."
+FOLLOWED = "Cycles of the event-driven loop as a parameter varies: where they exist, attract, change and end."
+SWEPT = "What linear theory predicts and what simulated plants do, over a range of parameters."
 TRIED = "Standing under other controllers"
 MOVED = "How simulated plants move"
-NOTHING = "These controllers have no event rule and no critical interval: nothing is predicted, and runs are shown."
+NOTHING = "These controllers have no event rule and no critical interval: their runs are shown without a prediction."
 
 
 def build_report(

@@ -12,7 +12,7 @@ from icmj.report import style
 from icmj.report.builder import filled
 from icmj.report.sections import Picture, Section
 
-LEAD = "Trials of several cases under one stimulus, analysed as recordings of people are."
+LEAD = "Trials of each case under the same stimulus, analysed in the same way as recordings of people."
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def confusion_figure(families: Sequence[str], counts: Array) -> Figure:
         for j in range(m):
             colour = "white" if share[i, j] > 0.6 else "#222222"
             axes.text(j, i, f"{share[i, j]:.0%}", ha="center", va="center", color=colour)
-    axes.set(xlabel="given to", ylabel="simulated as", yticks=range(m), yticklabels=families)
+    axes.set(xlabel="assigned to", ylabel="simulated with", yticks=range(m), yticklabels=families)
     axes.set_xticks(range(m), families, rotation=30, ha="right")
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)

@@ -77,9 +77,9 @@ class FoundDoubleStep:
         refractory = (
             f"refractory for {one.value:.3g} s ({one.low:.3g} to {one.high:.3g} s)"
             if one.low > 0 and self.told.kind != "continuous"
-            else "not refractory for as long as the shortest interval"
+            else "without a refractory period that the shortest inter-step interval would show"
         )
-        return f"Told to be {self.told.kind}, {refractory}, from {int(self.refractory.count.sum())} pairs of steps."
+        return f"Identified as {self.told.kind}, {refractory}, from {int(self.refractory.count.sum())} pairs of steps."
 
 
 class DoubleStepKind(Kind):

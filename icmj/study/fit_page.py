@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 RESULTS, SUMMARY, PAGE = "results.parquet", "summary.json", "report.html"
 LEAD = (
-    "Numbers of a controller, inferred from recordings of standing by simulations of people like them. What is said "
-    "holds if the family is right, and among controllers that stand."
+    "Parameters of a controller, estimated from recordings of standing people by comparison with simulated people. The "
+    "estimates assume that the family of controllers is right, and that the controller keeps the person standing."
 )
 _SHOWN = 12  # people with pictures
 
@@ -53,7 +53,7 @@ def write_fit(found: Fit, out: Path) -> None:
         with style.applied():
             items = _items(found, out)
         section = Section("fit", "Fit", "fit.html.j2", {"items": items})
-        page = filled([section], title="Fit", subtitle="Numbers of a controller", abstract=LEAD, kicker="Fit")
+        page = filled([section], title="Fit", subtitle="Parameters of a controller", abstract=LEAD, kicker="Fit")
         write_text(out / PAGE, page)
     except OSError as error:
         raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
@@ -189,7 +189,7 @@ def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
         ]
         words = [f"{c.words}. Their mean confidence is {c.confidence:.2f}, their accuracy {c.accuracy:.2f}."]
         picture = _picture(confusion_figure(c.families, c.counts), out, "families")
-        caption = "Synthetic people, by the family that they were simulated with and the one they are given to."
+        caption = "Synthetic people: the family that they were simulated with and the one they are assigned to."
         items.append(_item("Which family", words, [(("Probability", *c.families), rows)], [(picture, caption)]))
     for name, differences in found.differences.items():
         if differences:
@@ -198,7 +198,7 @@ def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
                 np.array([getattr(one, key) for one in differences]) for key in ("value", "low", "high")
             )
             figure = groups_figure(labels, value, low, high, [one.verdict for one in differences])
-            caption = "Differences between groups, with 95 % intervals; what cannot be told has none."
+            caption = "Differences between groups, with 95 % intervals; a difference that cannot be estimated has none."
             words = [one.words + "." for one in differences]
             title = f"Groups, under {found.trained[name].family.title}"
             items.append(_item(title, words, [], [(_picture(figure, out, f"groups.{name}"), caption)]))
@@ -217,11 +217,16 @@ def _family_item(trained: Trained, out: Path) -> dict[str, Any]:
         )
         for i, name in enumerate(c.names)
     ]  # fmt: skip
-    head = ("Number", "Verdict", "Contraction", "Coverage of 90 %", "p")
-    words = [trained.words, f"Calibrated on {len(c.ranks)} synthetic people that it was not trained on."]
+    head = ("Parameter", "Verdict", "Contraction", "Coverage of 90 %", "p")
+    words = [
+        trained.words,
+        f"Calibrated on {len(c.ranks)} synthetic people that it was not trained on. Contraction: relative reduction of "
+        "the variance from the prior to the posterior. Coverage: share of 90 % intervals that contain the true value, "
+        "with its 95 % interval. p: p-value of the hypothesis that the posteriors are calibrated.",
+    ]
     picture = _picture(calibration_figure(c.names, c.ranks, c.verdicts), out, f"calibration.{trained.family.name}")
-    caption = "Distribution of the true numbers' ranks less the uniform one, with the band of 95 % at each rank."
-    return _item(f"How far to trust it: {trained.family.title}", words, [(head, rows)], [(picture, caption)])
+    caption = "Distribution of the ranks of the true parameters minus the uniform one, with the 95 % band at each rank."
+    return _item(f"Reliability: {trained.family.title}", words, [(head, rows)], [(picture, caption)])
 
 
 def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, Any]:
@@ -245,9 +250,9 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, A
         made = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in made if cop is not None][: len(one.person.trials)]
         figure = sway_figure(one.person.trials, shown, RATE, MEASURES, MEASURE_UNITS, p.simulated, p.observed)
-        caption = "Recorded and simulated trials; their measures (dots) and the predictive interval of 90 %."
+        caption = "Recorded and simulated trials; measures of the recordings (dots), and the 90 % predictive intervals."
         pictures.append((_picture(figure, out, f"sway.{stem(one)}"), caption))
-    head = ("Number", "Median", "5 %", "95 %", "Verdict")
+    head = ("Parameter", "Median", "5 %", "95 %", "Verdict")
     return _item(f"{one.person.label}: {trained.family.title}", words, [(head, rows)], pictures)
 
 
@@ -255,9 +260,9 @@ def words_of(one: Fitted) -> str:
     """One sentence on one person under one family, the misfit first."""
     p = one.predictive
     held = "held-out" if one.person.held else "fitted"
-    inside = f"the predictive intervals of 90 % hold {p.inside.sum()} of {p.inside.size} measures of {held} trials"
-    rests = f"the posterior rests on {one.support:.0f} effective simulated people; {inside}"
-    fell = f"; {p.fell:.0%} of {PREDICTED} draws fell" if p.fell > 0 else ""
+    inside = f"{p.inside.sum()} of {p.inside.size} measures of {held} trials lie in their 90 % predictive intervals"
+    rests = f"the posterior is supported by an effective number of {one.support:.0f} simulated people; {inside}"
+    fell = f"; {p.fell:.0%} of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
     return f"{'Misfit: ' + one.misfit.words + '. ' if one.misfit else ''}{rests[0].upper()}{rests[1:]}{fell}."
 
 

@@ -90,7 +90,7 @@ class FoundPoint:
         said += f"{point.frequency[-1]:.2g} Hz"
         crossing = point.crossing() if point.height else np.nan
         where = f", through the centre of mass at {crossing:.2g} Hz" if np.isfinite(crossing) else ""
-        return f"{said}{where}; the line tells {100 * point.share.min():.0f} % of the variance or more."
+        return f"{said}{where}; the line explains at least {100 * point.share.min():.0f} % of the variance."
 
 
 class IntersectionPointKind(Kind):

@@ -81,8 +81,8 @@ class FoundMultisine:
     @property
     def words(self) -> str:
         found = self.measured
-        said = f"{100 * found.remnant:.3g} % of the power is at lines that the stimulus has not; the best linear model "
-        return f"{said}explains {100 * found.explained():.3g} %, over {found.periods} periods."
+        said = f"{100 * found.remnant:.3g} % of the power is at frequencies that the stimulus does not contain; the "
+        return f"{said}best linear model explains {100 * found.explained():.3g} %, over {found.periods} periods."
 
 
 class MultisineKind(Kind):

@@ -58,8 +58,8 @@ class FoundStance(FoundMultisine):
         if self.channels is None:
             return super().words
         c = self.channels
-        fit = f"P {c.P:.4g} N m/rad, D {c.D:.4g} N m s/rad, delay {c.delay:.3f} s, weight {c.weight:.3f}"
-        return f"{super().words} Fitted channels: {fit}."
+        fit = f"stiffness P = {c.P:.4g} N m/rad, damping D = {c.D:.4g} N m s/rad, delay {c.delay:.3f} s, weight of the "
+        return f"{super().words} Fitted channels: {fit}surface {c.weight:.3f}."
 
 
 class PerturbedStanceKind(Kind):

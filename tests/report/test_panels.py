@@ -21,7 +21,7 @@ from icmj.view.motion import reduced
 DEG = np.rad2deg(1)
 PANELS = {panel.letter: panel for panel in panels.PANELS}
 # what each caption speaks of, panel by panel, and no other does
-SUBJECTS = ("Largest", "unit circle", "^Outputs? under", "Velocity", "^Open-loop interval that", "mode|Norm")
+SUBJECTS = ("Largest", "unit circle", "^Outputs? under", "Velocity", "^Open-loop interval Δ_ol that", "mode|Norm")
 
 
 @pytest.fixture(autouse=True)
@@ -136,7 +136,9 @@ def test_a_case_has_the_further_panels_that_it_has_something_for():
     drawn = line(figure.axes[0], "what acts")
     assert drawn[:, 1].max() == pytest.approx(most)
     assert line(figure.axes[0], "command $u$")[:, 1].max() > most
-    assert acting.caption(both) == "Command, and input that acts: limited by the actuators."
+    assert acting.caption(both) == (
+        "Command of the controller, and the input that acts on the plant, which is limited by the actuators."
+    )
     figure = pressure.draw(both)
     assert_legible(figure)
     drawn = line(figure.axes[0], "linear")
@@ -293,8 +295,8 @@ def test_a_announces_points_only_where_there_are_some():
     found = case("b0.8", "linear")
     without = paired([replace(found.first, growth=None)])[0]
     caption = panels.PANELS[0].caption
-    assert "points" in caption(found)
-    assert "points" not in caption(without)
+    assert "Points" in caption(found)
+    assert "Points" not in caption(without)
 
 
 def test_strips_beneath_e_and_f_show_how_far_the_last_interval_is_from_the_prediction():

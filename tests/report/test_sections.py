@@ -86,7 +86,7 @@ def test_errors_name_every_output():
 def test_abstract_counts():
     text = sections.abstract(paired(everything()))
     assert f"Of the {len(CASES)} cases below, linear theory predicts a limit cycle for 5." in text
-    assert "and 2 not." in text
+    assert "; 2 are not reproduced." in text
     assert "In MuJoCo all of them are reached" in text
 
 

@@ -44,7 +44,7 @@ def pictures(swept: Swept) -> Iterator[SweptPicture]:
         figure, (axes,) = style.new_figure(70.0, width=_WIDE)
         draw_curve(axes, swept, name)
         style.legend(figure, axes, columns=5)
-        caption = f"Critical interval against {name}; marks: intervals of the cycles that were measured."
+        caption = f"Critical interval against {name}; marks: intervals of the cycles on which the runs settled."
         yield SweptPicture("delta_crit", figure, caption)
     if len(numeric) != 2:
         return
@@ -79,7 +79,7 @@ def _of_tried(swept: Swept, names: list[str]) -> Iterator[SweptPicture]:
         except ReportError:  # not on a grid, so there is no map of it
             return
         bar.set_label(r"$\log_{10}$ of the first output’s standard deviation")
-        caption = f"Size of the sway in the second half of each run, {style.NAME[plant]} plant. Hatched: the run falls."
+        caption = f"Size of the sway in the second half of each run, {style.NAME[plant]} plant. Hatched: it falls."
         yield SweptPicture(f"sway_{plant}", figure, caption)
 
 

@@ -162,13 +162,15 @@ def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks
 
 def _modulus_caption(case: CaseRuns) -> str:
     measured = any(result.growth is not None for result in case.runs.values())
-    points = "; points: growth measured in clock-driven simulations" if measured else ""
-    errors = "with the changes of the plant (ρ = 1) and without (ρ = 0)"
-    return f"Largest |λ| of φ(Δ) against the interval Δ of a clock, {errors}{points}."
+    points = " Points: growth measured in clock-driven simulations." if measured else ""
+    return (
+        "Largest magnitude of the eigenvalues λ of φ(Δ_ol), which maps the state at one event to the next, against a "
+        f"constant interval Δ_ol; with the changes of the plant (ρ = 1) and without (ρ = 0).{points}"
+    )
 
 
 def _locus_caption(case: CaseRuns) -> str:
-    return "Eigenvalues of φ(Δ) near the unit circle; darker shades and arrowheads point to longer intervals."
+    return "Eigenvalues λ of φ(Δ_ol) near the unit circle; shades darken and arrowheads point towards longer intervals."
 
 
 MODULUS = Panel("a", _draw_modulus, _modulus_caption)

@@ -95,7 +95,8 @@ def draw_pressure(axes: Axes, case: CaseRuns, axis: str) -> None:
 
 def _acting_caption(case: CaseRuns) -> str:
     limits = any(float(r.simulation.precision.get("saturated_share", 0.0)) > 0 for r in case.runs.values())
-    return "Command, and input that acts: " + ("limited by the actuators." if limits else "with the disturbance.")
+    reason = "is limited by the actuators" if limits else "includes the disturbance"
+    return f"Command of the controller, and the input that acts on the plant, which {reason}."
 
 
 def _pressure_caption(case: CaseRuns) -> str:

@@ -131,12 +131,16 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
 
 def _caption(case: CaseRuns) -> str:
     if case.prediction.V_inv is None:
-        return "Norm of x̄. Without Δ_crit, χ is not defined."
+        return (
+            "Norm of x̄, the states of the plant and the errors of the observer; dotted: events. There is no Δ_crit, so "
+            "the modes χ are undefined."
+        )
     beneath = ""
     if case.prediction.cycle and not case.first.simulation.noisy:
-        beneath = " Beneath: relative error of the size of χ_k1 at events with respect to γ."
+        beneath = " Beneath: relative error of the magnitude of χ_k1 at events with respect to γ."
     return (
-        f"Critical mode χ_k1 and norm of the other modes in the last part of the run; dotted: events and ±γ.{beneath}"
+        "Critical mode χ_k1, the coordinate of the state along the eigenvector of λ_crit, and norm of the other modes "
+        f"in the last part of the run; dotted: events, and ±γ, the predicted values of χ_k1 at events.{beneath}"
     )
 
 

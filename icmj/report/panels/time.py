@@ -120,14 +120,17 @@ def draw_interval_errors(axes: Axes, case: CaseRuns) -> None:
 
 def _output_caption(case: CaseRuns) -> str:
     several = "s" if len(case.first.actual.outputs) > 1 else ""
-    band = " Faint: predicted range." if case.prediction.cycle else ""
-    return f"Output{several} under intermittent and continuous control; dotted: events.{band}"
+    band = " Faint band: predicted range." if case.prediction.cycle else ""
+    return (
+        f"Output{several} under intermittent control on each plant, and under continuous control of the same design "
+        f"(y_c); dotted: events.{band}"
+    )
 
 
 def _interval_caption(case: CaseRuns) -> str:
-    dotted = "" if case.prediction.delta_crit is None else "; dotted: Δ_crit"
-    beneath = ". Beneath: magnitude of its relative error, |Δ_ol/Δ_crit − 1|" if _settles(case) else ""
-    return f"Open-loop interval that ends at each event{dotted}{beneath}."
+    dotted = "" if case.prediction.delta_crit is None else "; dotted: predicted interval Δ_crit"
+    beneath = ". Beneath: magnitude of the relative error, |Δ_ol/Δ_crit − 1|" if _settles(case) else ""
+    return f"Open-loop interval Δ_ol that ends at each event{dotted}{beneath}."
 
 
 OUTPUTS = Panel("c", _draw_outputs, _output_caption)

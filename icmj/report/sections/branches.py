@@ -10,8 +10,9 @@ from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
 
 _CAPTION = (
-    "(a) Open-loop intervals and (b) peak of the first output along the parameter, solid attracting, dashed repelling, "
-    "pale the linear plant; (c) multipliers of the first branch; (d) some of its cycles."
+    "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, dashed: "
+    "repelling ones, pale: the linear plant. (c) Multipliers μ of the first branch, the factors on small deviations "
+    "over one turn of the cycle; (d) some of its cycles."
 )
 
 

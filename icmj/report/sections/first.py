@@ -11,13 +11,13 @@ from icmj.report.sections.wording import count, verdicts
 from icmj.result.tried import Tried
 
 CAPTION = (
-    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it predicts"
-    " no cycle. On it: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar agrees; how "
-    "closely, the relative error says (the further left, the closer). {}"
+    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow if it predicts "
+    "no cycle. Marks: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar agrees with "
+    "the prediction; the relative error shows how closely (the further left, the closer). {}"
 )
-ARROW = "An arrow: the intervals grow without bound. "
-NOISE = "A line: intervals under noise, their mean and standard deviation. "
-WORDS = "✓ agrees with the prediction; ○ another cycle than a predicted one; ✗ a predicted cycle is not reached."
+ARROW = "Arrow: the intervals grow without bound. "
+NOISE = "Line: mean and standard deviation of the intervals under noise. "
+WORDS = "✓ agrees with the prediction; ○ a cycle that was not predicted; ✗ a predicted cycle is not reached."
 
 
 def caption(cases: Sequence[CaseRuns]) -> str:
@@ -62,14 +62,15 @@ def _single(case: CaseRuns) -> str:
     )
     if comparison.measured.converged:
         close = _percent(abs(comparison.relative_error.interval or 0.0))
-        return f"{told}settles on it, its interval within {close} of that: prediction and measurement agree."
+        told += f"settles on it, with an interval within {close} of the predicted one"
+        return f"{told}: prediction and measurement agree."
     return f"{told}does not settle on it. {' '.join(verdicts(case))}"
 
 
 def _held(tried: Sequence[Tried]) -> str:
     stood = sum(run.simulation.outcome.kind == "completed" for run in tried)
     kinds = ", ".join(dict.fromkeys(run.law.kind for run in tried))
-    return f"{count(len(tried), 'run')} under {kinds} control: {stood} ran to the end. Nothing is predicted of them."
+    return f"{count(len(tried), 'run')} under {kinds} control: {stood} ran to the end. There is no prediction for them."
 
 
 def _percent(error: float) -> str:

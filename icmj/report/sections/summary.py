@@ -30,8 +30,8 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
     driven = [case for case in cases if is_noisy(case)]
     parts = [
-        "Under event-driven intermittent control a plant settles on a limit cycle if the controller’s model of it is "
-        f"wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
+        "Under event-driven intermittent control, a plant can settle on a limit cycle if the controller’s model of the "
+        f"plant is wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
         f"linear theory predicts a limit cycle for {len(expected)}."
     ]
     for plant in ("linear", "mujoco"):
@@ -52,8 +52,8 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
         reserved = answers.count("reproduced with a reservation")
         failed = answers.count("not reproduced")
         parts.append(
-            f"Of {count(len(answers), 'statement')} in Gawthrop (2017), these runs reproduce {kept}, a further "
-            f"{reserved} with a reservation, and {failed} not."
+            f"Of {count(len(answers), 'statement')} in Gawthrop (2017), these runs reproduce {kept} without and "
+            f"{reserved} with a reservation; {failed} are not reproduced."
         )
     return " ".join(parts)
 
