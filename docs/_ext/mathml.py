@@ -28,6 +28,7 @@ def _block(writer: Any, node: nodes.math_block) -> None:
 def mathml(text: str, display: str = "inline") -> str:
     """A formula; ``aligned``, and what has lines without saying so, stand under each other."""
     bare = text.strip().replace(":=", "≔").replace("{aligned}", "{align*}")
+    bare = bare.replace(r"\lvert", r"\left|").replace(r"\rvert", r"\right|")  # both bars of one height
     if r"\\" in bare and r"\begin" not in bare:
         bare = rf"\begin{{align*}}{bare}\end{{align*}}"
     drawn = SIGN.sub(r'\1<mo form="prefix">\2</mo>', convert(bare, display=display))

@@ -3,30 +3,30 @@
 A change is a factor on one property, or a value that replaces it, of one named element or of all elements that have it:
 
 =================  ==========  ====================================================================================
-``what``           ``of``      is changed
+``what``           ``of``      effect
 =================  ==========  ====================================================================================
-input_gain         actuator    b in ctrl = ctrl_0 + b (u + d): the operating point keeps its control
-mass               body        its mass, and its inertia in proportion: the same shape of another density
-inertia            body        its moments of inertia alone
-centre_of_mass     body        where its centre of mass is, in the body's frame [m]: a factor, or three numbers
-length             body        everything that is placed in its frame (children, joints, geoms, sites, centre of mass)
-                               moves away from its origin by a factor; the mass stays, inertia goes with the square
-stiffness          joint,      linear and higher coefficients by a factor; a value replaces the linear one. A name is
-                   tendon      that of a joint or else of a tendon; without one a factor is for all of both, and a value
-                               for all joints
-damping            joint,      the same, of actuators that have damping of their own, too
+input_gain         actuator    changes b in ctrl = ctrl_0 + b (u + d); the operating point keeps its control
+mass               body        changes its mass, and its inertia in proportion: the same shape with another density
+inertia            body        changes only its moments of inertia
+centre_of_mass     body        moves its centre of mass in the body's frame [m]: a factor, or three numbers
+length             body        scales the positions in its frame (children, joints, geoms, sites, centre of mass) by a
+                               factor; the mass stays, and the inertia is scaled by the square
+stiffness          joint,      a factor scales the linear and higher coefficients; a value replaces the linear one. A
+                   tendon      name is that of a joint or, otherwise, of a tendon; without a name, a factor applies to
+                               all joints and tendons, and a value to all joints
+damping            joint,      the same, also for actuators that have damping of their own
                    tendon
 armature           joint,      the same as damping [kg m² or kg]
                    tendon
-gainprm, biasprm,  actuator    parameters of its force and of its dynamics: all by a factor, or the first few by value
+gainprm, biasprm,  actuator    changes the parameters of its force and dynamics: all by a factor, or the first by values
 dynprm
-sensor_gain        sensor      g in y = g sensordata + β
-sensor_bias        sensor      β, in the sensor's unit
-gravity            –           by a factor, or three numbers [m/s²]
+sensor_gain        sensor      changes g in y = g sensordata + β
+sensor_bias        sensor      changes β, in the sensor's unit
+gravity            –           changes gravity by a factor, or to three numbers [m/s²]
 =================  ==========  ====================================================================================
 
-ρ scales all changes, from none at 0 to the whole change at 1: a factor f becomes 1 + ρ (f − 1), a value is approached
-linearly (the paper's family A = Â − ρÃ₁, in the parameters of the model).
+ρ scales all changes, from no change at 0 to the whole change at 1: a factor f becomes 1 + ρ (f − 1), and a value is
+approached linearly (the family A = Â − ρÃ₁ of the paper, in the parameters of the model).
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Change:
     Attributes:
         what: the property.
         of: name of the element; all elements that have the property if ``None``.
-        factor: factor on the property, or
-        value: value that replaces it.
+        factor: factor on the property; give either ``factor`` or ``value``.
+        value: value that replaces that of the property.
 
     Raises:
         ModelError: on construction, if ``what`` is not known, or not exactly one of factor and value is given.

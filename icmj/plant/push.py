@@ -32,11 +32,11 @@ class Push:
     Attributes:
         input: the push acts on the joint or tendon that this input moves, in the direction in which its length
             increases: 1 N m about a hinge, 1 N along a slide or a spatial tendon, whatever the actuator's gear, gain
-            and dynamics. Or
-        body: name of the body on which it acts, with
-        force: force [N], along the axes of the world,
-        torque: torque [N m], about the axes of the world,
-        point: point of action, fixed in the frame of the body [m]; its centre of mass if ``None``. Or
+            and dynamics. Give one of ``input``, ``body`` and ``surface``.
+        body: name of the body on which it acts.
+        force: force on the body [N], along the axes of the world.
+        torque: torque on the body [N m], about the axes of the world.
+        point: point of action, fixed in the frame of the body [m]; its centre of mass if ``None``.
         surface: motion of the support surface, to first order; all coordinates are relative to the surface.
             ``translation``: an acceleration of 1 m/s² along ``axis``; ``gravity``: a tilt of 1 rad about ``axis``,
             which changes the direction of gravity; ``turning``: an angular acceleration of 1 rad/s² about the line

@@ -25,9 +25,9 @@ class TargetTable(TomlTable):
     """A channel of the set-point, or a part of it: entries with the same name are added."""
 
     output: Annotated[Line, Field(min_length=1)] | None = None
-    """Name of the output, or state, of the assumed plant that follows the set-point; or"""
+    """Output, or state, of the assumed plant that follows the set-point. Give either ``output`` or ``combination``."""
     combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
-    """several of them with weights, such as ``{ shank = 0.5, thigh = 0.3 }``, whose weighted sum follows it."""
+    """Weights of outputs or states whose sum follows the set-point, such as ``{ shank = 0.5, thigh = 0.3 }``."""
     name: Line = ""
     """Name of the set-point; a combination needs one."""
     unit: Line = ""

@@ -45,7 +45,7 @@ class ImpulseTable(PlaceTable):
     kind: Literal["impulse"]
     """Kind of the disturbance."""
     size: Finite | None = None
-    """Size of the impulse [N m s, or the unit of the input times s]; for a body, a factor on force and torque (default:
+    """Size of the impulse [N m s, or the unit of the input times s]. For a body, a factor on force and torque (default:
     1)."""
     start: NonNegative = 0.0
     """Start [s]."""
@@ -63,7 +63,7 @@ class StepTable(PlaceTable):
     kind: Literal["step"]
     """Kind of the disturbance."""
     size: Finite | None = None
-    """Size of the step [N m, or the unit of the input]; for a body, a factor on force and torque (default: 1)."""
+    """Size of the step [N m, or the unit of the input]. For a body, a factor on force and torque (default: 1)."""
     start: NonNegative = 0.0
     """Start [s]."""
 
@@ -82,9 +82,9 @@ class NoiseTable(PlaceTable):
     kind: Literal["noise"]
     """Kind of the disturbance."""
     size: Positive | None = None
-    """Standard deviation [unit of the input or output]; for a body, a factor on force and torque (default: 1)."""
+    """Standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1)."""
     bandwidth: Positive | None = None
-    """Upper end of a flat spectrum [Hz]; give either ``bandwidth`` or ``corner``."""
+    """Upper end of a flat spectrum [Hz]. Give either ``bandwidth`` or ``corner``."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
     """Seed of frequencies and phases."""
     start: NonNegative = 0.0

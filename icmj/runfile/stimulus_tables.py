@@ -26,7 +26,7 @@ class IntersectionPointTable(TomlTable):
     rate: _Rate = 100.0
     """Sampling rate [Hz]."""
     window: Positive = 5.12
-    """Length of a window [s]; windows overlap by half."""
+    """Length of a window [s]. Windows overlap by half."""
     low: Positive = 0.4
     """Lowest frequency [Hz]."""
     high: Positive = 8.0
@@ -37,9 +37,9 @@ class IntersectionPointTable(TomlTable):
     """Height of the centre of mass above the ground [m] (default: that of the model; needed for ratios of a recording).
     """
     angle: _Text = "force_angle"
-    """For a recording: column of the angle −F_x / F_z [rad, deg]. Without it, the angle is computed from"""
+    """For a recording: column of the angle −F_x / F_z [rad, deg]. Without it, the angle is computed from ``force``."""
     force: tuple[_Text, _Text] = ("force.x", "force.z")
-    """the columns of the horizontal and the vertical force."""
+    """For a recording: columns of the horizontal and the vertical force."""
     cop: _Text = "cop.x"
     """For a recording: column of the centre of pressure [m, cm, mm]."""
 
@@ -66,9 +66,9 @@ class MultisineTable(TomlTable):
     """
 
     input: _Text | None = None
-    """Input to whose command the stimulus is added; or"""
+    """Input to whose command the stimulus is added. Give either ``input`` or ``setpoint``."""
     setpoint: _Text | None = None
-    """output, or state, of the assumed plant whose set-point moves."""
+    """Output, or state, of the assumed plant whose set-point moves."""
     amplitude: Positive
     """Amplitude of each line [unit of the input or output]."""
     period: Positive = 10.0
@@ -167,9 +167,9 @@ class DoubleStepTable(TomlTable):
     """Double steps: pairs of steps of a set-point, in random order."""
 
     output: _Text | None = None
-    """Output, or state, of the assumed plant that follows the steps; or"""
+    """Output, or state, of the assumed plant that follows the steps. Give either ``output`` or ``combination``."""
     combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)] = {}
-    """several of them with weights, such as ``{ shank = 0.44, thigh = 0.44, trunk = 0.69 }`` for the head [m]."""
+    """Weights of several outputs or states, such as ``{ shank = 0.44, thigh = 0.44, trunk = 0.69 }`` for the head."""
     unit: Line = ""
     """Unit of a combination."""
     size: Positive
