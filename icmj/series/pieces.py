@@ -26,18 +26,18 @@ def piecewise(
     after: Array | None = None,
     breaks: Array | None = None,
 ) -> Array:
-    """Values at times ``at``, from rows of signals that are smooth in pieces; at a break the value before it.
+    """Interpolate piecewise smooth signals from their rows; at a break, the result is the value before it.
 
     Args:
-        t: times of the rows [s], rising, shape (N,).
-        values: shape (N, w). NaN goes as far as the rows beside it.
-        at: times [s], rising, from t[0] to t[-1], shape (M,).
-        jumps: instants that are rows, which hold the value before a jump [s], shape (K,).
-        after: value right after each of them, NaN where it is not known, shape (K, w).
-        breaks: further instants, of which no row is known to lie on either side [s].
+        t: times of the rows [s], increasing, shape (N,).
+        values: values of the signals at the rows, shape (N, w). A NaN affects the values up to the neighbouring rows.
+        at: times of the result [s], increasing, from t[0] to t[-1], shape (M,).
+        jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
+        after: values right after each jump, NaN if unknown, shape (K, w).
+        breaks: further times of jumps, which need not be times of rows [s].
 
     Returns:
-        shape (M, w).
+        The values at ``at``, shape (M, w).
     """
     jumps = np.zeros(0) if jumps is None else jumps
     after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after

@@ -44,7 +44,7 @@ class Placed:
 
     @property
     def push(self) -> Push | None:
-        """Where it acts on the plant itself; ``None`` beside a command, or on a reading."""
+        """The place at which it acts on the plant itself; ``None`` if it acts on a command or on a reading."""
         if self.surface is not None:
             return Push(point=self.point, surface=self.surface, axis=self.axis)
         of: str | None = getattr(self, "input", None)
@@ -146,10 +146,10 @@ class Noise(Placed):
 
 @dataclass(frozen=True, kw_only=True)
 class Sinusoids(Placed):
-    """A sum of sinusoids Σ a cos(ωt + φ) where :class:`Noise` may act: whatever noise a user's own code draws.
+    """A sum of sinusoids Σ a cos(ωt + φ), in the same places as :class:`Noise`; noise from user code has this form.
 
     Attributes:
-        input, output: what it acts on, one of the two, or of a ``body``.
+        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
         terms: (a, ω, φ) of each term [unit of the input or output, or of force and torque; rad/s; rad], or (a, ω, φ,
             start, end), which acts from ``start`` to ``end`` only [s].
     """
