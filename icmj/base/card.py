@@ -36,7 +36,7 @@ class Shown:
     """Base class of objects with a card; a dataclass that inherits from it must set ``repr=False``."""
 
     def card(self) -> Card:
-        """What to show."""
+        """The representation to show."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

@@ -86,7 +86,7 @@ def kept(made: Any) -> Any:
 
 
 def c_function(signature: str, cache: bool = False, **options: Any) -> Any:
-    """As ``numba.cfunc``, with :func:`kept`."""
+    """The same as ``numba.cfunc``, with :func:`kept`."""
 
     def make(function: Any) -> Any:
         made = CFunc(function, normalize_signature(signature), {}, options)

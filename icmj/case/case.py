@@ -142,7 +142,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
 
 
 def revised(case: Case, run: RunFile) -> Case:
-    """The same case under a run file that departs only in the threshold q_t, and in how it is simulated and studied.
+    """The same case under a run file that differs only in the threshold q_t and in settings of simulation and study.
 
     Nothing is loaded or searched again: all that theory says of another threshold is that sizes are in proportion.
 

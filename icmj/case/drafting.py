@@ -88,7 +88,7 @@ def weights(plant: MujocoPlant) -> tuple[float, float]:
 
 
 def _rounded(value: float) -> float:
-    """To one digit, within what a run file takes."""
+    """Round to one digit, within the range that a run file accepts."""
     return float(f"{min(max(value, 1e-12), 1e12):.0e}") if np.isfinite(value) else 1.0
 
 

@@ -85,7 +85,7 @@ def simulate_trial(
 
 
 def measured_by(run: RunFile, simulation: Simulation) -> dict[str, float]:
-    """What measures of the user's own say of the run."""
+    """The results of the user's own measures for the run."""
     found: dict[str, float] = {}
     for reference in run.study.measures:
         told = run.code.made(reference, simulation)

@@ -11,7 +11,7 @@ from icmj.base.array import Array
 
 @dataclass(frozen=True)
 class Layout:
-    """How a vector is cut into named segments, in this order.
+    """The division of a vector into named segments, in this order.
 
     Attributes:
         names: of the segments.
@@ -23,7 +23,7 @@ class Layout:
 
     @classmethod
     def of(cls, **sizes: int) -> Layout:
-        """From ``name=size`` in order."""
+        """The layout with segments ``name=size`` in this order."""
         return cls(tuple(sizes), tuple(sizes.values()))
 
     @property

@@ -159,17 +159,17 @@ class Realisation:
 
     @property
     def N(self) -> Array:
-        """Of the first mode."""
+        """N of the first mode."""
         return self.modes[0].N
 
     @property
     def K(self) -> Array:
-        """Of the first mode."""
+        """K of the first mode."""
         return self.modes[0].K
 
     @property
     def rates(self) -> Rates:
-        """Of the first mode.
+        """The matrices from which M and N of the first mode are composed.
 
         Raises:
             AnalysisError: if the mode does not state the matrices of its rates.

@@ -86,7 +86,7 @@ def _fallen(curve: Curve, points: Sequence[Point], at: Point, index: int | None 
 
 
 def _beyond(curve: Curve, at: Point) -> float:
-    """How far E has passed zero at the end of the shortest interval, as a time [s]."""
+    """The time [s] by which E has passed zero at the end of the shortest interval."""
     loop = curve.loop(at.sigma)
     sample = at.samples[int(np.argmin(at.intervals))]
     E = float(loop.controller.faces.levels(sample.x_h[-1:] - sample.x_o[-1:]).max())

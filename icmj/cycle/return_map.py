@@ -72,7 +72,7 @@ class Flights(Protocol):
         """Fly p intervals from z; :class:`Lost` if one does not end."""
 
     def another(self) -> Self:
-        """The same for another thread."""
+        """The same map for another thread."""
 
     def collapsed(self, interval: float) -> bool:
         """Whether an interval has the minimum length."""
@@ -199,7 +199,7 @@ class ReturnMap:
         return replace(self, settings=refined(self.plant, self.controller, self.settings, factor))
 
     def another(self) -> ReturnMap:
-        """The same for another thread."""
+        """The same map for another thread."""
         return replace(self, loops=None)
 
     def odd(self, z: Array, scale: Array, tolerance: float = 1e-8) -> bool:

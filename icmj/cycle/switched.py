@@ -38,7 +38,7 @@ _WARM = 300.0  # delays of a simulation that a first guess is taken from, at fir
 
 @dataclass(frozen=True, eq=False)
 class SwitchedMap:
-    """From one quiet interval to the next.
+    """The map from one quiet interval to the next.
 
     Attributes:
         plant: with the inputs and outputs of the law's.

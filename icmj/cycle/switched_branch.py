@@ -102,7 +102,7 @@ def follow_switched(
 
 
 def _change(there: Callable[[float], SwitchedCycle], between: list[float], attracting: bool) -> float:
-    """Where between two values stability changes, by bisection."""
+    """The value between two others at which stability changes, by bisection."""
     left, right = between
     while abs(right - left) > _LOCATED * max(abs(left), abs(right)):
         middle = (left + right) / 2

@@ -31,7 +31,7 @@ _PHASES = 48  # at which the predicted motion is laid first
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well the motion predicted agrees with the one observed.
+    """The agreement of the predicted motion with the observed one.
 
     Attributes:
         probability: that errors of times and outputs alone would make it agree less.
@@ -52,7 +52,7 @@ class Agreement:
 
     @property
     def words(self) -> str:
-        """What differs from the prediction, in words."""
+        """The differences from the prediction, in words."""
         if not self.predicted:
             return "the times of the events scatter by more than their errors"
         if not np.isfinite(self.off):

@@ -1,8 +1,8 @@
 """Simulated motions at many values of the unknown, with different noise seeds, for likelihood-free inference.
 
 The synthetic likelihood of Wood (2010), Nature 466:1102-1104: near each value the summaries of simulated motions are
-taken for normal, with the mean and the covariance of a local linear regression, and Student's distribution for how few
-there are (Sellentin & Heavens 2016, MNRAS 456:L132-L136).
+assumed to be normal, with the mean and the covariance of a local linear regression, and with Student's distribution,
+because there are few of them (Sellentin & Heavens 2016, MNRAS 456:L132-L136).
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Bank:
     """Simulated motions for comparison with an observed one.
 
     Attributes:
-        low, high: between what the unknown was drawn.
-        values: of the unknown, shape (N,).
-        told: their summaries, shape (N, d).
-        least, reference: as :func:`icmj.identification.summaries.summaries` takes them [s].
+        low, high: range from which the unknown was drawn.
+        values: values of the unknown, shape (N,).
+        told: summary statistics of the motions, shape (N, d).
+        least, reference: arguments of :func:`icmj.identification.summaries.summaries` [s].
     """
 
     low: float
@@ -60,8 +60,9 @@ class Bank:
     def probability(self, observed: Observed) -> float:
         """Probability that a motion of the run file, at any value, agrees less well with its best value.
 
-        By the simulated motions themselves, each against all others: the share that is further off; beyond four fifths
-        of them by the power law that the furthest follow (Hill 1975, Ann. Stat. 3:1163-1174).
+        It follows from the simulated motions themselves, each compared with all others: the share with a larger
+        distance; beyond four fifths of them, a power law that is fitted to the largest distances gives it (Hill 1975,
+        Ann. Stat. 3:1163-1174).
 
         Raises:
             IdentificationError: if the observation is too short.
@@ -75,7 +76,7 @@ class Bank:
 
     @cached_property
     def _gaps(self) -> Array:
-        """How far each simulated motion is from what the others predict at the value that explains it best."""
+        """The distance of each simulated motion from the prediction of the others at the value that fits it best."""
         return np.array([self._gap(told, without=i) for i, told in enumerate(self.told)])
 
     def _gap(self, seen: Array, without: int | None = None) -> float:
@@ -122,11 +123,11 @@ def bank(
     """Simulate motions of the observed duration at ``size`` values of the unknown.
 
     Args:
-        unknown: what is sought; its run file has the noise.
-        observed: what is to be compared.
-        plant: on which to simulate.
-        size: how many.
-        seed: of values and noise.
+        unknown: the unknown parameter; its run file contains the noise.
+        observed: the observed motion.
+        plant: the plant on which motions are simulated.
+        size: number of motions.
+        seed: seed of values and noise.
         progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:

@@ -230,7 +230,7 @@ def _found(
     words: str,
     probability: float,
 ) -> Identification:
-    """What was found, with how well it fits and whether it reaches an end of the range."""
+    """The result, with its goodness of fit and an end of the range that it reaches."""
     room = _EDGE * (unknown.high - unknown.low)
     low, high = min(pair[0] for pair in intervals), max(pair[1] for pair in intervals)
     edge = unknown.low if low <= unknown.low + room else unknown.high if high >= unknown.high - room else None

@@ -37,7 +37,7 @@ class Sequence:
         self._like: Case | None = None
 
     def residuals(self, value: float, count: int, plant: PlantKind) -> Array:
-        """How far each of the first ``count`` events is off, in mean intervals."""
+        """The error of each of the first ``count`` events, in mean intervals."""
         times = self._times[:count]
         duration = float(times[-1] + self._scale)
         case = self._unknown.case(value, self._like, **{"simulation.duration": duration})

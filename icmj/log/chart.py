@@ -35,7 +35,7 @@ class Axis:
     logarithmic: bool = False
 
     def place(self, values: Array | Sequence[float]) -> Array:
-        """Where values lie, 0 to 1."""
+        """Positions of values on the axis, 0 to 1."""
         v = np.asarray(values, dtype=float)
         if self.logarithmic:
             return np.log(v / self.low) / np.log(self.high / self.low)

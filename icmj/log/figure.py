@@ -96,7 +96,7 @@ def _shapes(kind: str, geoms: list[Geom]) -> Any:
 
 
 def _z_axis(quat: Array) -> Array:
-    """Where each quaternion (wxyz) turns the z axis, shape (M, 3)."""
+    """The direction to which each quaternion (wxyz) turns the z axis, shape (M, 3)."""
     w, x, y, z = quat.T
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
 
@@ -130,7 +130,7 @@ def _write_target(recording: rr.RecordingStream, path: str, target: Array, time:
 
 
 def _half_width(scene: Scene) -> float:
-    """How far the body reaches sideways (y) at the start."""
+    """The sideways extent (y) of the body at the start."""
     reach = [abs(scene.xpos[0, g.body, 1] + g.pos[1]) + float(g.size.min()) for g in scene.geoms if g.type != "plane"]
     return max(reach, default=0.0)
 
@@ -156,7 +156,7 @@ def height(scene: Scene) -> float:
 
 
 def eye(scene: Scene) -> tuple[Array, Array]:
-    """Where to look from and at, so that both figures fill the view [m]."""
+    """The positions of the eye and of the point it looks at, so that both figures fill the view [m]."""
     z, h = _floor(scene), height(scene)
     return np.array([0.12 * h, -1.42 * h, z + 0.66 * h]), np.array([0.0, 0.0, z + 0.49 * h])
 

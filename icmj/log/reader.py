@@ -156,7 +156,7 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:
-    """What changes when a file is replaced; ``None`` if there is none."""
+    """Properties of a file that change when it is replaced; ``None`` if there is no file."""
     try:
         found = path.stat()
     except OSError:

@@ -101,5 +101,5 @@ def shown(estimate: Estimate, unit: float = 1.0) -> str:
 
 
 def _bins(intervals: Array) -> int:
-    """As many bins as Rice's rule takes, at least ten."""
+    """Edges of the bins, whose number follows Rice's rule, at least ten."""
     return max(10, int(np.ceil(2 * len(intervals) ** (1 / 3))))

@@ -11,7 +11,7 @@ OperatingKind = Literal["as given", "static control", "balance", "found"]
 
 @dataclass(frozen=True)
 class OperatingRule:
-    """How the operating point is completed: which values a keyframe gives, and which follow from the condition of rest.
+    """The rule that completes the operating point: which values a keyframe gives, and which follow from rest.
 
     Attributes:
         kind: ``as given``: pose, velocity, activation and control are those of the keyframe. ``static control``: the

@@ -49,7 +49,7 @@ class Tried(Shown):
 
     @property
     def words(self) -> str:
-        """What the run did, in a sentence."""
+        """The motion of the run in one sentence."""
         count = len(self.simulation.events)
         switched = f"; it switched {count} times" if count else ""
         return f"Under {self.law.kind} control the run {self.simulation.outcome.message}{switched}."

@@ -147,7 +147,7 @@ class ExperimentFile(TomlTable):
 
     @property
     def path(self) -> Path:
-        """Where it was read from."""
+        """The path from which it was read."""
         return self._path
 
 

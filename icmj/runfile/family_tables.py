@@ -163,7 +163,7 @@ class FamilyFile(TomlTable):
 
     @property
     def path(self) -> Path:
-        """Where it was read from."""
+        """The path from which it was read."""
         return self._path
 
 

@@ -35,7 +35,7 @@ class TargetTable(TomlTable):
 
     @abstractmethod
     def terms(self, end: float) -> Array:
-        """How it moves until ``end`` [s], as :class:`icmj.controller.setpoint.Target` takes it."""
+        """Terms of its motion until ``end`` [s], in the form of :class:`icmj.controller.setpoint.Target`."""
 
     def target(self, end: float, folder: Path = Path()) -> Target:
         """The target that it stands for, of a run until ``end`` [s] whose run file lies in ``folder``."""

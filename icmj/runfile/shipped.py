@@ -32,7 +32,7 @@ class Shelf:
 
     @property
     def folder(self) -> Path:
-        """Where they lie."""
+        """The folder that contains them."""
         return (SHIPPED / self.kind).resolve()
 
     @property

@@ -146,7 +146,7 @@ class PerturbedStanceTable(TomlTable):
 
     @property
     def period(self) -> float:
-        """Of the sequence [s]."""
+        """Period of the sequence [s]."""
         return TERNARY_INTERVALS * self.interval
 
     @model_validator(mode="after")

@@ -120,7 +120,7 @@ class VaryTable(TomlTable):
 
 
 class AskTable(TomlTable):
-    """What is computed at each point in addition to the prediction."""
+    """The results that are computed at each point in addition to the prediction."""
 
     motion: Annotated[list[_Plant], Field(max_length=2)] = []
     """Plants on which the case is simulated and its motion measured; under noise, its statistics."""

@@ -20,7 +20,7 @@ _MISSING = ("", "-", "na", "n/a", "nan", "inf", "-inf", "null", "none")
 
 @dataclass(frozen=True)
 class CsvShape:
-    """How to read a CSV file.
+    """The format of a CSV file.
 
     Attributes:
         headers: of all columns; "" where there is none.
@@ -99,7 +99,7 @@ class _Row:
 
     @property
     def numeric(self) -> tuple[bool, ...]:
-        """Which fields are numbers, or stand for a missing one."""
+        """Whether each field is a number, or stands for a missing one."""
         return tuple(bool(_NUMBER.fullmatch(field)) or field.lower() in _MISSING for field in self.fields)
 
     def alike(self, other: _Row) -> bool:

@@ -81,7 +81,7 @@ def name_and_unit(header: str) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Choice:
-    """Which columns of a file are read: the one of the times, if there is one, before the signals in their order.
+    """The columns of a file that are read: that of the times, if there is one, before the signals in their order.
 
     Attributes:
         at: their places in the file.

@@ -25,7 +25,7 @@ class Block:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """With the kind before each."""
+        """Names of the columns, each with the kind before it."""
         return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
 
 

@@ -85,7 +85,7 @@ class Disturbance:
         return terms @ (self.input[:, None] == np.arange(self.n_u)).astype(float)
 
     def _at_many(self, t: Array) -> Array:
-        """The same for many rising instants: those that act together are evaluated together."""
+        """The same for many increasing times: terms that act together are evaluated together."""
         found, order = np.zeros((len(t), self.n_u)), np.argsort(self.input, kind="stable")
         windows = np.stack([self.start, self.end], axis=1)[order]
         for start, end in np.unique(windows, axis=0):
@@ -219,7 +219,7 @@ def expected(noise: Noise, end: float) -> tuple[float, float]:
 
 @lru_cache(maxsize=256)
 def _expected(flat: bool, periods: float, terms: int) -> tuple[float, float]:
-    """The same for a size of one and a spectrum whose edge makes so many periods in that time."""
+    """The same for a size of one and a spectrum whose upper end has this number of periods in that time."""
     edge = {"bandwidth": periods} if flat else {"corner": periods}
     t = np.linspace(0, 1, _COARSE, endpoint=False)
     spread = []

@@ -50,7 +50,7 @@ def fell(t: float, state: str, limit: float, unit: str = "") -> Outcome:
 
 
 def limits_of(limit: Limit, positions: Sequence[str], units: Sequence[str]) -> Array:
-    """How far each of some positions may depart [its own unit]; infinite where nothing limits it.
+    """The deviation that each position may have [its own unit]; infinite if there is no limit.
 
     Args:
         limit: one number is of all [rad or m], and stands for as much in another unit of angle or length; of any other
@@ -115,7 +115,7 @@ class EventPace:
 
 
 def ran(duration: float, intervals: Array, delta_min: float) -> Outcome:
-    """It ran to its end: completed, or sliding if the last :data:`SLIDING` intervals all collapsed to Δ_min.
+    """The outcome of a run that reached its end: completed, or sliding if its last :data:`SLIDING` intervals are Δ_min.
 
     Args:
         duration: [s].

@@ -30,7 +30,7 @@ def at_points(source: Gridded, first: int, last: int) -> Array:
 
 
 def at_times(source: Gridded, t: Array) -> Array:
-    """Its value at any times [s], zero before its start."""
+    """The value of the noise at any times [s], zero before its start."""
     if not t.size:
         return np.zeros(t.shape)
     place = np.maximum(t, 0) / source.interval
@@ -66,7 +66,7 @@ def _drawn(seed: int, a: float, parts: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _left(a: float) -> Array:
-    """How much of each point of a block is left at each, shape (256, 256)."""
+    """The contribution of each point of a block to each other point, shape (256, 256)."""
     order = np.arange(_BLOCK)
     since = order[:, None] - order
     return np.where(since >= 0, (a ** order.astype(float))[np.abs(since)], 0.0)

@@ -203,7 +203,7 @@ class Gridded(Placed):
     start: float = 0.0
 
     def _check_grid(self, what: str, *names: str) -> str:
-        """Where it acts; SimulationError if the place or the grid is wrong."""
+        """Check the place and the grid; SimulationError if one is wrong."""
         where = f"{what} on {self._check_place(what)!r}"
         _check(self, what, *names, "interval", "start")
         require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")

@@ -17,7 +17,7 @@ from icmj.simulation.sources import Noise, Sinusoids, Source
 def tilted(
     source: Source, vertical: Mapping[str, float], rate: Mapping[str, float], point: Vector | None = None
 ) -> Iterator[Source]:
-    """What a tilt φ(t) is to a body that is seen from the surface, to first order.
+    """The effects of a tilt φ(t) on a body in the frame of the surface, to first order.
 
     Args:
         source: φ(t) with its axis, a sum of sinusoids that acts from the beginning.

@@ -163,7 +163,7 @@ def signals_of(realisation: Realisation, n_y: int) -> int:
 
 
 def edges_of(realisation: Realisation) -> Array:
-    """Where its signals begin, end or jump, rising [s]."""
+    """Times at which its signals begin, end or jump, increasing [s]."""
     times = np.unique(realisation.signals[:, 4:])
     return np.asarray(times[np.isfinite(times)])
 

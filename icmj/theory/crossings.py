@@ -103,7 +103,7 @@ def search(
     reduced: Reduction | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Search:
-    """As :func:`crossings`, with the range of Δ in which eigenvalues exceed rounding errors.
+    """The same as :func:`crossings`, with the range of Δ in which eigenvalues exceed rounding errors.
 
     Args:
         system, delta_max, delta_start, resolution, prepared: as there.

@@ -196,7 +196,7 @@ def _distinct(roots: list[complex]) -> np.ndarray:
 
 
 def _number_right_of(loop: DelayLoop, line: float) -> int:
-    """How many roots have a real part above ``line``, by the argument principle; each as often as it is one.
+    """The number of roots with a real part above ``line``, with multiplicity, by the argument principle.
 
     To the right of it |s| is at most the sum of the norms, which bounds the region.
     """
@@ -210,7 +210,7 @@ def _number_right_of(loop: DelayLoop, line: float) -> int:
 
 
 def _turn(loop: DelayLoop, a: complex, b: complex) -> float:
-    """How far the argument of det Δ turns from ``a`` to ``b``, by parts on which it can turn by less than half a round.
+    """The change of the argument of det Δ from ``a`` to ``b``, in parts on which it changes by less than half a turn.
 
     Its rate is that of log det Δ, tr(Δ⁻¹Δ'), which at a distance d from a root is about 1/d.
     """

@@ -25,7 +25,7 @@ _DROWNED = 1e8
 
 @dataclass(frozen=True)
 class Outlook:
-    """What lies beyond.
+    """Crossings beyond the interval searched.
 
     Attributes:
         crossing: the first found up to :data:`REACH` times the interval searched, or ``None``.

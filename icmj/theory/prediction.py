@@ -200,7 +200,7 @@ def predict(
 
 @dataclass(frozen=True, eq=False)
 class _Critical:
-    """What follows from the critical crossing; the fields are those of :class:`Prediction`."""
+    """The results that follow from the critical crossing; the fields are those of :class:`Prediction`."""
 
     orbit: Orbit | None
     multipliers: NDArray[np.complex128] | None

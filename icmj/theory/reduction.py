@@ -63,7 +63,7 @@ class Reduction:
         return self.flow.A_C
 
     def shown_by(self, rows: Array) -> NDArray[np.bool_]:
-        """Which of the rows see an unseen direction after all, shape (c, n + n̂) → (c,)."""
+        """Whether each row depends on a direction that events do not see, shape (c, n + n̂) → (c,)."""
         rows = rows * self.scale
         seen = np.linalg.norm(rows @ (self.dropped / self.scale[:, None]), axis=1)
         return np.asarray(seen > _SHOWS * np.linalg.norm(rows, axis=1))
@@ -149,7 +149,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
 
 
 def _in_the_way(modes: Sequence[NeutralMode]) -> str:
-    """What to do about neutral modes where a jump is more than e_hp := 0, so that they cannot be taken out."""
+    """The treatment of neutral modes if a jump is more than e_hp := 0, so that they cannot be removed."""
     names = tuple(dict.fromkeys(name for mode in modes for name in mode.states))
     drop = ", ".join(f'"{name}"' for name in names if not name.startswith("observer's"))
     does = "are" if len(names) > 1 else "is"
@@ -158,7 +158,7 @@ def _in_the_way(modes: Sequence[NeutralMode]) -> str:
 
 
 def _delayed(system: ErrorSystem, whole: Flow) -> Reduction:
-    """With a delay a jump is more than e_hp := 0, and nothing is taken out."""
+    """With a delay a jump is more than e_hp := 0, and nothing is removed."""
     size = len(system.A_C)
     same, empty = np.eye(size), np.zeros((size, 0))
     return Reduction(

@@ -81,7 +81,7 @@ class Spectra:
         return outwards(_eigenvalues(G / delta[:, None, None]), delta)
 
     def _same(self, G: Array, g: Spectrum, i: int, delta: float) -> NDArray[np.bool_]:
-        """Which eigenvalues equal the i-th: to rounding, or to what rounding makes of a defective one."""
+        """Whether each eigenvalue equals the i-th, within rounding or the effect of rounding on a defective one."""
         distance = np.abs(g - g[i]) * delta
         equal = distance < _EQUAL * max(1.0, float(np.abs(G).max()) * delta)
         near = distance < TOGETHER

@@ -1,11 +1,11 @@
-"""Where a switched delayed feedback of a one-joint body leads, without a simulation: a map with two points.
+"""The result of switched delayed feedback of a one-joint body, without a simulation: a map with two points.
 
-In the plane of position and rate (θ, θ') feedback is on where θ (θ' − a θ) > 0, as of t_d ago
-(:mod:`icmj.controller.switching`). When it is switched on after it was off for at least t_d, the plant has been in open
-loop for all that the controller is still to read: the history is e^{As} ξ, with ξ on one of the two edges of the
+In the plane of position and rate (θ, θ') feedback is on where θ (θ' − a θ) > 0, with readings delayed by t_d
+(:mod:`icmj.controller.switching`). When it is switched on after it was off for at least t_d, all readings that are
+still to come are those of an open-loop motion: the history is e^{As} ξ, with ξ on one of the two edges of the
 region, θ = 0 or θ' = aθ. Without a dead zone the loop is homogeneous, so that only the edge and the size of ξ matter:
-from each edge a motion comes, after one time on and one time off, to a known edge with its size multiplied by a known
-factor. What it does in the end follows from these two numbers.
+from each edge a motion reaches, after feedback was on once and off once, a known edge with its size multiplied by a
+known factor. Whether it decays or grows follows from these two numbers.
 
 While feedback is on, the motion is a Taylor series on every part of a delay, whose input is the series one delay
 earlier; while it is off, the next crossing has a closed form. Whole maps over the gains are computed at once.
@@ -35,18 +35,18 @@ _STANDS, _FALLS, _BOTH, _ON_EDGE, _OPEN = "stands", "falls", "depends on the sta
 
 @dataclass(frozen=True, eq=False)
 class SwitchingMap:
-    """What follows after feedback is switched on at either edge: at θ = 0 (0) and at θ' = aθ (1).
+    """The motion after feedback is switched on at either edge: at θ = 0 (0) and at θ' = aθ (1).
 
     Attributes:
         P, D: gains, shape (N,).
-        follows: edge at which feedback is switched on next; −1 where it stays as it is for ever; −2 where it is off for
-            less than the delay, so that this map does not tell; shape (2, N).
-        scale: size at the next edge over that at this one, negative where the side changes; NaN without one; (2, N).
-        length: time until then [s]; NaN without one; shape (2, N).
-        growth: rate of the motion in the end [1/s], NaN where it is not told; shape (2, N).
-        factor: by which a round of the motion in the end multiplies it, over one or, where it alternates, both edges;
-            NaN where it has no rounds; shape (2, N).
-        period: of such a round [s], shape (2, N).
+        follows: edge at which feedback is switched on next; −1 if feedback is never switched again; −2 if it is off for
+            less than the delay, so that this map does not determine the edge; shape (2, N).
+        scale: size at the next edge divided by that at this one, negative if the side changes; NaN without a next
+            edge; shape (2, N).
+        length: time until the next edge [s]; NaN without a next edge; shape (2, N).
+        growth: final growth rate of the motion [1/s], NaN if it is not determined; shape (2, N).
+        factor: final factor per round, over one edge or, if edges alternate, both; NaN without rounds; shape (2, N).
+        period: duration of such a round [s], shape (2, N).
     """
 
     P: Array
@@ -74,14 +74,14 @@ def switching_map(
     """The map of a switched loop without a dead zone, for many gains at once.
 
     Args:
-        plant: with two states and one input.
-        position, rate: outputs θ and θ'.
+        plant: a plant with two states and one input.
+        position, rate: names of the outputs θ and θ'.
         P, D: gains, shapes that broadcast to (N,).
-        delay: t_d [s].
-        slope: a [1/s].
+        delay: delay t_d [s].
+        slope: slope a [1/s].
 
     Raises:
-        AnalysisError: if the plant is another one, or a number is out of range.
+        AnalysisError: if the plant has another number of states or inputs, or a number is out of range.
     """
     A, b = _in_the_plane(plant, position, rate)
     if not (np.isfinite(delay) and delay > 0 and np.isfinite(slope)):
@@ -212,7 +212,7 @@ class _Loops:
         short |= ((low | high) & near).any(axis=1)
 
     def _falling(self, x: Array) -> tuple[NDArray[np.int64], Array, Array, Array]:
-        """In open loop from ``x``: the next edge, the size there, the time until then, and growth without one."""
+        """The open-loop motion from ``x``: next edge, size there, time until then, and growth without an edge."""
         times = np.stack([_crossing(self.A, x, row) for row in (np.array([1.0, 0.0]), np.array([-self.slope, 1.0]))])
         after = times.min(axis=0)
         ends = np.isfinite(after)
@@ -255,7 +255,7 @@ def _values(X: Array, at: Array) -> Array:
 
 
 def _root(series: Array, low: Array, high: Array) -> Array:
-    """Where series, shape (N, terms), fall through zero between two places, by Newton's method within bisection."""
+    """The places at which series, shape (N, terms), fall through zero, by Newton's method and bisection."""
     slopes = series[:, 1:] * np.arange(1, _TERMS)
     powers = np.arange(_TERMS)
     at = (low + high) / 2
@@ -273,7 +273,7 @@ def _root(series: Array, low: Array, high: Array) -> Array:
 
 
 def _halves(A: Array) -> tuple[float, float]:
-    """Of a second-order system: half its trace, and the square of half its eigenvalues' distance."""
+    """For a second-order system, half its trace, and the square of half the distance of its eigenvalues."""
     middle = float(np.trace(A)) / 2
     return middle, middle**2 - float(np.linalg.det(A))
 

@@ -13,7 +13,7 @@ from icmj.result.result import Result
 
 @dataclass(frozen=True)
 class Quantity:
-    """How an output is shown.
+    """The way in which an output is shown.
 
     Attributes:
         factor: on its value in SI units.

@@ -12,10 +12,10 @@ from icmj.work.workers import Task, Workers
 
 
 class Crew(Protocol):
-    """Who computes by a function ``(plan, range)``."""
+    """The interface of processes that compute a function ``(plan, range)``."""
 
     def compute(self, plan: Any, ranges: Iterator[range]) -> Iterator[tuple[range, Any, str]]:
-        """Ranges of a plan, and what came of each as it comes; ``None``, and why, where its process died."""
+        """Ranges of a plan with their results as they arrive; ``None`` with the reason if the process died."""
 
 
 class Local:
@@ -25,7 +25,7 @@ class Local:
         self._workers, self._function = workers, function
 
     def compute(self, plan: Any, ranges: Iterator[range]) -> Iterator[tuple[range, Any, str]]:
-        """As of :class:`Crew`."""
+        """See :class:`Crew`."""
         given: dict[int, range] = {}
 
         def tasks() -> Iterator[Task]:
@@ -40,7 +40,7 @@ class Local:
 
 @contextmanager
 def crew(function: Callable[..., Any], jobs: int | None = None, dask: str | None = None) -> Iterator[Crew]:
-    """Those who compute by ``function(plan, range)``, which is given ``progress``, too, on this machine.
+    """The processes that compute ``function(plan, range)``; on this machine, it also receives ``progress``.
 
     Args:
         function: importable by name.

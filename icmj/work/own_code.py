@@ -33,18 +33,18 @@ Fact = bool | int | float | str | Array | None
 
 @dataclass(frozen=True)
 class Code:
-    """Where code is looked for, and whether it may be run.
+    """The folder in which code is sought, and whether it may be executed.
 
     Attributes:
-        folder: that of the run file; modules there come before installed ones.
-        allowed: whether whoever reads the file has asked for it.
+        folder: folder of the run file; modules in it take precedence over installed ones.
+        allowed: whether the user has allowed it.
     """
 
     folder: Path
     allowed: bool = False
 
     def named(self, reference: str) -> Any:
-        """What ``module:name`` stands for.
+        """The object that ``module:name`` names.
 
         Raises:
             RunFileError: if code is not allowed, or there is no such module or name, or importing it fails.
@@ -66,7 +66,7 @@ class Code:
         return getattr(module, attribute)
 
     def made(self, reference: str, *arguments: Any, **parameters: Any) -> Any:
-        """What ``module:name`` makes of these arguments and parameters.
+        """The result of ``module:name`` for these arguments and parameters.
 
         Raises:
             RunFileError: as :meth:`named`, or if it fails.
@@ -138,7 +138,7 @@ def digest_of(thing: Any) -> str:
 
 
 def accepted(make: Callable[..., Any], parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of ``parameters`` that ``make`` takes by name."""
+    """The ``parameters`` that ``make`` accepts by name."""
     try:
         known = inspect.signature(make).parameters
     except (TypeError, ValueError):

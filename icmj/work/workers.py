@@ -49,7 +49,7 @@ class Task:
 
 @dataclass(frozen=True)
 class News:
-    """What a worker has to tell: how far a task is (0–1), or that it is done, with what it returned, or that it died.
+    """A message of a worker: the progress of a task (0–1), or its end with the returned value, or that the worker died.
 
     Attributes:
         index: the task's place in the order in which they were given.
@@ -139,7 +139,7 @@ class Workers:
         return idle
 
     def _news(self, worker: _Worker, survive: bool) -> News | None:
-        """What it says of its task; ``None`` where it only says whether it compiles."""
+        """The message about its task; ``None`` if it only reports whether it compiles."""
         index = worker.index
         assert index is not None
         try:
@@ -168,7 +168,7 @@ class Workers:
 
 
 def serve() -> None:
-    """What a worker does until its parent is gone: the program of its process."""
+    """The program of a worker's process, which runs until its parent is gone."""
     theirs, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
     _mortal(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
