@@ -48,4 +48,6 @@ def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
             array = array.real
         return np.array(array, dtype=float)
     except (TypeError, ValueError) as reason:
-        raise error(f"{what} is not a matrix: rows differ in length, or hold what is no number") from reason
+        raise error(
+            f"{what} is not a matrix: rows differ in length, or contain a value that is not a number"
+        ) from reason

@@ -56,10 +56,12 @@ def to_iosystem(
         return plant_system(engine)
     trigger = controller.trigger
     if len(controller.realisation.signals):
-        raise AnalysisError("the controller follows signals of its own, which are no inputs here; take them away")
+        raise AnalysisError(
+            "the controller has signals of its own (a set-point), which are not inputs of this form; remove them"
+        )
     if (dt is None) != (trigger.kind != "event"):
         raise AnalysisError(
-            "an event rule needs dt, how often it is looked at; to_iosystem(..., dt=1e-3)"
+            "an event rule needs dt, the interval at which it is evaluated; to_iosystem(..., dt=1e-3)"
             if dt is None
             else f"dt is for event rules; a {trigger.kind} trigger has its own time"
         )

@@ -116,7 +116,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
         ]
     try:
         if path.stat().st_size > _MOST:
-            raise FitError(f"{path}: is larger than any table of people")
+            raise FitError(f"{path}: is too large for a table of people")
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, strict=True)
             rows = [{k: (v or "").strip() for k, v in row.items() if k} for row in reader]
@@ -124,17 +124,17 @@ def _rows(path: Path) -> list[dict[str, str]]:
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror}") from error
     except (csv.Error, UnicodeDecodeError) as error:
-        raise FitError(f"{path}: is no CSV table ({one_line(error, 100)})") from error
+        raise FitError(f"{path}: is not a CSV table ({one_line(error, 100)})") from error
     unknown = [name for name in names if name not in _COLUMNS]
     missing = [name for name in _REQUIRED if name not in names]
     if unknown or missing:
         wrong = f"no column {missing[0]!r}" if missing else f"unknown column {unknown[0]!r}"
         raise FitError(f"{path}: {wrong}; expected {', '.join(_COLUMNS)}, of which file and person are required")
     if not rows:
-        raise FitError(f"{path}: lists nobody")
+        raise FitError(f"{path}: lists no people")
     for line, row in enumerate(rows, 2):
         if not row["file"] or not row["person"]:
-            raise FitError(f"{path}, line {line}: names no file or no person")
+            raise FitError(f"{path}, line {line}: lacks the file or the person")
     return rows
 
 

@@ -175,7 +175,9 @@ class Realisation:
             AnalysisError: if the mode does not state the matrices of its rates.
         """
         if self.modes[0].rates is None:
-            raise AnalysisError("the controller does not say what its rates are made of, which this analysis needs")
+            raise AnalysisError(
+                "the controller does not state which outputs its rates are derived from, which this analysis needs"
+            )
         return self.modes[0].rates
 
     def following(self, mode: int, v: Array) -> int:

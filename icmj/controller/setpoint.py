@@ -134,7 +134,9 @@ def setpoint(plant: LinearPlant, targets: Sequence[Target]) -> Setpoint | None:
     for target in targets:
         row, unit, name = _row(plant, target)
         if name in rows and not np.array_equal(rows[name], row):
-            raise AnalysisError(f"set-point {name!r} stands there twice, of other combinations; name them apart")
+            raise AnalysisError(
+                f"set-point {name!r} is given twice, with different combinations; give them different names"
+            )
         rows[name], units[name] = row, unit or units.get(name, "")
         part = np.asarray(target.terms, dtype=float).reshape(-1, 5)
         if not (np.isfinite(part[:, :4]).all() and (part[:, 3] >= 0).all() and (part[:, 4] >= part[:, 3]).all()):

@@ -106,12 +106,14 @@ class ReturnMap:
         changing = [s for s in self.settings.disturbance if not isinstance(s, Step | Bias) or s.start]
         if changing:
             raise CycleError(
-                f"a cycle is sought of a loop that does not change in time, but {type(changing[0]).__name__.lower()} "
+                "cycles are computed only for a loop that does not vary with time, but "
+                f"{type(changing[0]).__name__.lower()} "
                 "acts; take simulation.disturbance out of the run file"
             )
         if self.controller.sampling_delay:
             raise CycleError(
-                "a cycle is sought of a loop whose events are where its rule reaches the threshold; this one samples "
+                "cycles are computed only for a loop whose events are the instants at which its "
+                "rule reaches the threshold; this one samples "
                 f"{self.controller.sampling_delay:g} s later: take controller.sampling_delay out of the run file"
             )
 

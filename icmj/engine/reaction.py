@@ -88,7 +88,9 @@ def ground_force(plant: MujocoPlant, simulation: Simulation, level: float | None
         raise ModelError(f"{plant.path}: the simulation has {simulation.x.shape[1]} states, not {n}")
     bodies = [push.where for push in simulation.pushes if push.input is None]
     if bodies:
-        raise ModelError(f"{plant.path}: {bodies[0]} is pushed, so that its motion does not tell the ground's force")
+        raise ModelError(
+            f"{plant.path}: {bodies[0]} is pushed, so that its motion does not determine the force of the ground"
+        )
     acting = simulation.applied if simulation.applied.size else simulation.u
     for column, push in enumerate(simulation.pushes):  # along an input: a torque that the body makes
         acting = acting.copy()

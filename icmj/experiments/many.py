@@ -116,7 +116,9 @@ def simulate_many(
     n = n if n is not None else next(iter(lengths.values()), 1)
     wrong = [f"{key} has {length}" for key, length in lengths.items() if length != n]
     if wrong or n < 1 or any(values.ndim != 1 for values in varied.values()):
-        raise SimulationError(f"{n} runs, but {', '.join(wrong) or 'a value for each is asked for'}; give one a run")
+        raise SimulationError(
+            f"{n} runs, but {', '.join(wrong) or 'a value for each is asked for'}; give one for each run"
+        )
     unknown = [] if callable(keep) else [name for name in keep if name not in NAMES]
     if unknown or isinstance(keep, str):
         raise SimulationError(f"keep: {unknown[:1] or [keep]}; expected some of {', '.join(NAMES)}, or a function")

@@ -138,7 +138,7 @@ def train_choice(
 
     families, m = tuple(banks), len(banks)
     if m < 2:
-        raise FitError("a choice needs two families at least")
+        raise FitError("a choice needs at least two families")
     given = [np.asarray(S, dtype=float) for S in banks.values()]
     n, K = min(map(len, given)), min(S.shape[1] for S in given)
     if n < 50:

@@ -80,7 +80,7 @@ def compare(
     if m.shape != (n, len(names)) or v.shape != m.shape or len(people) != n:
         raise FitError(f"posteriors of shape {m.shape}; expected ({n}, {len(names)})")
     if len(set(zip(groups, people, strict=True))) < n:
-        raise FitError("a person stands in one group twice; give all trials of a person and condition as one")
+        raise FitError("a person appears twice in one group; give all trials of a person and condition as one")
     found = [
         _difference(name, pair, m[:, i], v[:, i], groups, people, name in identified)
         for pair in combinations(sorted(set(groups)), 2)

@@ -190,4 +190,4 @@ def read_network(path: Path, kind: str) -> tuple[dict[str, Any], Seen, Network]:
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise FitError(f"{path}: no trained network ({error}); remove it, and it is trained anew") from error
+        raise FitError(f"{path}: not a trained network ({error}); remove it, and it will be trained again") from error

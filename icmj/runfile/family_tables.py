@@ -137,7 +137,9 @@ class FamilyFile(TomlTable):
         except RunFileError as error:
             raise RunFileError(f"{path}: family.set: {error}") from error
         if made._base.setpoint:
-            raise RunFileError(f"{path}: family.run: {made.family.run} has a set-point; a family stands still")
+            raise RunFileError(
+                f"{path}: family.run: {made.family.run} has a set-point; the run of a family must have none"
+            )
         return made
 
     @model_validator(mode="after")

@@ -49,7 +49,7 @@ class MatrixTable(TomlTable):
         if there and self.matrices is not None:
             raise ValueError(f"give either matrices or {' and '.join(there)}")
         if self.B_d is not None and not there:
-            raise ValueError("B_d stands beside A, B and C")
+            raise ValueError("B_d is given together with A, B and C")
         if there and len(there) < len(LETTERS):
             missing = [letter for letter in LETTERS if letter not in there]
             raise ValueError(f"a plant needs A, B and C; {' and '.join(missing)} is not there")

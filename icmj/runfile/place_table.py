@@ -71,14 +71,14 @@ class PlaceTable(TomlTable):
         given = {"axis": any(self.axis or ()), "vertical": self.vertical, "vertical_rate": self.vertical_rate}
         of_surface = [key for key, there in given.items() if there]
         if of_surface and self.surface is None:
-            raise SimulationError(f"{of_surface[0]} is of a motion of the support surface; give surface")
+            raise SimulationError(f"{of_surface[0]} belongs to a motion of the support surface; give surface, too")
         if self.surface is not None and (self.on == "command" or any(self.force) or any(self.torque)):
-            raise SimulationError("a command, force and torque are not of a motion of the support surface")
+            raise SimulationError("command, force and torque do not apply to a motion of the support surface")
         found = self.source()
         if self.surface == "tilt" and found is not None:
             yield from tilted(found, self.vertical, self.vertical_rate, self.point)
         elif self.vertical or self.vertical_rate or (self.surface not in (None, "turning") and self.point):
-            raise SimulationError("vertical and point are of a tilt of the support surface")
+            raise SimulationError("vertical and point apply only to a tilt of the support surface")
         elif found is not None:
             yield found
 

@@ -44,8 +44,8 @@ def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
     [
         ("file,who\nanna.csv,anna\n", "no column 'person'"),
         ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
-        ("file,person\n", "lists nobody"),
-        ("file,person\nanna.csv,\n", "line 2: names no file or no person"),
+        ("file,person\n", "lists no people"),
+        ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
         ("file,person,column\nanna.csv,anna,third\n", "third"),
         ("file,person\nberta.csv,berta\n", "berta.csv"),
     ],

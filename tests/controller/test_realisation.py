@@ -51,5 +51,5 @@ def test_taps_and_guards_fit(changes: dict, words: str) -> None:
 
 
 def test_rates_that_are_not_told_are_an_error() -> None:
-    with pytest.raises(AnalysisError, match="does not say what its rates are made of"):
+    with pytest.raises(AnalysisError, match="does not state which outputs its rates"):
         _ = realisation().rates

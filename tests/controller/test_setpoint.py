@@ -92,7 +92,7 @@ def test_parts_of_one_name_are_added_and_others_are_channels() -> None:
         ([Target({"knee": 1.0}, step(1.0))], "outputs are angle, its states hinge, hinge_rate"),
         ([Target({"hinge_rate": 1.0}, step(1.0))], "no steady state"),
         ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "twice")], "no steady state"),
-        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "stands there twice"),
+        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "is given twice"),
         ([Target({"angle": 0.0}, step(1.0))], "no steady state"),
         ([Target({"angle": 1.0, "hinge": 1.0}, step(1.0))], "needs a name"),
         ([Target({"angle": 1.0}, step(float("nan")))], "must be finite"),

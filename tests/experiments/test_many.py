@@ -81,7 +81,7 @@ def test_processes_change_no_bit(standing):
         ("expected some of x, y", {"n": 1, "keep": ("z",)}),
         ("expected some of x, y", {"n": 1, "keep": "y"}),
         ("is negative", {"seeds": [-1]}),
-        ("give one a run", {"n": 0}),
+        ("give one for each run", {"n": 0}),
     ],
 )
 def test_what_does_not_fit_is_refused(standing, words, asked):

@@ -47,7 +47,7 @@ def test_confusion_and_twins(choice: Choice, tmp_path) -> None:
 
 
 def test_one_family_is_no_choice() -> None:
-    with pytest.raises(FitError, match="two families"):
+    with pytest.raises(FitError, match="at least two families"):
         train_choice({"left": people("left", 100, 1)}, NAMES)
     with pytest.raises(FitError, match="49 people"):
         train_choice({name: people(name, 49, 1) for name in MEANS}, NAMES)

@@ -99,7 +99,7 @@ def test_same_seed_same_network_and_the_callers_random_numbers_stay() -> None:
 def test_what_is_no_network_is_told(tmp_path) -> None:
     path = tmp_path / "posterior.npz"
     path.write_bytes(b"PK")
-    with pytest.raises(FitError, match="no trained network"):
+    with pytest.raises(FitError, match="not a trained network"):
         Posterior.load(path)
     with pytest.raises(FitError, match="cannot be read"):
         Posterior.load(tmp_path / "none.npz")

@@ -125,7 +125,7 @@ def refractoriness(
     if (values >= shortest).sum() < FEWEST_INTERVALS:
         raise DataError(
             f"{int((values >= shortest).sum())} inter-step intervals of {shortest:g} s or more; expected at least "
-            f"{FEWEST_INTERVALS} to see a course"
+            f"{FEWEST_INTERVALS} to estimate a trend"
         )
     count = np.bincount(which)
     if count.min() < FEWEST:
