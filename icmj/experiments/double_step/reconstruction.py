@@ -25,6 +25,7 @@ _PASSES, _SETTLED = 12, 0.02  # of moving times and fitting in turn; rows by whi
 _TEMPLATES, _TRIED = 4, 12  # pairs that a first model is fitted to, and pairs that it is tried on
 _DELAYS, _GUESS = 60, (2, 2)  # delays tried for a first model, and its order
 _SHIFTS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)  # rows by which all times are moved together
+_RAYLEIGH = float(-np.log(0.01))  # N even phases have N |mean|² above it once in a hundred records
 _MOST_ROWS = 40_000  # that a model is fitted to
 
 
@@ -86,6 +87,13 @@ def reconstruct_steps(
     known to about one sampling interval. For each pair, times at every row are tried, and the best are refined between
     rows. The remaining responses to earlier pairs are subtracted; the mean of the control in each pair is free.
 
+    A control that jumps between two rows says in which of them, and hardly where: all moved times then stand at nearly
+    the same fraction of a row, and a model that is straight from row to row bends at the rows. Beyond the nearer bend
+    noise moves a time further than in the other direction, so that noise of either sign does not cancel, and the less,
+    the smaller a step is beside the noise: steps of different size would be moved differently on average. The last
+    model is therefore fitted to times that stand at the rows. There both directions are alike: the response goes on by
+    the differences between its rows forward or backward, whose sums of squares are equal.
+
     Args:
         series: a series that contains the control. Use the rows as they were sampled, because a response that jumps
             cannot be interpolated.
@@ -122,6 +130,12 @@ def reconstruct_steps(
             moved, left, explained = move(u, pairs, window, sampled(response, step, window.memory))
             if np.abs(moved - before).mean() < _SETTLED:
                 break
+        late = _common(moved[explained >= worth])
+        if late is not None:
+            response = fit_response(
+                u[:_MOST_ROWS], _stepped(moved - late, pairs.sizes, len(u))[:_MOST_ROWS], step, order
+            )
+            moved, left, explained = move(u, pairs, window, sampled(response, step, window.memory))
     rt = np.where((explained >= worth)[:, None], t[0] + step * moved - pairs.t, np.nan)
     return Reconstruction(pairs, rt, explained, response, t, u, u - left, step, even.units[0])
 
@@ -152,6 +166,12 @@ def _check(
         )
     if not np.ptp(u) > 0:
         raise DataError(f"{control}: does not move; there is nothing to reconstruct")
+
+
+def _common(moved: Array) -> float | None:
+    """The fraction of a row that moved times have in common, as those of a control that jumps; ``None`` without one."""
+    mean = np.exp(2j * np.pi * moved).mean() if moved.size else 0.0
+    return float(np.angle(mean)) / (2 * np.pi) if moved.size * np.abs(mean) ** 2 > _RAYLEIGH else None
 
 
 def _stepped(moved: Array, sizes: Array, N: int) -> Array:
