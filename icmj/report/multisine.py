@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MARKER = {"linear": "o", "mujoco": "x", "recording": "o"}
 LOWEST = 1e-6  # of the largest power; what is less is not drawn
+LEGEND = 0.1  # of the height of the axes: a line of the legend
 
 
 def multisine_figure(found: Sequence[Shown]) -> Figure:
@@ -50,5 +51,8 @@ def multisine_figure(found: Sequence[Shown]) -> Figure:
     if highest > 0:
         power.set_xlim(ends[0] / 2, 2 * ends[1])
         power.set_ylim(bottom=LOWEST * highest, top=3 * highest)
+    low, high = gain.get_ylim()
+    rows = -(-len(gain.get_legend_handles_labels()[1]) // 2)
+    gain.set_ylim(low, high * (high / low) ** (LEGEND * max(rows - 2, 0)))  # two fit above the axes
     style.legend(figure, gain, columns=2)
     return figure

@@ -4,6 +4,7 @@ import double_step_cases as cases
 import numpy as np
 import pytest
 from double_step_cases import D_OL, D_S, T_D
+from scipy.signal import lfilter
 
 from icmj.controller.step_pairs import StepPairs, double_steps, find_step_pairs
 from icmj.errors import AnalysisError, DataError
@@ -82,6 +83,26 @@ def test_a_fitted_response_is_that_of_the_model_that_made_the_record() -> None:
     model = fit_response(u + 0.02 * random.standard_normal(len(u)), r, ROWS)
     assert (len(model.a), len(model.b)) == (2, 2)
     np.testing.assert_allclose(np.append(model.a, model.b), [1.6, -0.68, 0.5, -0.42], rtol=0.05)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_times_of_a_control_that_jumps_stand_at_rows_where_noise_moves_them_alike_to_either_side(seed) -> None:
+    """Steps of 1 and 2 are answered by jumps that fade, by definition 0.14 s late, wherever in a row; noise is slow."""
+    random, rows, P = np.random.default_rng(seed), 0.02, 40
+    first = 1.0 + 2.5 * np.arange(P) + 0.5 * random.random(P)
+    pairs = StepPairs(np.column_stack([first, first + 0.6]), np.outer(random.choice([-1.0, 1.0], P), [1.0, -2.0]))
+    t = rows * np.arange(round((pairs.t[-1, 1] + 2.0) / rows))
+    since = t[:, None] - pairs.t.ravel() - T_D
+    u = np.where(since >= 0, 1 + 1.4 * np.exp(-28 * np.maximum(since, 0)), 0) @ pairs.sizes.ravel()
+    slow = np.exp(-2 * np.pi * 3 * rows)
+    noise = lfilter([0.1 * np.sqrt(1 - slow**2)], [1, -slow], random.standard_normal(len(t)))
+    seen = reconstruct_steps(Series(t, (u + noise)[:, None], ("u",), ("m",)), "u", pairs)
+    turned = np.exp(2j * np.pi * (pairs.t + seen.rt) / rows).mean()
+    assert np.abs(turned) > 0.5  # a jump between two rows hardly says where between them
+    assert (
+        abs(np.angle(turned)) / (2 * np.pi) < 0.06
+    )  # rows; noise, some 0.1 a time, leaves the mean of 80 a fifth of it
+    assert np.ptp(seen.rt) < 2 * rows
 
 
 def test_an_event_rule_is_refractory_for_its_interval_and_no_other_kind_is(pairs, found) -> None:

@@ -8,6 +8,9 @@ import icmj
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError, ModelError
 from icmj.series.series import Series
+from icmj.simulation.disturbance import terms_of
+from icmj.simulation.sources import Noise
+from icmj.study.intersection_point import _density
 
 G = 9.81
 # the double pendulum of the published code (field.md): masses, centres, inertias, length of the lower link, height of
@@ -127,3 +130,17 @@ def test_what_cannot_be_told_is_refused_in_one_line(tmp_path):
         icmj.intersection_curve([1.0], np.zeros((1, 3, 1)), [1.0])
     with pytest.raises(ModelError, match="x or y"):
         reaction(loaded(tmp_path, (60.0, 0.9, 9.0)), "z")
+
+
+@pytest.mark.parametrize("edge", [{"corner": 0.2}, {"corner": 1.0}, {"bandwidth": 3.0}])
+def test_theory_gives_a_noise_the_power_of_its_sinusoids_and_none_beyond_the_last(edge):
+    """Power below each of many frequencies, against that of the terms that are drawn, one in each stratum."""
+    count = 2000
+    noise = Noise(input="u", size=0.7, seed=3, terms=count, **edge)
+    a, omega = np.array([term[:2] for term in terms_of(noise)]).T
+    f = np.linspace(0, 30, 300_001)
+    density = _density(noise, f) ** 2
+    below = np.append(0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(f)))
+    at = np.geomspace(0.05, 30, 40)
+    drawn = [(a[omega <= 2 * np.pi * each] ** 2).sum() / 2 for each in at]
+    np.testing.assert_allclose(np.interp(at, f, below), drawn, rtol=0, atol=2 * noise.size**2 / count)

@@ -1,6 +1,7 @@
 """Independent channels on a surface that tilts: their fit, and the experiment from file to figure."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +72,16 @@ def test_the_experiment_finds_the_channels_that_were_simulated(tmp_path):
     # the transfer function of the body that was simulated, not of the fit
     exact = replace(BODY, P=470.88, D=270.0, delay=0.2, weight=0.6).response(found.measured.line)
     np.testing.assert_allclose(found.measured.response, exact, rtol=1e-5)
+
+
+def test_events_alone_make_a_remnant_and_continuous_feedback_makes_none(tmp_path):
+    """The shipped file's first and last case, on the linear plant."""
+    shipped = (Path(icmj.__file__).parent / "shipped/experiments/perturbed-stance.toml").read_text()
+    head, delayed, *_, event = shipped.replace(', "mujoco"]', "]").split("[[case]]")
+    (tmp_path / "tilt.toml").write_text("[[case]]".join([head, delayed, event]))
+    done = icmj.run_experiment(tmp_path / "tilt.toml", tmp_path / "out", jobs=1)
+    assert done["delayed.linear"].finding.measured.remnant < 1e-15
+    assert done["event.linear"].finding.measured.remnant > 1e-3
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ _PASSES, _SETTLED = 12, 0.02  # of moving times and fitting in turn; rows by whi
 _TEMPLATES, _TRIED = 4, 12  # pairs that a first model is fitted to, and pairs that it is tried on
 _DELAYS, _GUESS = 60, (2, 2)  # delays tried for a first model, and its order
 _SHIFTS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)  # rows by which all times are moved together
-_RAYLEIGH = float(-np.log(0.01))  # N even phases have N |mean|² above it once in a hundred records
+_RAYLEIGH = float(-np.log(0.01))  # N |mean|² of N uniform phases exceeds it with a probability of 1 %
 _MOST_ROWS = 40_000  # that a model is fitted to
 
 
@@ -87,12 +87,13 @@ def reconstruct_steps(
     known to about one sampling interval. For each pair, times at every row are tried, and the best are refined between
     rows. The remaining responses to earlier pairs are subtracted; the mean of the control in each pair is free.
 
-    A control that jumps between two rows says in which of them, and hardly where: all moved times then stand at nearly
-    the same fraction of a row, and a model that is straight from row to row bends at the rows. Beyond the nearer bend
-    noise moves a time further than in the other direction, so that noise of either sign does not cancel, and the less,
-    the smaller a step is beside the noise: steps of different size would be moved differently on average. The last
-    model is therefore fitted to times that stand at the rows. There both directions are alike: the response goes on by
-    the differences between its rows forward or backward, whose sums of squares are equal.
+    A control signal that jumps shows between which rows it jumped, but hardly where between them: the moved times are
+    then at nearly the same fraction of a row. The fitted response is interpolated linearly, so that its slope changes
+    at the rows. If the fraction is closer to one row than to the next, noise displaces a time further in one direction
+    than in the other, and the mean error depends on the size of the step relative to the noise: steps of different
+    size differ in their mean reaction time. The last model is therefore fitted to times that are shifted to the rows.
+    There both directions are equivalent: the slopes are the forward and the backward differences of the response,
+    which have the same sum of squares.
 
     Args:
         series: a series that contains the control. Use the rows as they were sampled, because a response that jumps
@@ -169,7 +170,7 @@ def _check(
 
 
 def _common(moved: Array) -> float | None:
-    """The fraction of a row that moved times have in common, as those of a control that jumps; ``None`` without one."""
+    """The fraction of a row at which moved times concentrate, as for a control that jumps; ``None`` if they do not."""
     mean = np.exp(2j * np.pi * moved).mean() if moved.size else 0.0
     return float(np.angle(mean)) / (2 * np.pi) if moved.size * np.abs(mean) ** 2 > _RAYLEIGH else None
 
