@@ -41,7 +41,7 @@ def carry_out(command: Identify, out: Terminal, err: Terminal) -> None:
 
 
 def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
-    """What is known, what was observed, and on which plant."""
+    """The known run file, the observed motion, and its plant."""
     from icmj.identification.observed import Observed
     from icmj.identification.reading import read_observed
     from icmj.log import read_log

@@ -12,7 +12,7 @@ import tyro
 
 @dataclass(frozen=True, kw_only=True)
 class General:
-    """What every command takes."""
+    """Options of every command."""
 
     quiet: Annotated[bool, tyro.conf.arg(aliases=("-q",))] = False
     """Print results and errors only, without progress and notes."""

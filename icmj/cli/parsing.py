@@ -52,7 +52,7 @@ def parse(words: list[str]) -> Command:
 
 
 def overview() -> str:
-    """What the program is for, and what each command does, in one sentence."""
+    """The purpose of the program, and of each command in one sentence."""
     classes = _classes()
     lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
     for group, names in GROUPS.items():

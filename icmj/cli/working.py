@@ -48,7 +48,7 @@ class Working:
             self._thread.join(2)
 
     def _silence(self) -> float:
-        """How long to wait for the end before the first word [s]; importing libraries has taken a part already."""
+        """The time [s] after which progress is first shown; importing libraries has already taken a part of it."""
         return max(min(LEAST, FIRST), FIRST - (time.monotonic() - self._console.began))
 
     def _show(self) -> None:

@@ -10,7 +10,7 @@ from icmj.theory.prediction import Prediction
 
 
 def verdict_in_words(result: Result, converged: bool) -> str:
-    """What was predicted and what came of it, for a reader who has not read the theory.
+    """The prediction and the measured motion in words, for a reader who does not know the theory.
 
     Args:
         result: the run and its prediction.

@@ -274,7 +274,7 @@ class ComposedLoop:
         return States(x[:, kept], parts["x_o"], parts["x_h"], self.y(y))
 
     def y(self, sensordata: Array) -> Array:
-        """What the controller reads, as departure from the operating point, shape (..., n_y)."""
+        """The readings of the controller, as deviations from the operating point, shape (..., n_y)."""
         ports = self.plant.linearisation.ports
         return ports.read(sensordata) + ports.beta - self.plant.linearisation.y
 

@@ -56,7 +56,7 @@ _LIMITS: dict[str, tuple[Kind, str, str]] = {
 
 @hushed()
 def corners(plant: MujocoPlant, x: Array, u: Array) -> tuple[Notice, ...]:
-    """What has a corner on a motion that the linear theory predicts: each limit that acts, and one that none explains.
+    """The corners on a motion that the linear theory predicts: each limit that acts, and one that no limit explains.
 
     Args:
         plant: the plant.
@@ -127,7 +127,7 @@ def _limits(engine: Dynamics) -> list[_Limit]:
 
 
 def _acting(engine: Dynamics, limits: Sequence[_Limit], x: Array, u: Array) -> Iterator[_Limit]:
-    """Those of ``limits`` that change the rates or outputs."""
+    """The ``limits`` that change the rates or outputs."""
     if not limits:
         return
     _impose(engine, limits)
@@ -211,7 +211,7 @@ def _ways(departure: Array, u: Array) -> list[int]:
 def _corner(
     along: Callable[[float], Array], low: float = 0.0, high: float = 1.0, depth: int = 0, before: float = np.inf
 ) -> float | None:
-    """Where the slope of ``along``, of size 1, jumps between ``low`` and ``high``; ``None`` if it does nowhere."""
+    """The place from ``low`` to ``high`` where the slope of ``along``, of size 1, jumps; ``None`` without a jump."""
     s = np.linspace(low, high, (2 * _FINER if depth else _CELLS) + 1)
     slopes = np.diff(np.array([along(at) for at in s]), axis=0) / (s[1] - s[0])
     jumps = np.abs(np.diff(slopes, axis=0)).max(axis=1)

@@ -20,7 +20,7 @@ from icmj.plant.person import Person
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """Where a model is linearised: position, velocity, activation, control; all in MuJoCo's layout.
+    """The point of linearisation: position, velocity, activation and control, in MuJoCo's layout.
 
     ``mpos`` and ``mquat`` are where mocap bodies stand, shapes (nmocap, 3) and (nmocap, 4).
     """

@@ -65,7 +65,7 @@ def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl
 
 
 def sizes_without(model: mujoco.MjModel, lags: Mapping[int, Lag]) -> list[int]:
-    """How many activations each actuator of ``model`` has beside those of these muscles."""
+    """The number of activations of each actuator of ``model`` without those of these muscles."""
     return [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
 
 

@@ -25,7 +25,7 @@ from icmj.plant.selection import Selection
 
 @dataclass(frozen=True, eq=False)
 class Ports:
-    """Where u, y and x of a plant are in its model.
+    """The places of u, y and x of a plant in its model.
 
     Attributes:
         actuators: of each input, shape (n_u,).

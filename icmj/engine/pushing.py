@@ -117,7 +117,7 @@ def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Arra
 
 
 def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
-    """What each push of size 1 adds to the rates of (qpos, qvel, act) at ``point``, by differences; shape (n, K)."""
+    """Effects of pushes of size 1 on the rates of (qpos, qvel, act) at ``point``, by differences; shape (n, K)."""
     data, found = data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
     with installed(act_dyn=second_order_lag), solved_to_the_end(model):
         mujoco.mj_forward(model, data)

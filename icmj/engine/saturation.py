@@ -57,7 +57,7 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
 
 
 def clipped(plant: MujocoPlant, rows: Array) -> np.ndarray:
-    """Where each output is at the cutoff of its sensor, shape (N, n_y).
+    """Whether each output is at the cutoff of its sensor, shape (N, n_y).
 
     Args:
         plant: the plant.
@@ -70,7 +70,7 @@ def clipped(plant: MujocoPlant, rows: Array) -> np.ndarray:
 
 
 def shares(inputs: Sequence[str], cut: np.ndarray, fact: str = "saturated") -> dict[str, float | str]:
-    """How much of the rows is cut: as one number, and as text for each input (or output) that is."""
+    """The share of the rows that are limited: as one number, and as text for each limited input (or output)."""
     facts: dict[str, float | str] = {f"{fact}_share": float(cut.any(axis=1).mean())}
     each = [f"{name} {share:.1%}" for name, share in zip(inputs, cut.mean(axis=0), strict=True) if share > 0]
     return facts | ({fact: ", ".join(each)} if each else {})

@@ -64,7 +64,7 @@ class Schedule:
         return float(self.tolerance ** (1 / self.method.order) / self.rate)
 
     def clock_action(self, number: int) -> float:
-        """When the clock's event of this number acts [s]; on a tick where the delay is a multiple of its interval."""
+        """Time of the action of this event of the clock [s]; a tick if the delay is a multiple of its interval."""
         ticks = self.delay / self.clock
         if abs(ticks - round(ticks)) < SAME * ticks:
             return (number + round(ticks)) * self.clock

@@ -103,7 +103,7 @@ def bent(
 
 
 def room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
-    """How far every degree of freedom may go down and up to be ``share`` of its range away from its ends.
+    """The distances that every degree of freedom may go down and up to stay ``share`` of its range from its ends.
 
     Without a share, and where there is no range, it is not bounded; nor are joints in the rule's pose.
     """

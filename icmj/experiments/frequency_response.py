@@ -91,7 +91,7 @@ def frequency_response(
 
 
 def _observed(controller: Controller, f: Array) -> tuple[np.ndarray, np.ndarray]:
-    """From readings and set-point to the command, shapes (F, n_u, n_y) and (F, n_u, R)."""
+    """Response of the command to readings and set-point, shapes (F, n_u, n_y) and (F, n_u, R)."""
     from scipy.linalg import expm
 
     design, delay = controller.model[0], controller.delay

@@ -197,7 +197,7 @@ def _cross_spectrum(values: Array, step: float, length: int) -> tuple[Array, Arr
 
 
 def _told(frequency: Array, S: Array, windows: int, height: float | None) -> IntersectionPoint:
-    """From the real cross-spectrum, shape (F, 2, 2), in rad and m."""
+    """The result from the real cross-spectrum, shape (F, 2, 2), in rad and m."""
     # θ and p are of like size in these units, and so are their errors: the eigenvector is of the units, as published
     values, vectors = np.linalg.eigh(S)
     with np.errstate(divide="ignore", invalid="ignore"):

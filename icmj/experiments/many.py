@@ -57,7 +57,7 @@ class Batch(Shown):
         return len(self.seeds)
 
     def __getitem__(self, name: str) -> Array:
-        """What was kept under this name."""
+        """The quantity that was kept under this name."""
         return self.kept[name]
 
     def case(self, index: int) -> Case:

@@ -195,7 +195,7 @@ def _see_lines(power: Array, excited: np.ndarray, stimulus: str, period: float) 
 
 
 def _radius(g: np.ndarray) -> Array:
-    """Of the 95 % circle about the mean of P independent circular values, by Fisher's F of 2 and 2P − 2 degrees."""
+    """Radius of the 95 % circle about the mean of P independent circular values, by F with 2 and 2P − 2 degrees."""
     from scipy.stats import f
 
     P = len(g)

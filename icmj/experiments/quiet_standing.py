@@ -141,7 +141,7 @@ def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = 
 
 
 def _unit(key: str, unit: str) -> str:
-    """Of a measure of a signal in this unit."""
+    """Unit of a measure of a signal in this unit."""
     if key.startswith("frequency.") or key == "rotation_frequency":
         return "" if key.endswith("slope") else "Hz"
     if key.endswith(".H"):

@@ -106,7 +106,7 @@ def rounds_of(run: Simulation) -> Rounds:
 
 
 def _left(x: Array, factor: float) -> float:
-    """What is left after a round of a departure from x ↦ factor · x, of which there are the ends of rounds."""
+    """The factor per round of a deviation from x ↦ factor · x, estimated from the ends of rounds."""
     departure = np.linalg.norm(x[1:] - factor * x[:-1], axis=1) / np.linalg.norm(x[1:], axis=1)
     told = np.flatnonzero((departure > _TOLD[0]) & (departure < _TOLD[1]))
     return float(np.exp(np.polyfit(told, np.log(departure[told]), 1)[0])) if len(told) >= _FEWEST else float("nan")

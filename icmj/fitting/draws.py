@@ -20,7 +20,7 @@ from icmj.fitting.summaries import SUMMARIES, summarise
 
 @dataclass(frozen=True)
 class BankPlan:
-    """What a bank is of; a worker is given it.
+    """The definition of a bank, which workers receive.
 
     Attributes:
         path: of the family file, or its name.

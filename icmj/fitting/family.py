@@ -163,7 +163,7 @@ class Family:
         return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def _changes(self, theta: ArrayLike, pressure: bool) -> dict[str, Any]:
-        """What the numbers set, of the run file or of the centre of pressure."""
+        """The values that the parameters set, in the run file or in the centre of pressure."""
         given = np.asarray(theta, dtype=float)
         if given.shape != (len(self.prior),) or not np.isfinite(given).all():
             raise FitError(f"{self.name} has {len(self.prior)} numbers ({', '.join(self.prior.names)}), got {given}")

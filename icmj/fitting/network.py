@@ -77,7 +77,7 @@ class Network:
         return np.asarray(found, dtype=float)
 
     def logits(self, conditions: Array) -> Array:
-        """What a classifier makes of conditions (n, c), shape (n, p)."""
+        """The logits of a classifier for conditions (n, c), shape (n, p)."""
         found = self._net(xz=None, conditions=np.float32(conditions))
         return np.asarray(found["cross_entropy"]["logits"], dtype=float)
 

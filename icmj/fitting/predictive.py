@@ -16,7 +16,7 @@ MASS = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Predictive:
-    """What single trials would measure, if the posterior were true, beside what was recorded.
+    """Measures of single trials that the posterior predicts, with those of the recorded trials.
 
     Attributes:
         simulated: measures of one trial of each draw that stood, shape (n, m).

@@ -199,7 +199,7 @@ def _see_it_stands(name: str, unit: str, t: Array, x: Array) -> None:
 
 
 def _resampled(t: Array, x: Array, own: float) -> Array:
-    """At 100 Hz; of faster rates without what is beyond 40 Hz, which would come back as slower."""
+    """Resample to 100 Hz; for faster rates, after a low-pass filter at 40 Hz, which prevents aliasing."""
     from scipy.interpolate import CubicSpline
     from scipy.signal import butter, sosfiltfilt
 

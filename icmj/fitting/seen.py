@@ -21,7 +21,7 @@ _RARE = 0.01  # share of simulations that lie as far out
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """How far a person's summaries lie from all that was simulated.
+    """The distance of a person's summary statistics from those of all simulations.
 
     Attributes:
         outside: names of the summaries beyond every simulation.
@@ -68,7 +68,7 @@ class Seen:
 
     @classmethod
     def of(cls, S: ArrayLike, names: Sequence[str]) -> Seen:
-        """What simulations' summaries (n, K, s) say.
+        """The range and moments of the summary statistics of simulations (n, K, s).
 
         Raises:
             FitError: if they are not finite, or not of this shape.

@@ -121,7 +121,7 @@ def _rate(case: Case) -> float:
 
 
 def _timestep(case: Case) -> float:
-    """What the engine steps by at most [s]; where steps are adapted, about."""
+    """The largest time step in MuJoCo [s]; if steps are adapted, approximately."""
     step = stepping_of(close_loop(case.model, case.controller, case.settings), case.settings).timestep
     # no step goes across a bend of noise
     return min([step, *(noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))])
@@ -158,7 +158,7 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
 
 
 def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
-    """How long the beginning of a run takes [s]; where it is ended for that, its pace at the end [s/s]."""
+    """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
     controller = replace(case.controller, setpoint=case.setpoint)
     if controller.delay.t_d >= settings.duration:  # no such run could start

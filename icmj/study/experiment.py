@@ -231,7 +231,7 @@ class _Kept:
         self._case: Case | Trial | None = None
 
     def get(self, run: RunFile) -> Case | Trial:
-        """The case of a run file but for its simulation and set-point."""
+        """The case of a run file without its simulation and set-point."""
         key = (run.path, run.assumed, run.actual, run.design, run.controller, run.analysis)
         if self._case is None or self._key != key:
             self._case = prepare_trial(run) if run.tries else prepare(run)
@@ -243,7 +243,7 @@ _KEPT = _Kept()
 
 
 def _told(kind: Kind, one: Condition, case: Case | Trial, trials: Sequence[Recording]) -> Told:
-    """What the analysis finds; where it cannot tell, why."""
+    """The result of the analysis or, if there is none, the reason."""
     try:
         if isinstance(case, Case) and (trigger := one.trigger(case)) is not None:
             case = replace(case, controller=case.controller.triggered_by(trigger))

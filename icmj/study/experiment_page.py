@@ -35,7 +35,7 @@ def table(experiment: Experiment) -> pa.Table:
 
 
 def summary(experiment: Experiment) -> dict[str, object]:
-    """The numbers of all cases and plants, for programs; ``null`` where there is none."""
+    """The numbers of all cases and plants, for programs; ``null`` if there is no number."""
     found = [
         {
             "case": told.case,

@@ -149,7 +149,7 @@ class IntersectionPointKind(Kind):
         return intersection_figure(found)
 
     def _theory(self, case: Case | Trial, like: IntersectionPoint) -> IntersectionPoint | None:
-        """Of the continuous loop under the same noise; ``None`` where control is intermittent, or has no such curve."""
+        """Curve of the continuous loop under the same noise; ``None`` if control is intermittent or has no curve."""
         law = case.law if isinstance(case, Trial) else case.controller
         if isinstance(case, Case) and case.controller.trigger.kind == "event":
             return None
@@ -175,7 +175,7 @@ def _model(case: Case | Trial) -> MujocoPlant:
 
 
 def _signal(source: Source, signals: Sequence[str]) -> int | None:
-    """Which signal of the loop a noise is; ``None`` where it is none of them."""
+    """The index of the loop's signal that is a noise; ``None`` if there is no such signal."""
     if not isinstance(source, Noise | Gaussian) or source.push is not None:
         return None
     name = f"d.{source.input}" if source.input is not None else f"n.{source.output}"
@@ -183,7 +183,7 @@ def _signal(source: Source, signals: Sequence[str]) -> int | None:
 
 
 def _density(source: Source, frequency: Array) -> Array:
-    """Root of the density of its spectrum, but for a factor that is the same for all noises."""
+    """Root of the density of its spectrum, up to a factor that is the same for all noises."""
     assert isinstance(source, Noise | Gaussian)
     if source.corner is not None:
         # a sum of sinusoids ends somewhere

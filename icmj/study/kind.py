@@ -63,7 +63,7 @@ class Experiment:
     found: tuple[Told, ...]
 
     def __getitem__(self, name: str) -> Told:
-        """What was found of a case, or of ``case.plant``."""
+        """The result for a case, or for ``case.plant``."""
         for told in self.found:
             if name in (told.case, f"{told.case}.{told.plant}"):
                 return told

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Page:
-    """What stands on a page.
+    """The contents of a page.
 
     Attributes:
         comparisons: of runs beside their prediction.

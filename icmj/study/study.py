@@ -142,7 +142,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
 
 
 def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
-    """How long the continuous controller runs beside a simulation [s]; ``None`` for as long as the run file says."""
+    """The duration of the run under continuous control [s]; ``None`` for that of the run file."""
     if simulation.outcome.kind == "interrupted":
         return min(max(simulation.outcome.t, 1e-3 * case.settings.duration), AFTER_INTERRUPT)
     return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
@@ -171,7 +171,7 @@ def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attracto
 
 
 def made(run: RunFile) -> Case | Trial:
-    """A run file made real, whatever its controller.
+    """The case or trial that is prepared from a run file, for any controller.
 
     Raises:
         IcmjError: if the run file, its models, the design or the controller fail.
@@ -204,7 +204,7 @@ def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> flo
 
 
 def carried_out(case: Case | Trial, plant: PlantKind, progress: Tell | None = None) -> Result | Tried:
-    """One run on one plant, complete, whatever its controller: :func:`run_case` or :func:`icmj.study.trial.try_law`.
+    """One complete run on one plant, for any controller: :func:`run_case` or :func:`icmj.study.trial.try_law`.
 
     Raises:
         IcmjError: if it fails.

@@ -25,7 +25,7 @@ FACTS, TRIALS = "experiment.json", "trials"
 
 
 class Folder:
-    """Where trials are kept; without a path nowhere."""
+    """The folder in which trials are stored; without a path, none is stored."""
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
@@ -53,7 +53,7 @@ class Folder:
             raise StudyError(str(error)) from error
 
     def read(self, name: str, index: int) -> Recording | None:
-        """A trial that was kept; ``None`` where there is none that can be read."""
+        """A stored trial; ``None`` if there is none that can be read."""
         if self._path is None:
             return None
         signals, events = self._files(name, index)

@@ -51,7 +51,7 @@ class Points:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What varies, by the names of its columns."""
+        """Names of the columns that vary."""
         return tuple(vary.column for vary in self.vary)
 
     def __len__(self) -> int:

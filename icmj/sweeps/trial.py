@@ -55,7 +55,7 @@ def _measures(case: Case | Trial, plants: Sequence[PlantKind]) -> tuple[str, ...
 
 
 def estimate(plan: Plan) -> Estimate:
-    """What the sweep will cost: a few points computed, the first one twice, for it loads what is loaded once."""
+    """Estimate the cost of the sweep from a few points; the first is computed twice, because it loads libraries."""
     compute(plan, range(1))
     done = [compute(plan, range(index, index + 1)) for index in plan.tried()]
     few = compute(plan, range(min(plan.chunk, len(plan), 25)))

@@ -21,10 +21,10 @@ _ROUNDS, _SHORTER, _STILL = 30, (1.0, 0.5, 0.1, 0.02), 1e-11  # of the way downh
 
 
 class Windows:
-    """What rows are compared for each pair, and where its steps are looked for; times are in rows."""
+    """The rows that are compared for each pair, and the range in which its steps are sought; times are in rows."""
 
     def __init__(self, start: float, step: float, N: int, pairs: StepPairs, earliest: float, latest: float) -> None:
-        """Of N rows from ``start`` on."""
+        """Windows for N rows from ``start`` on."""
         self.at = at = (pairs.t - start) / step
         self.soonest = round(earliest / step)
         self.first = np.floor(at + earliest / step).astype(int)  # where the search begins
@@ -109,7 +109,7 @@ class _Pair:
         return float(left @ left)
 
     def refined(self, s: Array) -> Array:
-        """From there downhill, within rows and across them."""
+        """Refine the steps from there by descent, within rows and across them."""
         least = self.missed(s)
         for _ in range(_ROUNDS):
             value, slopes = self._placed(s)
@@ -127,7 +127,7 @@ class _Pair:
         return s
 
     def _candidates(self, s: Array, by: Array) -> Iterator[Array]:
-        """Where that leads, and where it leads without leaving the row, beyond which a response may jump."""
+        """The result of a step, with and without leaving the row, beyond which a response may jump."""
         whole = np.clip(s + by, self.first, self.last)
         inside = np.clip(whole, np.floor(s), np.nextafter(np.floor(s) + 1, 0))
         out = whole != inside
