@@ -109,9 +109,12 @@ def condition(case: Drawn) -> float:
     return abs(other - one) / one * 1e6
 
 
-def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("least", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Path, least: int) -> None:
     compared = 0
     for seed in range(CHAINS):
+        if compared == least:
+            break
         case = drawn(tmp_path, seed)
         if case.control.delay.in_flight(case.control.trigger.clock) > 1 or (touch := condition(case)) > 30:
             continue
@@ -126,7 +129,7 @@ def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Pat
         assert departures[1e-2] < 0.2, seed
         assert departures[1e-3] < departures[1e-2] / 30 + 1e-6, seed
         compared += 1
-    assert compared >= 200
+    assert compared == least
 
 
 @pytest.mark.parametrize("seed", [6, 13, 20, 27])
