@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.errors import FitError
 from icmj.fitting.network import Network, Tell, train
-from icmj.fitting.posterior import read_network, write_network
+from icmj.fitting.posterior import read_networks, write_networks
 from icmj.fitting.seen import Seen
 
 EPOCHS = 60
 TOLD_APART = 0.75
 """Share of the synthetic people of two families that must be given to the right one of the two."""
-_HELD_OUT, _VERSION = 0.2, 1
+_HELD_OUT, _VERSION = 0.2, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Choice:
             "summaries": self.seen.names,
             "temperature": self.temperature,
         }
-        write_network(Path(path), head, self.seen, self.network)
+        write_networks(Path(path), head, self.seen, [self.network])
 
     @classmethod
     def load(cls, path: Path | str) -> Choice:
@@ -73,7 +73,7 @@ class Choice:
         Raises:
             FitError: if it cannot be read as one.
         """
-        head, seen, network = read_network(Path(path), "classifier")
+        head, seen, (network,) = read_networks(Path(path), "classifier")
         return cls(tuple(head["families"]), seen, network, float(head["temperature"]))
 
 

@@ -1,8 +1,10 @@
-"""The posterior: what a person's trials say of a family's numbers, by one network for all people.
+"""The posterior: what a person's trials say of a family's parameters, by networks that serve for all people.
 
 A coupling flow is trained on simulated people (bayesflow). It is shown the mean of their trials' summaries, and how
 many there are, from one to all that were simulated; so it is ready for whoever stood one trial or three. Of numbers it
-knows the standard normal variables z that the family's prior makes of them, one each.
+knows the standard normal variables z that the family's prior makes of them, one each. A single flow is too certain
+where few simulated people resemble the person; the posterior is therefore a mixture of several flows with equal
+weights, each trained from another start and with other people held out.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ from icmj.fitting.network import Network, Tell, train
 from icmj.fitting.seen import Misfit, Seen
 
 EPOCHS = 80
+MEMBERS = 4
+"""Flows of a posterior."""
 _HELD_OUT = 0.15
 _LEAST = 100  # simulated people
 _MOST_BYTES = 2e8
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +41,13 @@ class Posterior:
     Attributes:
         names: of the p numbers.
         seen: the simulations' summaries.
-        network: the flow.
+        networks: the flows, of which the posterior is the mixture with equal weights.
         draws: simulated people it was trained on.
     """
 
     names: tuple[str, ...]
     seen: Seen
-    network: Network
+    networks: tuple[Network, ...]
     draws: int
 
     def sample(self, S: ArrayLike, draws: int = 2000, seed: int = 0) -> Array:
@@ -66,14 +70,22 @@ class Posterior:
         """Draws of several people with equally many trials (n, k, s), shape (n, draws, p)."""
         conditions = self.seen.pooled(S)
         p, n = len(self.names), len(conditions)
-        normal = np.random.default_rng((seed, 3)).standard_normal((n * draws, p))
-        return self.network.inverted(normal, np.repeat(conditions, draws, axis=0)).reshape(n, draws, p)
+        found = np.random.default_rng((seed, 3)).standard_normal((n, draws, p))
+        for i, network in enumerate(self.networks):  # by turns, so that the first draws are of all
+            normal = found[:, i :: len(self.networks)]
+            given = np.repeat(conditions, normal.shape[1], axis=0)
+            if len(given):
+                normal[:] = network.inverted(normal.reshape(-1, p), given).reshape(normal.shape)
+        return found
 
     def log_density(self, z: ArrayLike, S: ArrayLike) -> Array:
         """Logarithm of the posterior's density at z (n, p) for one person's trials (k, s), shape (n,)."""
         given = np.asarray(z, dtype=float)
         conditions = self.seen.pooled(np.asarray(S, dtype=float)[None])
-        return self.network.log_density(given, np.repeat(conditions, len(given), axis=0))
+        repeated = np.repeat(conditions, len(given), axis=0)
+        every = np.array([network.log_density(given, repeated) for network in self.networks])
+        most = every.max(axis=0)
+        return np.asarray(most + np.log(np.exp(every - most).mean(axis=0)))
 
     def misfit(self, S: ArrayLike) -> Misfit:
         """Whether a person's trials (k, s) lie where something was simulated."""
@@ -95,7 +107,13 @@ class Posterior:
             FitError: if it cannot be written.
         """
         head = {"version": _VERSION, "names": self.names, "summaries": self.seen.names, "draws": self.draws}
-        write_network(Path(path), head, self.seen, self.network)
+        write_networks(Path(path), head, self.seen, self.networks)
+
+    @classmethod
+    def mixture(cls, members: Sequence[Posterior]) -> Posterior:
+        """The mixture of posteriors that were trained on the same people."""
+        first = members[0]
+        return cls(first.names, first.seen, tuple(net for one in members for net in one.networks), first.draws)
 
     @classmethod
     def load(cls, path: Path | str) -> Posterior:
@@ -104,8 +122,8 @@ class Posterior:
         Raises:
             FitError: if it cannot be read as one.
         """
-        head, seen, network = read_network(Path(path), "flow")
-        return cls(tuple(head["names"]), seen, network, int(head["draws"]))
+        head, seen, networks = read_networks(Path(path), "flow")
+        return cls(tuple(head["names"]), seen, networks, int(head["draws"]))
 
 
 def effective(log_weights: ArrayLike) -> float:
@@ -122,17 +140,19 @@ def train_posterior(
     summary_names: Sequence[str],
     *,
     seed: int = 0,
+    member: int = 0,
     epochs: int = EPOCHS,
     depth: int = 3,
     progress: Tell | None = None,
 ) -> Posterior:
-    """Train the posterior of a family on simulated people.
+    """Train one flow of the posterior of a family on simulated people; :meth:`Posterior.mixture` joins several.
 
     Args:
         z: their numbers as standard normal variables, shape (n, p).
         S: summaries of K trials of each, shape (n, K, s).
         names, summary_names: of the numbers and the summaries.
         seed: of everything random.
+        member: which flow; each starts elsewhere and has other people held out.
         epochs: at most; it ends when a seventh of the people, held out, says that it learns no more.
         depth: layers of the flow.
         progress: called with what is under way and the fraction done.
@@ -146,26 +166,30 @@ def train_posterior(
     if len(numbers) != len(given) or len(numbers) < _LEAST:
         raise FitError(f"{len(numbers)} people, {len(given)} of them with summaries; expected at least {_LEAST}")
     seen = Seen.of(given, summary_names)
-    kept = len(numbers) - max(int(_HELD_OUT * len(numbers)), 1)
+    out = max(int(_HELD_OUT * len(numbers)), 1)
+    kept = len(numbers) - out
+    numbers, given = (np.roll(each, member * out, axis=0) for each in (numbers, given))
     apart = np.random.default_rng((seed, 4))
     held = np.concatenate([numbers[kept:]] * 2), np.concatenate([seen.drawn(given[kept:], apart) for _ in range(2)])
 
     def rows(generator: np.random.Generator) -> tuple[Array, Array]:
         return numbers[:kept], seen.drawn(given[:kept], generator)
 
-    network = train("flow", rows, held, seed, epochs=epochs, depth=depth, progress=progress)
-    return Posterior(tuple(names), seen, network, len(numbers))
+    started = seed + 1_000_003 * member
+    network = train("flow", rows, held, started, epochs=epochs, depth=depth, progress=progress)
+    return Posterior(tuple(names), seen, (network,), len(numbers))
 
 
-def write_network(path: Path, head: dict[str, Any], seen: Seen, network: Network) -> None:
-    """Write a network, and what it has seen, as npz.
+def write_networks(path: Path, head: dict[str, Any], seen: Seen, networks: Sequence[Network]) -> None:
+    """Write networks, and what they have seen, as npz.
 
     Raises:
         FitError: if it cannot be written.
     """
-    text = json.dumps({**head, "network": network.head()})
+    text = json.dumps({**head, "networks": [network.head() for network in networks]})
     arrays = {f"seen.{name}": value for name, value in asdict(seen).items() if name != "names"}
-    arrays |= {f"network.{name}": value for name, value in network.arrays().items()}
+    for i, network in enumerate(networks):
+        arrays |= {f"network{i}.{name}": value for name, value in network.arrays().items()}
     try:
         with whole(path) as part, part.open("wb") as stream:
             np.savez(stream, head=np.array(text), **arrays)
@@ -173,20 +197,24 @@ def write_network(path: Path, head: dict[str, Any], seen: Seen, network: Network
         raise FitError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def read_network(path: Path, kind: str) -> tuple[dict[str, Any], Seen, Network]:
-    """Head, seen summaries and network of such a file.
+def read_networks(path: Path, kind: str) -> tuple[dict[str, Any], Seen, tuple[Network, ...]]:
+    """Head, seen summaries and networks of such a file.
 
     Raises:
-        FitError: if it cannot be read, or holds another kind of network.
+        FitError: if it cannot be read, or holds another kind of networks.
     """
     try:
         arrays = read_npz(path, _MOST_BYTES)
         head = json.loads(str(arrays.pop("head")))
-        if head["version"] != _VERSION or head["network"]["kind"] != kind:
+        if head["version"] != _VERSION or any(each["kind"] != kind for each in head["networks"]):
             raise ValueError(f"no {kind} of this version")
         parts = {f.name: arrays[f"seen.{f.name}"] for f in fields(Seen) if f.name != "names"}
-        inner = {name.removeprefix("network."): each for name, each in arrays.items() if name.startswith("network.")}
-        return head, Seen(tuple(head["summaries"]), **parts), Network.of(head["network"], inner)
+        networks = []
+        for i, each in enumerate(head["networks"]):
+            start = f"network{i}."
+            inner = {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}
+            networks.append(Network.of(each, inner))
+        return head, Seen(tuple(head["summaries"]), **parts), tuple(networks)
     except OSError as error:
         raise FitError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:

@@ -1,7 +1,7 @@
 """Families that were simulated and trained, once for all people; what is finished is found again.
 
 FOLDER/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on, and others to calibrate with
-FOLDER/NAME-FINGERPRINT/posterior-*.npz, FOLDER/choice-*.npz   networks
+FOLDER/NAME-FINGERPRINT/flow-*.npz, FOLDER/choice-*.npz   networks
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from icmj.fitting.bank import Bank, simulate_bank
 from icmj.fitting.calibration import Calibration, calibrate
 from icmj.fitting.choice import Choice, train_choice
 from icmj.fitting.family import Family
-from icmj.fitting.posterior import Posterior, train_posterior
+from icmj.fitting.posterior import MEMBERS, Posterior, train_posterior
 from icmj.fitting.summaries import SUMMARIES
 
 Tell = Callable[[str, float], None]
@@ -80,22 +80,25 @@ def train_family(
 
         return simulate_bank(family, n, seed, folder=home / f"{name}-{seed}", jobs=jobs, dask=dask, progress=told)
 
-    def training(_: str, done: float) -> None:
-        tell(f"{family.name}, training", 0.7 + 0.3 * done)
-
     bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
     stood = bank.stood
     share = max(len(stood) / len(bank), 0.1)
     apart = simulated("check", math.ceil(1.1 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
     truth, shown = apart.z[:check], apart.summaries[:check]  # as many stood, but for bad luck
-    path = home / f"posterior-{simulations}-{seed}.npz"
-    if path.exists():
-        posterior = Posterior.load(path)
-    else:
-        posterior = train_posterior(
-            stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, progress=training
-        )
-        posterior.save(path)
+    members = []
+    for member in range(MEMBERS):
+        path = home / f"flow-{simulations}-{seed}-{member}.npz"
+        if not path.exists():
+
+            def training(_: str, done: float, member: int = member) -> None:
+                tell(f"{family.name}, training", 0.7 + 0.3 * (member + done) / MEMBERS)
+
+            made = train_posterior(
+                stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, member=member, progress=training
+            )
+            made.save(path)
+        members.append(Posterior.load(path))
+    posterior = Posterior.mixture(members)
     if not 1 <= trials <= posterior.seen.trials:
         raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
     drawn = posterior.sample_all(shown[:, :trials], 499, seed)

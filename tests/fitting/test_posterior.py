@@ -5,10 +5,12 @@ The third number does not enter the summaries.
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from icmj.errors import FitError
 from icmj.fitting.calibration import calibrate
 from icmj.fitting.posterior import Posterior, effective, train_posterior
+from icmj.fitting.seen import Seen
 
 NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")
 G = np.array([[1.2, 0.3, 0], [-0.4, 0.9, 0], [0.5, 0.5, 0], [0.1, -0.8, 0], [0.0, 0.2, 0]])
@@ -92,8 +94,33 @@ def test_same_seed_same_network_and_the_callers_random_numbers_stay() -> None:
     z, S = people(200, 1)
     here = np.random.get_state()[1].copy()  # noqa: NPY002
     one, other = (train_posterior(z, S, NAMES, SUMMARIES, seed=7, epochs=2, depth=1) for _ in range(2))
-    assert all(np.array_equal(a, b) for a, b in zip(one.network.weights, other.network.weights, strict=True))
+    (first,), (second,) = one.networks, other.networks
+    assert all(np.array_equal(a, b) for a, b in zip(first.weights, second.weights, strict=True))
     assert np.array_equal(np.random.get_state()[1], here)  # noqa: NPY002
+
+
+class Normal:
+    """Stands for a flow: a normal distribution about a mean, whatever is seen."""
+
+    def __init__(self, mean: float) -> None:
+        self.mean = mean
+
+    def inverted(self, normal, _):
+        return self.mean + normal
+
+    def log_density(self, z, _):
+        return norm.logpdf(z - self.mean).sum(axis=1)
+
+
+def test_the_posterior_is_the_mixture_of_its_flows() -> None:
+    _, S = people(40, 1)
+    seen = Seen.of(S, SUMMARIES)
+    mixture = Posterior.mixture([Posterior(NAMES, seen, (Normal(mean),), 40) for mean in (-3.0, 3.0)])
+    z = mixture.sample(S[0], 1001, 0)
+    assert (z[:, 0] > 0).sum() == pytest.approx(500, abs=5)
+    assert (z[:10, 0] > 0).sum() == 5  # the first draws are of both
+    both = 0.5 * (np.exp(Normal(-3.0).log_density(z, None)) + np.exp(Normal(3.0).log_density(z, None)))
+    np.testing.assert_allclose(mixture.log_density(z, S[0]), np.log(both), rtol=1e-9)
 
 
 def test_what_is_no_network_is_told(tmp_path) -> None:
@@ -103,7 +130,7 @@ def test_what_is_no_network_is_told(tmp_path) -> None:
         Posterior.load(path)
     with pytest.raises(FitError, match="cannot be read"):
         Posterior.load(tmp_path / "none.npz")
-    np.savez(path, head=np.array('{"version": 1, "network": {"kind": "classifier"}}'))
+    np.savez(path, head=np.array('{"version": 2, "networks": [{"kind": "classifier"}]}'))
     with pytest.raises(FitError, match="no flow of this version"):
         Posterior.load(path)
 
