@@ -10,7 +10,7 @@ import os
 import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -57,6 +57,7 @@ class Network:
         depth: layers of a flow, each a pair of affine couplings.
         weights: in the order in which bayesflow makes them.
         losses: mean loss on held-out rows after each epoch; that of the weights is the least.
+        temperature: standard deviation of a flow's normal variables, one as it was trained.
     """
 
     kind: Literal["flow", "classifier"]
@@ -65,16 +66,27 @@ class Network:
     depth: int
     weights: tuple[Array, ...]
     losses: Array
+    temperature: float = 1.0
 
     def inverted(self, normal: Array, conditions: Array) -> Array:
         """Targets (n, p) that a flow makes of standard normal variables (n, p) under conditions (n, c)."""
-        found = self._net(np.float32(normal), conditions=np.float32(conditions), inverse=True)
+        found = self._net(np.float32(self.temperature * normal), conditions=np.float32(conditions), inverse=True)
         return np.asarray(found, dtype=float)
 
     def log_density(self, targets: Array, conditions: Array) -> Array:
         """Logarithm of a flow's density at targets (n, p) under conditions (n, c), shape (n,)."""
-        _, found = self._net(np.float32(targets), conditions=np.float32(conditions), density=True)
-        return np.asarray(found, dtype=float)
+        latent, found = self._net(np.float32(targets), conditions=np.float32(conditions), density=True)
+        u, T = np.asarray(latent, dtype=float), self.temperature
+        change = 0.5 * (1 - 1 / T**2) * np.sum(u**2, axis=1) - self.targets * np.log(T)
+        return np.asarray(np.asarray(found, dtype=float) + change)
+
+    def tempered(self, targets: Array, conditions: Array) -> Network:
+        """A flow with the temperature under which targets that it was not trained on are most probable.
+
+        Of such targets a flow that is too certain makes normal variables of a variance above one.
+        """
+        latent, _ = self._net(np.float32(targets), conditions=np.float32(conditions), density=True)
+        return replace(self, temperature=float(np.sqrt(np.mean(np.asarray(latent, dtype=float) ** 2))))
 
     def logits(self, conditions: Array) -> Array:
         """The logits of a classifier for conditions (n, c), shape (n, p)."""
@@ -93,7 +105,13 @@ class Network:
 
     def head(self) -> dict[str, Any]:
         """Its kind and sizes."""
-        return {"kind": self.kind, "targets": self.targets, "conditions": self.conditions, "depth": self.depth}
+        return {
+            "kind": self.kind,
+            "targets": self.targets,
+            "conditions": self.conditions,
+            "depth": self.depth,
+            "temperature": self.temperature,
+        }
 
     @classmethod
     def of(cls, head: Mapping[str, Any], arrays: Mapping[str, Array]) -> Network:

@@ -177,7 +177,7 @@ def train_posterior(
 
     started = seed + 1_000_003 * member
     network = train("flow", rows, held, started, epochs=epochs, depth=depth, progress=progress)
-    return Posterior(tuple(names), seen, (network,), len(numbers))
+    return Posterior(tuple(names), seen, (network.tempered(*held),), len(numbers))
 
 
 def write_networks(path: Path, head: dict[str, Any], seen: Seen, networks: Sequence[Network]) -> None:

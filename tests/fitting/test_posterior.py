@@ -78,6 +78,21 @@ def test_density_and_support(posterior: Posterior) -> None:
 
 
 @pytest.mark.slow
+def test_a_temperature_widens_a_flow_that_is_too_certain(posterior: Posterior) -> None:
+    network = posterior.networks[0]
+    assert network.temperature == pytest.approx(1, abs=0.05)
+    z, S = people(400, 11)
+    conditions = posterior.seen.pooled(S)
+    means = np.array([exact(given)[0] for given in S])
+    assert network.tempered(z, conditions).temperature == pytest.approx(1, abs=0.1)
+    wider = network.tempered(means + 1.5 * (z - means), conditions)
+    assert wider.temperature == pytest.approx(1.5, abs=0.15)
+    drawn = wider.inverted(np.random.default_rng(3).normal(size=(400, 3)), conditions)
+    ratio = np.exp(network.log_density(drawn, conditions) - wider.log_density(drawn, conditions))
+    assert ratio.mean() == pytest.approx(1, abs=0.15)  # both are densities
+
+
+@pytest.mark.slow
 def test_kept_and_read_again(posterior: Posterior, tmp_path) -> None:
     _, S = people(1, 9)
     posterior.save(tmp_path / "posterior.npz")
