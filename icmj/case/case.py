@@ -10,9 +10,10 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, count
+from icmj.base.card import Card, Shown
 from icmj.base.environment import single_threaded
 from icmj.base.nearness import did_you_mean
+from icmj.base.numbers import count
 from icmj.case.designs import controlled
 from icmj.case.doubts import doubts, followed, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant

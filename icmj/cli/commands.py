@@ -6,10 +6,9 @@ import os
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
+from icmj.base.numbers import amount, number, root
 from icmj.base.plain import plain
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
@@ -31,7 +30,6 @@ CROSSINGS = (
     Column("Δ (s)"), Column("eigenvalue"), Column("kind", rank=2), Column("direction", rank=1),
     Column("largest other |λ|"),
 )  # fmt: skip
-STABLE = {True: "stable", False: "unstable"}
 TOLD = 10.0  # s of estimated work that is announced
 
 
@@ -83,6 +81,7 @@ def analyse(command: arguments.Analyse) -> None:
     from icmj.cli.switched import analyse_trial
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.theory.facts import PREDICTION
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     if run.tries:
@@ -94,28 +93,17 @@ def analyse(command: arguments.Analyse) -> None:
     if command.json:
         OUT.show(plain_prediction(prediction, outputs, case.notices))
         return
-    rows: list[tuple[str, str]] = [
-        ("critical interval Δ_crit", _number(prediction.delta_crit, "s")),
-        ("eigenvalue there", "–" if prediction.eigenvalue is None else _complex(prediction.eigenvalue)),
-        ("cycle predicted", "yes" if prediction.cycle else "no"),
-        ("period", _number(prediction.period, "s")),
-        ("γ", "–" if prediction.gamma is None else _amount(prediction.gamma, "")),
-    ]
-    if prediction.amplitude is not None:
-        rows += [
-            (f"peak of {name}", _amount(peak, unit))
-            for name, peak, unit in zip(outputs, prediction.amplitude, units, strict=True)
-        ]
-    if prediction.multipliers is not None:
-        rows.append(("largest multiplier of the event-driven orbit", f"{abs(prediction.multipliers[0]):.4g}"))
-    rows += [
-        ("verdict on the orbit", prediction.verdict),
-        ("continuous state feedback on the actual plant", STABLE[prediction.state_feedback_stable]),
-        ("continuous observer feedback on the actual plant", STABLE[prediction.observer_feedback_stable]),
-    ]
+    rows = []
+    for fact in PREDICTION:
+        value = fact.value(prediction)
+        if fact.kind != "outputs":
+            rows.append((fact.label, fact.shown(value)))
+        elif value is not None:
+            each = zip(outputs, value, units, strict=True)
+            rows += [(fact.label_of(name), amount(float(peak), unit)) for name, peak, unit in each]
     show_table((Column(""), Column("")), rows, OUT, title=run.case.title)
     found = [
-        (f"{c.delta:.6f}", _complex(c.eigenvalue), c.kind, c.direction, f"{c.largest_other:.4g}")
+        (number(c.delta, 6), root(c.eigenvalue), c.kind, c.direction, amount(c.largest_other, figures=4))
         for c in prediction.crossings
     ]
     if found:
@@ -188,7 +176,7 @@ def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
             OUT.note(notice)
         OUT.say(result.words)
     for name, value in result.measures.items():
-        OUT.say(f"{name}: {value:.6g}")
+        OUT.say(f"{name}: {amount(value)}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         OUT.say(f"{words[0].upper()}{words[1:]}.")
     if (error := relative_error(result.simulation)) > 0:
@@ -284,18 +272,3 @@ def identify(command: arguments.Identify) -> None:
     from icmj.cli.identifying import carry_out
 
     carry_out(command, OUT, ERR)
-
-
-def _number(value: float | None, unit: str = "") -> str:
-    return "–" if value is None else f"{value:.6f} {unit}".rstrip()
-
-
-def _amount(value: float, unit: str) -> str:
-    value += 0.0  # not −0
-    shown = f"{value:.6g} {unit}".rstrip() + (f" ({np.degrees(value):.4g}°)" if unit == "rad" else "")
-    return shown if np.isfinite(value) else "–"
-
-
-def _complex(value: complex) -> str:
-    real = abs(value.imag) < 1e-12 * max(1.0, abs(value))
-    return f"{value.real:.4g}" + ("" if real else f" {'+' if value.imag > 0 else '-'} {abs(value.imag):.4g}j")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from icmj.base.numbers import number, relative
 from icmj.cli.tables import Column, show_table
 
 if TYPE_CHECKING:
@@ -34,10 +35,10 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
         (
             c.case,
             c.plant,
-            _number(c.predicted.delta_crit),
-            _number(c.measured.interval) if c.measured.kind == "cycle" else c.measured.kind,
-            _error(c.relative_error.interval if c.measured.converged else None),
-            _error(c.relative_error.largest_amplitude if c.measured.converged else None),
+            number(c.predicted.delta_crit, 6),
+            number(c.measured.interval, 6) if c.measured.kind == "cycle" else c.measured.kind,
+            relative(c.relative_error.interval if c.measured.converged else None),
+            relative(c.relative_error.largest_amplitude if c.measured.converged else None),
             "yes" if c.measured.converged else "no",
         )
         for c in comparisons
@@ -58,11 +59,3 @@ def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:
         for notice in dict.fromkeys(notice for c in same for notice in c.notices):
             having = [c.plant for c in same if notice in c.notices]
             yield f"{case}: {notice}" if len(having) == len(same) > 1 else f"{case} ({having[0]}): {notice}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.6f}"
-
-
-def _error(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.1e}"

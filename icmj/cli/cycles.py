@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.numbers import amount, root
 from icmj.base.plain import plain
 from icmj.cli import arguments
 from icmj.cli.commands import execute
@@ -183,9 +184,9 @@ def _show_branch(branch: Branch) -> None:
     rows = []
     for i in shown:
         intervals = ", ".join(f"{interval:.6g}" for interval in branch.intervals[i])
-        peaks = (_amount(peak, unit, 4) for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
+        peaks = (amount(peak, unit, 4) for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
         rows.append((
-            f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, _amount(branch.largest[i], "", 4),
+            f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, amount(branch.largest[i], "", 4),
             "attracting" if branch.attracting[i] else "repelling",
         ))  # fmt: skip
     title = f"{branch.run.case.title}: {branch.name} ({branch.plant})"
@@ -240,13 +241,13 @@ def _show(found: Cycle, case: Case) -> None:
     rows.append(("period", f"{found.period:.9f} s", "–" if orbit is None else f"{orbit.period:.9f} s"))
     units = plant.output_units or ("",) * plant.n_y
     for i, (name, unit) in enumerate(zip(plant.outputs, units, strict=True)):
-        expected = _amount(None if orbit is None else orbit.y_peak[i], unit)
-        rows.append((f"peak of {name}", _amount(found.y_peak[i], unit), expected))
+        expected = amount(None if orbit is None else orbit.y_peak[i], unit)
+        rows.append((f"peak of {name}", amount(found.y_peak[i], unit), expected))
     theirs = () if prediction.multipliers is None else prediction.multipliers
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
-        expected = _complex(theirs[i]) if i < len(theirs) else "–"
-        rows.append((f"multiplier {i + 1}", f"{_complex(value)} ± {error:.0e}", expected))
+        expected = _multiplier(theirs[i]) if i < len(theirs) else "–"
+        rows.append((f"multiplier {i + 1}", f"{_multiplier(value)} ± {error:.0e}", expected))
     columns = Column(""), Column(found.plant), Column("linear prediction")
     show_table(columns, rows, OUT, title=case.run.case.title)
     OUT.say(found.words)
@@ -257,11 +258,5 @@ def _show(found: Cycle, case: Case) -> None:
     OUT.say(f"It closes to {found.closure:.0e} after {steps} Newton steps{error}.")
 
 
-def _amount(value: float | None, unit: str, figures: int = 6) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:.{figures}g} {unit}".rstrip()
-
-
-def _complex(value: complex) -> str:
-    if abs(value.imag) < 1e-12:
-        return f"{value.real:.6f}"
-    return f"{value.real:.6f} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6f}j ({abs(value):.6f})"
+def _multiplier(value: complex) -> str:
+    return root(value, 6) + (f" ({amount(abs(value))})" if abs(value.imag) > 1e-12 else "")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from icmj.base.numbers import amount
 from icmj.cli.experiment_arguments import Experiment
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT, Terminal
@@ -43,13 +42,13 @@ def experiment(command: Experiment) -> None:
 
 def _show(done: Done, out: Terminal) -> None:
     """One table, cases and plants as columns; then what was found, in words."""
-    from icmj.report.experiment import number, plant_name
+    from icmj.report.experiment import plant_name
 
     found = [told for told in done.found if told.finding is not None]
     names = list(dict.fromkeys(name for told in found if told.finding for name in told.finding.numbers))
     columns = (Column(""), *(Column(f"{told.case}, {plant_name(told.plant)}", "right") for told in found))
     rows = [
-        (name, *(number((told.finding.numbers if told.finding else {}).get(name, np.nan)) for told in found))
+        (name, *(amount((told.finding.numbers if told.finding else {}).get(name), figures=4) for told in found))
         for name in names
     ]
     if rows:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base.numbers import amount
 from icmj.base.text import one_line
 from icmj.cli.fit_arguments import Fit
 from icmj.cli.tables import Column, show_table
@@ -140,7 +141,6 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def _show(done: Done, out: Terminal) -> None:
     """A table of numbers for each person and family, then what else was found, in words."""
-    from icmj.report.experiment import number
     from icmj.study.fit_page import words_of
 
     for one in done.people:
@@ -153,7 +153,7 @@ def _show(done: Done, out: Terminal) -> None:
         low, median, high = np.quantile(found.theta, (0.05, 0.5, 0.95), axis=0)
         prior, verdicts = trained.family.prior, trained.calibration.verdicts
         rows = [
-            (name, prior.units[i], *map(number, (median[i], low[i], high[i])), verdicts[i])
+            (name, prior.units[i], *(amount(of[i], figures=4) for of in (median, low, high)), verdicts[i])
             for i, name in enumerate(prior.names)
         ]
         columns = (

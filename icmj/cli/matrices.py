@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from icmj.base.files import write_bytes
+from icmj.base.numbers import pairs
 from icmj.cli.tables import Column, show_table
 from icmj.errors import ModelError
 
@@ -114,7 +115,7 @@ def _show_poles(plant: LinearPlant, out: Terminal) -> None:
         oscillates = pole.imag > 1e-9 * max(1.0, size)
         rows.append(
             (
-                f"{pole.real:.6g} ± {pole.imag:.6g}j" if oscillates else f"{pole.real:.6g}",
+                pairs([pole if oscillates else pole.real]),
                 f"{-pole.real / size:.3g}" if oscillates else "–",
                 f"{-1 / pole.real:.4g}" if abs(pole.real) > 1e-9 else "–",
                 f"{pole.imag / (2 * np.pi):.4g}" if oscillates else "–",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from icmj.base.fact import told
 from icmj.base.plain import plain
 
 if TYPE_CHECKING:
@@ -38,18 +39,14 @@ def plain_runs(runs: Iterable[Comparison | Result | Tried], **files: Path | Iter
 
 def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
     """What ``icmj analyse --json`` prints: the prediction and the notices about its plants."""
+    from icmj.theory.facts import PREDICTION
+
     return plain(
         {
             "notices": [vars(notice) for notice in notices],
-            "delta_crit": prediction.delta_crit,
-            "eigenvalue": prediction.eigenvalue,
-            "cycle": prediction.cycle,
-            "period": prediction.period,
-            "gamma": prediction.gamma,
+            **told(PREDICTION, prediction, "record"),
             "outputs": outputs,
-            "amplitude": prediction.amplitude,
             "missing": prediction.missing or None,
-            "verdict": prediction.verdict,
             "multipliers": prediction.multipliers,
             "crossings": [
                 {

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.numbers import amount
 from icmj.base.plain import plain
 from icmj.cli.tables import Column, show_table
 
@@ -27,7 +28,7 @@ def show_sway(sway: Sway, title: str, out: Terminal) -> None:
         values.append(_of_plane(sway.plane))
         heads.append(f"plane ({_unit(sway.plane.unit)[1]})".replace(" ()", ""))
     labels = dict.fromkeys(label for column in values for label in column)
-    rows = [(label, *(_number(column.get(label)) for column in values)) for label in labels]
+    rows = [(label, *(amount(column.get(label), figures=4) for column in values)) for label in labels]
     show_table((Column(""), *(Column(head, "right") for head in heads)), rows, out, title=title)
 
 
@@ -123,7 +124,3 @@ def _diffusion(found: Diffusion) -> dict[str, Any]:
 
 def _unit(unit: str) -> tuple[float, str]:
     return SHOWN.get(unit, (1.0, unit))
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:.4g}"

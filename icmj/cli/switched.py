@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.numbers import pairs
 from icmj.base.plain import plain
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
@@ -129,9 +130,7 @@ def analyse_trial(run: RunFile, json: bool) -> None:
         notices = [vars(notice) for notice in trial.notices]
         OUT.show(plain({"control": trial.law.kind, "roots": roots, "rounds": told, "notices": notices}))
         return
-    rows = [
-        (mode, "stable" if found[0].real < 0 else "unstable", ", ".join(_pairs(found))) for mode, found in roots.items()
-    ]
+    rows = [(mode, "stable" if found[0].real < 0 else "unstable", pairs(found)) for mode, found in roots.items()]
     show_table(
         (Column("mode"), Column("loop"), Column("rightmost characteristic roots (rad/s)")), rows, OUT,
         title=f"{run.case.title}: the linear loop that stays in a mode", keys=1,
@@ -140,17 +139,6 @@ def analyse_trial(run: RunFile, json: bool) -> None:
         OUT.say(f"Without a dead zone: {rounded.words[0].lower()}{rounded.words[1:]}")
     for notice in trial.notices:
         OUT.note(notice)
-
-
-def _pairs(roots: np.ndarray) -> list[str]:
-    """Roots to six digits, each conjugate pair once."""
-    shown = []
-    for root in roots:
-        if root.imag > 0:
-            shown.append(f"{root.real:.6g} ± {root.imag:.6g}j")
-        elif root.imag == 0:
-            shown.append(f"{root.real:.6g}")
-    return shown
 
 
 def _plain(found: SwitchedCycle) -> dict[str, Any]:

@@ -46,6 +46,7 @@ def show_table(
         keys: how many columns, from the left, say what a row is of: they head its entry where the table is a list.
         sections: rows after which a line is left free.
     """
+    rows = [[cell.replace("−", "-") for cell in row] for row in rows]  # as programs read numbers that are copied
     kept = list(range(len(columns)))
     while (table := _fitting(columns, rows, kept, title, sections, out)) is None:
         last = max(kept, key=lambda i: columns[i].rank)

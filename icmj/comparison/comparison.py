@@ -13,18 +13,17 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.base.card import Card, Shown, amount, amounts, relative
+from icmj.base.card import Card, Shown
+from icmj.base.fact import told
+from icmj.base.numbers import amount, relative
 from icmj.base.plain import plain
+from icmj.comparison.facts import RUN
 from icmj.comparison.verdict import verdict_in_words
-from icmj.measurement.measurement import Measurement, measured_gamma
-from icmj.plant.linear_plant import transformation
 from icmj.result.result import Result
-from icmj.theory.prediction import Prediction
+from icmj.theory.facts import PREDICTION
 
-INTERVAL_TOLERANCE = 0.05
-"""Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
-one. The nonlinear plant's own departure grows as the square of the threshold and stays far below; coexisting cycles
-are further away."""
+COMPARED = tuple((fact, next(f for f in PREDICTION if f.name == fact.against)) for fact in RUN if fact.against)
+"""Facts of a run with the facts of the prediction that they are compared with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ class Measured:
     """The measured motion of the run: interval and period [s], peak of every output, |χ_k1| at events, kind of motion.
 
     ``converged`` states whether it settled on the predicted cycle: with the predicted number of events in a period,
-    mirrored or not, and every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit.
+    mirrored or not, and every interval within :data:`icmj.comparison.facts.INTERVAL_TOLERANCE` of Δ_crit.
     """
 
     interval: float | None
@@ -102,82 +101,45 @@ class Comparison(Shown):
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
         predicted, measured, error = self.predicted, self.measured, self.relative_error
-        named = (self.outputs, self.output_units)
-        rows = (
-            ("case", f"{self.case}, {self.plant} plant"),
-            ("Δ_crit, predicted", amount(predicted.delta_crit, "s")),
-            ("open-loop interval, measured", f"{amount(measured.interval, 's')}, error {relative(error.interval)}"),
-            ("period, predicted", amount(predicted.period, "s")),
-            ("period, measured", f"{amount(measured.period, 's')}, error {relative(error.period)}"),
-            ("peak of the outputs, predicted", amounts(predicted.amplitude, *named)),
-            ("peak of the outputs, measured", amounts(measured.amplitude, *named)),
-            ("largest error of a peak", relative(error.largest_amplitude)),
-            ("on the predicted cycle", "yes" if measured.converged else "no"),
-        )
+        rows = [("case", f"{self.case}, {self.plant} plant")]
+        for fact, expected in COMPARED:
+            key = fact.key("record")
+            found, off = getattr(measured, key), getattr(error, key)
+            off = error.largest_amplitude if fact.kind == "outputs" else off
+            at = (self.outputs, self.output_units)
+            rows.append((f"{expected.label}, predicted", expected.shown(getattr(predicted, expected.name), *at)))
+            rows.append((f"{fact.label}, measured", f"{fact.shown(found, *at)}, error {relative(off)}"))
+        rows.append(("on the predicted cycle", "yes" if measured.converged else "no"))
         interval = f"{amount(measured.interval, 's')} for Δ_crit = {amount(predicted.delta_crit, 's')}"
         settled = "on the predicted cycle" if measured.converged else measured.kind
-        return Card(f"{self.case} on the {self.plant} plant, {settled}, {interval}", rows, self.words)
+        return Card(f"{self.case} on the {self.plant} plant, {settled}, {interval}", tuple(rows), self.words)
 
 
 def compare(result: Result) -> Comparison:
     """Compare a simulated run with the prediction for it."""
-    prediction, measurement = result.prediction, result.measurement
-    converged = on_predicted_cycle(prediction, measurement)
-    gamma = None
-    if prediction.cycle and prediction.V_inv is not None and measurement.kind == "cycle":
-        T_hat = transformation(result.assumed, result.actual)
-        gamma = finite(measured_gamma(result.simulation, prediction.V_inv, T_hat))
-    predicted = Predicted(
-        delta_crit=finite(prediction.delta_crit),
-        eigenvalue=prediction.eigenvalue,
-        cycle=bool(prediction.cycle),
-        period=finite(prediction.period),
-        gamma=finite(prediction.gamma),
-        amplitude=None if prediction.amplitude is None else np.asarray(prediction.amplitude, float),
-        verdict=prediction.verdict,
-    )
-    measured = Measured(
-        interval=finite(measurement.interval),
-        period=finite(measurement.period),
-        amplitude=np.asarray(measurement.amplitude, float),
-        gamma=gamma,
-        converged=converged,
-        kind=measurement.kind,
-    )
-    error = RelativeError(
-        interval=_relative(measured.interval, predicted.delta_crit if predicted.cycle else None),
-        period=_relative(measured.period, predicted.period),
-        amplitude=_relative_each(measured.amplitude, predicted.amplitude)
-        if predicted.cycle and measurement.kind == "cycle"
-        else None,
-        gamma=_relative(measured.gamma, predicted.gamma),
-    )
+    predicted = Predicted(**told(PREDICTION, result.prediction, "record"))
+    measured = Measured(**told(RUN, result, "record"))
+    off = {
+        fact.name: _relative(getattr(measured, fact.name), getattr(predicted, expected.name))
+        for fact, expected in COMPARED
+    }
+    if not predicted.cycle:
+        off = dict.fromkeys(off)
+    if measured.kind != "cycle":  # its peaks are of late in the run
+        off["amplitude"] = None
     return Comparison(
         result.run.case.name,
         result.simulation.plant,
         predicted,
         measured,
-        error,
-        verdict_in_words(result, converged),
+        RelativeError(**off),
+        verdict_in_words(result, measured.converged),
         result.notices,
         {} if result.simulation.pressure is None else result.simulation.pressure.facts,
         result.actual.outputs,
         result.actual.output_units,
         result.measures,
     )
-
-
-def on_predicted_cycle(prediction: Prediction, measurement: Measurement) -> bool:
-    """Whether the run ended on the predicted cycle (see :class:`Measured`); false where none is predicted."""
-    if not prediction.cycle or prediction.delta_crit is None or prediction.eigenvalue is None:
-        return False
-    if measurement.kind != "cycle" or measurement.interval is None:
-        return False
-    mirrored = prediction.eigenvalue.real < 0
-    if measurement.p != (2 if mirrored else 1) or measurement.mirrored != mirrored:
-        return False
-    intervals = np.append(measurement.intervals, measurement.interval)
-    return bool(np.all(np.abs(intervals / prediction.delta_crit - 1) <= INTERVAL_TOLERANCE))
 
 
 def to_json(comparison: Comparison) -> dict[str, Any]:
@@ -200,13 +162,8 @@ def finite(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def _relative(measured: float | None, predicted: float | None) -> float | None:
-    if measured is None or predicted is None or predicted == 0:
+def _relative(measured: Any, predicted: Any) -> Any:
+    """The relative error of a number, or of each output; ``None`` where either is missing."""
+    if measured is None or predicted is None or np.shape(measured) != np.shape(predicted) or np.any(predicted == 0):
         return None
-    return finite(measured / predicted - 1)
-
-
-def _relative_each(measured: Array, predicted: Array | None) -> Array | None:
-    if predicted is None or measured.shape != predicted.shape or np.any(predicted == 0):
-        return None
-    return measured / predicted - 1
+    return measured / predicted - 1 if np.ndim(measured) else finite(measured / predicted - 1)

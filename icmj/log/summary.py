@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import Any
 
-import numpy as np
-
-from icmj.comparison.comparison import Comparison
+from icmj.base.fact import told
+from icmj.base.numbers import amount, relative
+from icmj.base.numbers import eigenvalue as eigenvalue_in_words
+from icmj.comparison.comparison import COMPARED, Comparison
+from icmj.comparison.facts import RUN
 from icmj.measurement.blocks import Estimate
 from icmj.result.result import Result
+from icmj.theory.facts import PREDICTION
+from icmj.view.quantity import in_unit
 
 Properties = dict[str, dict[str, float | int | bool | str]]
 
@@ -22,8 +27,8 @@ def properties(result: Result, compared: Comparison) -> Properties:
     """
     run, simulation, prediction, motion = result.run, result.simulation, result.prediction, result.measurement
     outputs = result.actual.outputs
-    predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
-    eigenvalue = predicted.eigenvalue
+    error = compared.relative_error
+    off = () if error.amplitude is None else error.amplitude
     topics: dict[str, dict[str, Any]] = {
         "case": {
             "name": run.case.name,
@@ -38,33 +43,12 @@ def properties(result: Result, compared: Comparison) -> Properties:
             "time": simulation.outcome.t,
             "message": simulation.outcome.message,
             "verdict": compared.words,
-            "converged": measured.converged,
+            "converged": compared.measured.converged,
         },
-        "predicted": {
-            "cycle": predicted.cycle,
-            "delta_crit": predicted.delta_crit,
-            "eigenvalue_re": None if eigenvalue is None else eigenvalue.real,
-            "eigenvalue_im": None if eigenvalue is None else eigenvalue.imag,
-            "period": predicted.period,
-            "gamma": predicted.gamma,
-            "verdict": predicted.verdict,
-            "state_feedback_stable": prediction.state_feedback_stable,
-            "observer_feedback_stable": prediction.observer_feedback_stable,
-        }
-        | _each("amplitude", outputs, predicted.amplitude),
-        "measured": {
-            "kind": measured.kind,
-            "events_per_period": motion.p,
-            "mirrored": motion.mirrored,
-            "interval": measured.interval,
-            "period": measured.period,
-            "gamma": measured.gamma,
-            "residual": motion.residual,
-            "words": motion.words,
-        }
-        | _each("amplitude", outputs, measured.amplitude),
+        "predicted": _split(told(PREDICTION, prediction, "logged", outputs)),
+        "measured": told(RUN, result, "logged", outputs) | {"words": motion.words},
         "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
-        | _each("amplitude", outputs, error.amplitude),
+        | {f"amplitude_{k}": float(v) for k, v in zip(outputs, off, strict=False)},
         "statistics": _statistics(result),
         "measures": dict(result.measures),
         "precision": dict(simulation.precision),
@@ -79,26 +63,21 @@ def markdown(result: Result, compared: Comparison) -> str:
     """One page: the verdict, the numbers side by side, how the run ended and what made it."""
     run, simulation = result.run, result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
-    outputs, nothing = result.actual.outputs, [None] * result.actual.n_y
-    apart = None if measured.kind == "noisy" else error.interval  # a mean under noise is not a cycle's interval
-    rows = [
-        ("interval Δ [s]", predicted.delta_crit, measured.interval, apart),
-        ("period [s]", predicted.period, measured.period, error.period),
-        ("γ", predicted.gamma, measured.gamma, error.gamma),
-        *(
-            (f"peak {name} [{unit}]" if unit else f"peak {name}", *numbers)
-            for name, unit, *numbers in zip(
-                outputs,
-                result.actual.output_units,
-                nothing if predicted.amplitude is None else predicted.amplitude,
-                measured.amplitude,
-                nothing if error.amplitude is None else error.amplitude,
-                strict=True,
-            )
-        ),
-    ]
+    outputs, units = result.actual.outputs, result.actual.output_units or ("",) * result.actual.n_y
+    rows: list[tuple[str, Any, Any, Any]] = []
+    for fact, expected in COMPARED:
+        three = (getattr(predicted, expected.name), getattr(measured, fact.name), getattr(error, fact.name))
+        if fact.kind == "outputs":
+            each = zip(*(repeat(None) if values is None else values for values in three), strict=False)
+            rows += [
+                (in_unit(fact.label_of(name), unit), *values)
+                for name, unit, values in zip(outputs, units, each, strict=False)
+            ]
+        else:
+            mean = fact.name == "interval" and measured.kind == "noisy"  # which is not a cycle's interval
+            rows.append((in_unit(fact.label, fact.unit), *three[:2], None if mean else three[2]))
     cycle = "a limit cycle" if predicted.cycle else "no limit cycle"
-    eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {_complex(predicted.eigenvalue)};"
+    eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
     lines = [
         f"# {run.case.title}",
         f"**{PLANTS[simulation.plant]}**, {CONTROLS[simulation.control]}.",
@@ -107,7 +86,7 @@ def markdown(result: Result, compared: Comparison) -> str:
         "",
         "| | predicted | measured | error |",
         "| :-- | --: | --: | --: |",
-        *(f"| {name} | {_number(p)} | {_number(m)} | {_error(e)} |" for name, p, m, e in rows),
+        *(f"| {name} | {amount(p)} | {amount(m)} | {relative(e)} |" for name, p, m, e in rows),
         "",
         "## Prediction",
         f"The linear theory predicts {cycle};{eigenvalue} the orbit under the event rule: {predicted.verdict}.",
@@ -149,22 +128,12 @@ PLANTS = {"linear": "Linear plant", "mujoco": "MuJoCo plant"}
 CONTROLS = {"event": "event-driven", "clock": "clock-driven", "continuous": "continuous control"}
 
 
-def _each(name: str, of: tuple[str, ...], values: Any) -> dict[str, float]:
-    return {} if values is None else {f"{name}_{k}": float(v) for k, v in zip(of, values, strict=True)}
-
-
 def in_words(value: float | int | str) -> str:
     """A fact as readable text."""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return amount(value) if isinstance(value, float) else str(value)
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:.6g}"
-
-
-def _complex(value: complex) -> str:
-    return f"{value.real:+.4g}" if abs(value.imag) < 1e-9 else f"{value.real:+.4g} {value.imag:+.4g}j"
-
-
-def _error(value: float | None) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:+.1e}"
+def _split(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts with a complex number as two."""
+    λ = facts.pop("eigenvalue")
+    return facts | {"eigenvalue_re": None if λ is None else λ.real, "eigenvalue_im": None if λ is None else λ.imag}

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, amount, amounts
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import amount, amounts
 
 MotionKind = Literal[
     "cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "noisy", "too short", "no events"

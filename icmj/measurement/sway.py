@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, amount
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import amount
 from icmj.errors import DataError
 from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
 from icmj.measurement.spectrum import Spectrum, spectrum

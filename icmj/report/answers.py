@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from icmj.base.numbers import eigenvalue, error, number
 from icmj.plant.linear_plant import transformation
-from icmj.report.numbers import eigenvalue, error, number
 from icmj.report.pairing import CaseRuns
 from icmj.report.style import NAME
 

@@ -6,8 +6,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from icmj.base.numbers import amount
 from icmj.report import style
 from icmj.report.builder import filled
 from icmj.report.sections import Picture, Section
@@ -37,7 +36,7 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
     """The page's HTML; ``svg`` is the figure, ``None`` where nothing was found."""
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     cells = [
-        (row.title, plant_name(row.plant), row.trials, [number(row.numbers.get(name, np.nan)) for name in names])
+        (row.title, plant_name(row.plant), row.trials, [amount(row.numbers.get(name), figures=4) for name in names])
         for row in rows
     ]
     uri = "" if svg is None else f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
@@ -59,8 +58,3 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
 def plant_name(plant: str) -> str:
     """The plant's name in words."""
     return style.NAME.get(plant, plant)
-
-
-def number(value: float) -> str:
-    """A number as a table shows it."""
-    return f"{value:.4g}" if np.isfinite(value) else "–"

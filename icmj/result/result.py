@@ -101,7 +101,7 @@ class Result(Shown):
         """Its representation at a prompt or in a notebook."""
         run, prediction, motion = self.simulation.card(), self.prediction.card(), self.measurement.card()
         case = self.run.case
-        rows = (("case", f"{case.name}: {case.title}"), *prediction.rows[:4], *run.rows, *motion.rows[:2])
+        rows = (("case", f"{case.name}: {case.title}"), *prediction.rows[:5], *run.rows, *motion.rows[:2])
         return Card(f"{case.name}, {run.line}; {prediction.line}; {motion.line}", rows, self.measurement.words)
 
     def to_series(self, rate: float | None = None) -> Series:

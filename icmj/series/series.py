@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.card import MISSING, Card, Shown, amount
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import MISSING, amount
 from icmj.errors import DataError
 
 if TYPE_CHECKING:

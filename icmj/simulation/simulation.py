@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, amount, amounts, count
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.push import Push

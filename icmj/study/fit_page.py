@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from icmj.base.files import whole, write_bytes, write_text
+from icmj.base.numbers import amount
 from icmj.base.plain import plain
 from icmj.base.version import VERSION
 from icmj.errors import FitError
@@ -21,7 +22,6 @@ from icmj.fitting.family import RATE
 from icmj.fitting.summaries import MEASURE_UNITS, MEASURES
 from icmj.report import style
 from icmj.report.builder import filled
-from icmj.report.experiment import number
 from icmj.report.fit import calibration_figure, confusion_figure, groups_figure, posterior_figure, sway_figure
 from icmj.report.sections import Picture, Section
 from icmj.study.families import Trained
@@ -236,7 +236,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, A
     rows = [
         (
             f"{name} ({prior.units[i]})" if prior.units[i] else name,
-            *map(number, (median[i], low[i], high[i])),
+            *(amount(of[i], figures=4) for of in (median, low, high)),
             verdicts[i],
         )
         for i, name in enumerate(prior.names)

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -17,17 +16,18 @@ from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
 from icmj.case.trial import measured_by
-from icmj.comparison.comparison import finite, on_predicted_cycle
+from icmj.comparison.comparison import finite
+from icmj.comparison.facts import RUN, Ran
 from icmj.errors import CycleError, IcmjError, beyond_memory
 from icmj.experiments.attractors import attractors
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile
-from icmj.simulation.remarks import relative_error
 from icmj.sweeps import columns
+from icmj.sweeps.facts import CYCLE, Sought
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.tried import tried_row
-from icmj.theory.prediction import Prediction
+from icmj.theory.facts import PREDICTION
 
 Tell = Callable[[float], None]
 
@@ -97,7 +97,7 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
         if plan.file.base.tries:
             return row | tried_row(plan.run(values), plan.file.ask.motion)
         case = _case(plan, plan.run(values), bench)
-        row |= _predicted(case)
+        row |= columns.row_of("predicted", PREDICTION, case.prediction, _outputs(case))
         for plant in plan.file.ask.motion:
             begin = time.process_time()
             row |= _motion(case, plant)
@@ -131,57 +131,14 @@ def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
     return revised(bench.case, run)
 
 
-def _predicted(case: Case) -> dict[str, Any]:
-    found = case.prediction
-    largest = None if found.multipliers is None else np.abs(found.multipliers).max(initial=0.0)
-    row = {
-        "delta_crit": found.delta_crit,
-        "eigenvalue": _sign(found),
-        "cycle": bool(found.cycle),
-        "period": found.period,
-        "verdict": found.verdict,
-        "multiplier": finite(largest),
-        "gamma": finite(found.gamma),
-        "state_feedback_stable": bool(found.state_feedback_stable),
-        "observer_feedback_stable": bool(found.observer_feedback_stable),
-    }
-    return {f"predicted_{name}": value for name, value in row.items()} | _peaks("predicted_peak", case, found.amplitude)
-
-
-def _sign(found: Prediction) -> float | None:
-    return None if found.eigenvalue is None else float(np.sign(found.eigenvalue.real))
-
-
 def _motion(case: Case, plant: PlantKind) -> dict[str, Any]:
     run = simulate(case, plant)
     motion = measure(run, T_hat=case.system.T_hat)
-    crit = case.prediction.delta_crit if case.prediction.cycle else None
-    row: dict[str, Any] = {
-        "outcome": run.outcome.kind,
-        "end": run.outcome.t,
-        "kind": motion.kind,
-        "on_predicted": bool(on_predicted_cycle(case.prediction, motion)),
-        "interval": finite(motion.interval),
-        "p": motion.p,
-        "mirrored": bool(motion.mirrored),
-        "period": finite(motion.period),
-        "residual": finite(motion.residual),
-        "events": len(run.events),
-    }
-    if motion.kind == "cycle" and crit and motion.interval:
-        row["error"] = finite(motion.interval / crit - 1)
-    if plant == "mujoco":
-        row["step_error"] = finite(relative_error(run))
-    told = statistics(run) if run.noisy else None
-    more = {}
-    if told is not None:
-        row["interval_error"] = finite(told.interval.error) if told.interval else None
-        row["interval_deviation"] = finite(told.interval_deviation.value) if told.interval_deviation else None
-        row["binding"] = finite(told.binding.value) if told.binding else None
-        more = _peaks(f"{plant}_rms", case, np.array([rms.value for rms in told.rms]))
-    row |= columns.own(measured_by(case.run, run))
-    row = {f"{plant}_{name}": value for name, value in row.items()}
-    return row | _peaks(f"{plant}_peak", case, motion.amplitude) | more
+    assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
+    ran = Ran(assumed, actual, case.prediction, run, motion, statistics(run) if run.noisy else None)
+    there = {"", plant, "noise" if run.noisy else ""}
+    row = columns.row_of(plant, [fact for fact in RUN if fact.only in there], ran, _outputs(case))
+    return row | {f"{plant}_{name}": value for name, value in columns.own(measured_by(case.run, run)).items()}
 
 
 def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
@@ -191,20 +148,9 @@ def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
     try:
         found = find_cycle(case, plant)
     except CycleError as error:
-        return {f"{what}_found": False, f"{what}_words": one_line(error, 300)}
+        return columns.row_of(what, CYCLE[:2], Sought(None, one_line(error, 300), None), ())
     crit = case.prediction.delta_crit if case.prediction.cycle else None
-    row = {
-        "found": True,
-        "words": "",
-        "interval": found.interval,
-        "error": finite(found.interval / crit - 1) if crit else None,
-        "period": found.period,
-        "p": found.events,
-        "mirrored": bool(found.mirrored),
-        "attracting": found.attracting,
-        "multiplier": finite(np.abs(found.isolated).max(initial=0.0)),
-    }
-    return {f"{what}_{name}": value for name, value in row.items()} | _peaks(f"{what}_peak", case, found.y_peak)
+    return columns.row_of(what, CYCLE, Sought(found, "", crit), _outputs(case))
 
 
 def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
@@ -225,9 +171,5 @@ def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
     }
 
 
-def _peaks(what: str, case: Case, values: Any) -> dict[str, Any]:
-    if values is None:
-        return {}
-    names = case.actual.linearisation.plant.outputs
-    assumed = case.assumed.linearisation.plant.outputs
-    return {f"{what}_{name}": finite(value) for name, value in zip(assumed, values, strict=False) if names}
+def _outputs(case: Case) -> tuple[str, ...]:
+    return case.assumed.linearisation.plant.outputs

@@ -6,55 +6,21 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
+from icmj.base.fact import Fact, Kind, told
+from icmj.comparison.facts import RUN
+from icmj.sweeps.facts import CYCLE, TRIED
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.points import Value
+from icmj.theory.facts import PREDICTION
 
 TYPES = {"number": pa.float64(), "truth": pa.bool_(), "text": pa.string()}
-PREDICTED = {
-    "delta_crit": (pa.float64(), "Δ_crit [s]"),
-    "eigenvalue": (pa.float64(), "eigenvalue there, +1 or −1; empty for a complex pair or none"),
-    "cycle": (pa.bool_(), "whether a limit cycle is predicted"),
-    "period": (pa.float64(), "of the predicted cycle [s]"),
-    "verdict": (pa.string(), "on the predicted orbit: attracting, repelling, not admissible or none"),
-    "multiplier": (pa.float64(), "largest multiplier of the predicted orbit under the event rule"),
-    "gamma": (pa.float64(), "γ of the predicted orbit"),
-    "state_feedback_stable": (pa.bool_(), "whether continuous state feedback is stable on the actual plant"),
-    "observer_feedback_stable": (pa.bool_(), "whether continuous observer feedback is"),
-}
-MOTION = {
-    "outcome": (pa.string(), "completed, fell, diverged, sliding or stalled"),
-    "end": (pa.float64(), "when the run ended [s]"),
-    "kind": (pa.string(), "cycle, quasi-periodic, irregular, growth, decay, homoclinic, noisy, too short, no events"),
-    "on_predicted": (pa.bool_(), "whether it settled on the predicted cycle"),
-    "interval": (pa.float64(), "mean open-loop interval over the last period, or of the last ones [s]"),
-    "error": (pa.float64(), "relative departure of a settled interval from Δ_crit, where a cycle is predicted"),
-    "p": (pa.int32(), "events in a period"),
-    "mirrored": (pa.bool_(), "whether the second half of the cycle is the first with opposite sign"),
-    "period": (pa.float64(), "time after which the state repeats [s]"),
-    "residual": (pa.float64(), "relative closure error of the last period"),
-    "events": (pa.int64(), "events in the run"),
-}
-STEP = {"step_error": (pa.float64(), "relative error by the engine's step, estimated on the last interval")}
-PEAK = (pa.float64(), "largest magnitude of the output over a period, or of late in the run [its unit]")
-RMS = (pa.float64(), "standard deviation of the output [its unit]")
-NOISY = {
-    "interval_error": (pa.float64(), "half width of the 95 % confidence interval of the mean interval [s]"),
-    "interval_deviation": (pa.float64(), "standard deviation of the intervals [s]"),
-    "binding": (pa.float64(), "share of the intervals that end at Δ_min"),
-}
-CYCLE = {
-    "found": (pa.bool_(), "whether Newton found a cycle from the prediction or, where there is none, from the run"),
-    "words": (pa.string(), "why not"),
-    "interval": (pa.float64(), "mean open-loop interval of the exact cycle [s]"),
-    "error": (pa.float64(), "its relative departure from Δ_crit, where a cycle is predicted"),
-    "period": (pa.float64(), "of the exact cycle [s]"),
-    "p": (pa.int32(), "events in it"),
-    "mirrored": (pa.bool_(), "whether its second half is the first with opposite sign"),
-    "attracting": (pa.bool_(), "whether every multiplier is inside the unit circle"),
-    "multiplier": (pa.float64(), "magnitude of the largest multiplier"),
-}
+KINDS: dict[Kind, pa.DataType] = {
+    "number": pa.float64(), "eigenvalue": pa.float64(), "outputs": pa.float64(), "whole": pa.int32(),
+    "count": pa.int64(), "truth": pa.bool_(), "text": pa.string(),
+}  # fmt: skip
 # of a controller that is not intermittent, which has no critical interval
 ROOT = {
     "root_real": (
@@ -63,20 +29,7 @@ ROOT = {
     ),
     "root_imag": (pa.float64(), "its imaginary part, not negative [rad/s]"),
 }
-TRIED = {
-    "outcome": (pa.string(), "completed, fell, diverged, stalled"),
-    "end": (pa.float64(), "when the run ended [s]"),
-    "switches": (pa.int64(), "switches in the run"),
-    "growth": (
-        pa.float64(),
-        "rate at which the size of the motion changes, over its last rounds or its second half [1/s]",
-    ),
-    "factor": (pa.float64(), "size of a round over that of the one before; empty without rounds"),
-    "period": (pa.float64(), "of a round [s]; empty without rounds"),
-}
 OWN = (pa.float64(), "a number of a measure of the user's own")
-LATE_PEAK = (pa.float64(), "largest magnitude of the output in the second half of the run [its unit]")
-LATE_RMS = (pa.float64(), "standard deviation of the output in the second half of the run [its unit]")
 ATTRACTORS = {
     "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
     "attractor_kind": (pa.list_(pa.string()), "what each is, the most frequent first"),
@@ -111,34 +64,43 @@ def columns(
 
     ``tried`` says whether the controller is not intermittent; ``measures`` are names of the user's own numbers.
     """
-    told = own(dict.fromkeys(measures, OWN))
+    measured = own(dict.fromkeys(measures, OWN))
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
-    if tried:
-        found |= ROOT
-        for plant in motion:
-            found |= {f"{plant}_{name}": column for name, column in (TRIED | told).items()}
-            found |= {f"{plant}_peak_{output}": LATE_PEAK for output in outputs}
-            found |= {f"{plant}_rms_{output}": LATE_RMS for output in outputs}
-        return found
-    found |= {f"predicted_{name}": column for name, column in PREDICTED.items()}
-    found |= {f"predicted_peak_{output}": PEAK for output in outputs}
+    found |= ROOT if tried else _described("predicted", PREDICTION, outputs)
     for plant in motion:
-        named = MOTION | (STEP if plant == "mujoco" else {}) | (NOISY if noisy else {}) | told
-        found |= {f"{plant}_{name}": column for name, column in named.items()}
-        found |= {f"{plant}_peak_{output}": PEAK for output in outputs}
-        found |= {f"{plant}_rms_{output}": RMS for output in outputs if noisy}
+        there = {"", plant, "noise" if noisy else ""}
+        facts = TRIED if tried else [fact for fact in RUN if fact.only in there]
+        found |= _described(plant, facts, outputs) | {f"{plant}_{name}": column for name, column in measured.items()}
     for plant in cycle:
-        found |= {f"{plant}_cycle_{name}": column for name, column in CYCLE.items()}
-        found |= {f"{plant}_cycle_peak_{output}": PEAK for output in outputs}
+        found |= _described(f"{plant}_cycle", CYCLE, outputs)
     return found | (ATTRACTORS if attractors else {})
 
 
-def own(told: Mapping[str, Any]) -> dict[str, Any]:
+def row_of(what: str, facts: Iterable[Fact], thing: Any, outputs: Sequence[str]) -> dict[str, Any]:
+    """The values of facts by column, after what they are of; of an eigenvalue on the unit circle, its sign."""
+    return {
+        f"{what}_{name}": float(np.sign(value.real)) if isinstance(value, complex) else value
+        for name, value in told(facts, thing, "column", outputs).items()
+    }
+
+
+def _described(what: str, facts: Iterable[Fact], outputs: Sequence[str]) -> dict[str, tuple[pa.DataType, str]]:
+    """The columns of facts, after what they are of."""
+    found: dict[str, tuple[pa.DataType, str]] = {}
+    for fact in facts:
+        key, unit = fact.key("column"), "its unit" if fact.kind == "outputs" else fact.unit
+        named = [f"{key}_{output}" for output in outputs] if fact.kind == "outputs" else [key]
+        meaning = f"{fact.meaning} [{unit}]" if unit else fact.meaning
+        found |= {f"{what}_{name}": (KINDS[fact.kind], meaning) for name in named if key}
+    return found
+
+
+def own(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """What is told by the user's own measures, by column."""
-    return {f"measure_{name}": value for name, value in told.items()}
+    return {f"measure_{name}": value for name, value in numbers.items()}
 
 
 def schema(plan: Plan) -> pa.Schema:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import SAME, Array
-from icmj.base.card import Card, Shown, amount, amounts, number
+from icmj.base.card import Card, Shown
 from icmj.base.environment import single_threaded
+from icmj.base.numbers import amount, eigenvalue
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
@@ -20,6 +21,7 @@ from icmj.theory.crossing import Crossing
 from icmj.theory.crossings import check_range, search
 from icmj.theory.eigenstructure import eigenstructure
 from icmj.theory.error_system import ErrorSystem
+from icmj.theory.facts import PREDICTION
 from icmj.theory.family import Family, family, mixtures, modulo
 from icmj.theory.flow import Flow, flow
 from icmj.theory.neutral import NeutralMode
@@ -112,27 +114,15 @@ class Prediction(Shown):
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
         searched = f"up to {self.delta_max:.4g} s"
-        cycle = f"period {amount(self.period, 's')}" if self.cycle else "none predicted"
-        largest = None if self.multipliers is None else float(np.abs(self.multipliers).max(initial=0.0))
-        feedback = zip(FEEDBACK, (self.state_feedback_stable, self.observer_feedback_stable), strict=True)
-        rows = (
-            ("Δ_crit", amount(self.delta_crit, "s") if self.delta_crit is not None else f"none {searched}"),
-            ("λ_crit", number(self.eigenvalue)),
-            ("cycle", cycle),
-            ("orbit", self.verdict),
-            ("largest multiplier", amount(largest, figures=4)),
-            ("γ", amount(self.gamma, figures=4)),
-            ("peak of the outputs", amounts(self.amplitude, self.outputs, self.output_units)),
-            ("crossings of the unit circle", f"{len(self.crossings)} {searched}"),
-            (
-                "continuous control",
-                ", ".join(f"{which} {'stable' if good else 'unstable'}" for which, good in feedback),
-            ),
-        )
+        cycle = f"period {amount(self.period, 's')}" if self.cycle else "no cycle predicted"
+        at = (self.outputs, self.output_units)
+        rows = {fact.label: fact.shown(fact.value(self), *at) for fact in PREDICTION}
+        rows["crossings of the unit circle"] = f"{len(self.crossings)} {searched}"
         if self.delta_crit is None:
-            return Card(f"no Δ_crit {searched}", rows)
-        found = f"Δ_crit = {amount(self.delta_crit, 's')}, λ_crit = {number(self.eigenvalue)}"
-        return Card(f"{found}, {cycle if self.cycle else 'no cycle predicted'}, orbit {self.verdict}", rows)
+            rows[PREDICTION[0].label] = f"none {searched}"
+            return Card(f"no Δ_crit {searched}", tuple(rows.items()))
+        found = f"Δ_crit = {amount(self.delta_crit, 's')}, λ_crit = {eigenvalue(self.eigenvalue)}"
+        return Card(f"{found}, {cycle}, orbit {self.verdict}", tuple(rows.items()))
 
 
 @single_threaded()

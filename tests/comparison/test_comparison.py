@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from report_cases import result
 
-from icmj.comparison.comparison import INTERVAL_TOLERANCE, compare, on_predicted_cycle, to_json
+from icmj.comparison.comparison import compare, to_json
+from icmj.comparison.facts import INTERVAL_TOLERANCE, on_predicted_cycle
 from icmj.comparison.verdict import verdict_in_words
 
 

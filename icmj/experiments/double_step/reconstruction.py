@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, amount
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import amount
 from icmj.controller.step_pairs import StepPairs
 from icmj.errors import DataError
 from icmj.experiments.double_step.response import FittedResponse, StepResponse, fit_order, fit_response, sampled

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown, amount
+from icmj.base.card import Card, Shown
+from icmj.base.numbers import amount
 from icmj.errors import DataError
 
 LEVEL = 0.05  # of the analysis of variance and of what follows it

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from icmj.comparison.comparison import on_predicted_cycle
-from icmj.report import numbers
+from icmj.base import numbers
+from icmj.comparison.facts import on_predicted_cycle
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
 from icmj.result.attractor import Attractor

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from icmj.base import numbers
 from icmj.cycle.branch import Branch
-from icmj.report import numbers
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
 

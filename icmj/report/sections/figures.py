@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from icmj.report import numbers
+from icmj.base import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.wording import verdicts

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from icmj.report import numbers
+from icmj.base import numbers
+from icmj.base.numbers import count
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
-from icmj.report.sections.wording import count, verdicts
+from icmj.report.sections.wording import verdicts
 from icmj.result.tried import Tried
 
 CAPTION = (

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.base import numbers
 from icmj.base.array import Array
 from icmj.plant.linear_plant import LinearPlant
-from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from icmj.report import numbers
+from icmj.base import numbers
 from icmj.report.rivals import Rival
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from icmj.base import numbers
 from icmj.controller.design import Design
 from icmj.controller.trigger import output_weight
-from icmj.report import numbers
 from icmj.report.notation import symbol
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from icmj.base import numbers
+from icmj.base.numbers import count
 from icmj.comparison.comparison import Comparison
-from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
-from icmj.report.sections.wording import count, reached, verdicts
+from icmj.report.sections.wording import reached, verdicts
 from icmj.report.statements import answered
 from icmj.report.style import NAME
 

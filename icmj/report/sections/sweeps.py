@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from icmj.report import numbers
+from icmj.base import numbers
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
 from icmj.result.swept import Swept

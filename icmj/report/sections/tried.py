@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.report import numbers
+from icmj.base import numbers
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
 from icmj.result.tried import Tried

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from icmj.base import numbers
 from icmj.comparison.comparison import Comparison
-from icmj.report import numbers
 from icmj.report.pairing import CaseRuns
 from icmj.report.style import NAME
 
@@ -41,10 +41,6 @@ def verdicts(case: CaseRuns) -> list[str]:
         f"{NAME[plant].capitalize() if plant == 'linear' else NAME[plant]}: {_lower(text)}"
         for plant, text in words.items()
     ]
-
-
-def count(n: int, noun: str) -> str:
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def _lower(text: str) -> str:

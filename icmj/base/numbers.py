@@ -1,10 +1,17 @@
-"""Numbers as a reader of a journal expects them: significant figures, powers of ten, true minus signs."""
+"""Formats of numbers that people read, on pages, in cards and on the terminal.
+
+Pages have the typography of a journal (:func:`number`, :func:`error`); cards, summaries and tables have plain decimals
+with their unit (:func:`amount`, :func:`relative`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+
+from icmj.base.array import Array
 
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -30,6 +37,52 @@ def short(value: float, figures: int = 6) -> str:
     text = number(value, figures)
     head, times, power = text.partition("\N{NO-BREAK SPACE}×")
     return (head.rstrip("0").rstrip(".") if "." in head else head) + times + power
+
+
+def amount(value: float | None, unit: str = "", figures: int = 6) -> str:
+    """A number with its unit, angles also in degrees; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    value += 0.0  # not −0
+    degrees = f" ({math.degrees(value):.4g}°)" if unit == "rad" else ""
+    return (f"{value:.{figures}g} {unit}".rstrip() + degrees).replace("-", "−")
+
+
+def amounts(values: Array | None, names: Sequence[str], units: Sequence[str], figures: int = 4) -> str:
+    """Numbers with their names and units, one after another; without names where these are not known."""
+    if values is None or len(values) == 0:
+        return MISSING
+    names = names if len(names) == len(values) else ("",) * len(values)
+    units = units if len(units) == len(values) else ("",) * len(values)
+    each = (f"{name} {amount(float(v), u, figures)}".strip() for v, name, u in zip(values, names, units, strict=True))
+    return ", ".join(words.replace(" ", "\N{NO-BREAK SPACE}") for words in each)
+
+
+def count(number: int, what: str) -> str:
+    """``1 state``, ``2 states``."""
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def relative(value: float | None) -> str:
+    """A relative error with its sign."""
+    return MISSING if value is None or not math.isfinite(value) else f"{value:+.1e}".replace("-", "−")
+
+
+def pairs(values: Iterable[complex], figures: int = 6) -> str:
+    """Characteristic roots, each conjugate pair once."""
+    each = (
+        amount(root.real, "", figures) + (f" ± {amount(root.imag, '', figures)}j" if root.imag > 0 else "")
+        for root in values
+        if root.imag >= 0
+    )
+    return ", ".join(each)
+
+
+def root(value: complex, figures: int = 4) -> str:
+    """An eigenvalue or multiplier, real where its imaginary part is rounding."""
+    if abs(value.imag) <= 1e-12 * max(1.0, abs(value)):
+        return amount(value.real, "", figures)
+    return f"{amount(value.real, '', figures)} {'+' if value.imag > 0 else '−'} {amount(abs(value.imag), '', figures)}j"
 
 
 def error(value: float | None, *, signed: bool = True) -> str:

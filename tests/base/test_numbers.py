@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.report import numbers
+from icmj.base import numbers
 
 NB = "\N{NO-BREAK SPACE}"
 
@@ -77,3 +77,34 @@ def test_marks_are_three_different_signs():
 )
 def test_setting(value, text):
     assert numbers.setting(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [
+        (0.1, "rad", "0.1 rad (5.73°)"),
+        (-2.5, "N m", "−2.5 N m"),
+        (3.0, "", "3"),
+        (None, "s", "–"),
+        (float("nan"), "s", "–"),
+        (float("inf"), "m", "–"),
+        (-0.0, "", "0"),
+    ],
+)
+def test_amounts_have_their_unit(value, unit, words):
+    assert numbers.amount(value, unit) == words
+
+
+def test_several_amounts_have_their_names_and_do_not_break():
+    values = np.array([1.0, 2.0])
+    found = numbers.amounts(values, ("shank", "cart"), ("rad", "m"))
+    assert found == "shank\xa01\xa0rad\xa0(57.3°), cart\xa02\xa0m"
+    assert numbers.amounts(values, (), ()) == "1, 2"
+    assert numbers.amounts(None, (), ()) == "–"
+
+
+def test_roots_errors_and_counts():
+    assert [numbers.root(v) for v in (1 + 0j, -1 + 1e-15j, 0.5 - 0.25j)] == ["1", "−1", "0.5 − 0.25j"]
+    assert numbers.pairs([-1.5 + 2j, -1.5 - 2j, -3.0 + 0j]) == "−1.5 ± 2j, −3"
+    assert [numbers.relative(v) for v in (-2.3e-4, None, float("nan"))] == ["−2.3e−04", "–", "–"]
+    assert [numbers.count(1, "state"), numbers.count(2, "state")] == ["1 state", "2 states"]
