@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import repeat
 from typing import Any
 
@@ -12,6 +13,7 @@ from icmj.comparison.comparison import COMPARED, Comparison
 from icmj.comparison.facts import RUN
 from icmj.measurement.blocks import Estimate
 from icmj.result.result import Result
+from icmj.result.tried import Tried
 from icmj.theory.facts import PREDICTION
 from icmj.view.quantity import in_unit
 
@@ -25,11 +27,25 @@ def properties(result: Result, compared: Comparison) -> Properties:
         result: the run.
         compared: the run beside its prediction.
     """
-    run, simulation, prediction, motion = result.run, result.simulation, result.prediction, result.measurement
-    outputs = result.actual.outputs
+    prediction, motion, outputs = result.prediction, result.measurement, result.actual.outputs
     error = compared.relative_error
     off = () if error.amplitude is None else error.amplitude
     topics: dict[str, dict[str, Any]] = {
+        "outcome": {"converged": compared.measured.converged},
+        "predicted": _split(told(PREDICTION, prediction, "logged", outputs)),
+        "measured": told(RUN, result, "logged", outputs) | {"words": motion.words},
+        "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
+        | {f"amplitude_{k}": float(v) for k, v in zip(outputs, off, strict=False)},
+        "statistics": _statistics(result),
+    }
+    return joined(result, compared.words, topics)
+
+
+def joined(result: Result | Tried, verdict: str, topics: Mapping[str, Mapping[str, Any]]) -> Properties:
+    """Topics that only one kind of result has, with those that all have; without what does not exist."""
+    run, simulation = result.run, result.simulation
+    outcome = simulation.outcome
+    of_all: dict[str, dict[str, Any]] = {
         "case": {
             "name": run.case.name,
             "title": run.case.title,
@@ -38,25 +54,15 @@ def properties(result: Result, compared: Comparison) -> Properties:
             "rows": len(simulation.t),
             "events": len(simulation.events),
         },
-        "outcome": {
-            "kind": simulation.outcome.kind,
-            "time": simulation.outcome.t,
-            "message": simulation.outcome.message,
-            "verdict": compared.words,
-            "converged": compared.measured.converged,
-        },
-        "predicted": _split(told(PREDICTION, prediction, "logged", outputs)),
-        "measured": told(RUN, result, "logged", outputs) | {"words": motion.words},
-        "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
-        | {f"amplitude_{k}": float(v) for k, v in zip(outputs, off, strict=False)},
-        "statistics": _statistics(result),
+        "outcome": {"kind": outcome.kind, "time": outcome.t, "message": outcome.message, "verdict": verdict},
         "measures": dict(result.measures),
         "precision": dict(simulation.precision),
         "pressure": {} if simulation.pressure is None else dict(simulation.pressure.facts),
         "provenance": dict(result.provenance),
         "run_file": {"path": run.path.as_posix(), "text": run.text},
     }
-    return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in topics.items()}
+    told = {name: {**of_all.get(name, {}), **topics.get(name, {})} for name in (*of_all, *topics)}
+    return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in told.items()}
 
 
 def markdown(result: Result, compared: Comparison) -> str:

@@ -11,37 +11,14 @@ import rerun.blueprint as rrb
 from icmj.log import palette
 from icmj.log.blueprint import arranged, body, plot, whole_run
 from icmj.log.signals import Group, acting_groups, pressure_groups, setpoint_groups
-from icmj.log.summary import PLANTS, Properties, in_words
+from icmj.log.summary import PLANTS, Properties, in_words, joined
 from icmj.result.tried import Tried
 from icmj.view.quantity import in_brackets, shared_unit
 
 
 def properties(result: Tried) -> Properties:
     """Facts of the run in full precision, by topic."""
-    run, simulation = result.run, result.simulation
-    topics: dict[str, dict[str, Any]] = {
-        "case": {
-            "name": run.case.name,
-            "title": run.case.title,
-            "plant": simulation.plant,
-            "control": simulation.control,
-            "rows": len(simulation.t),
-            "events": len(simulation.events),
-        },
-        "controller": _facts(result.law.facts()),
-        "outcome": {
-            "kind": simulation.outcome.kind,
-            "time": simulation.outcome.t,
-            "message": simulation.outcome.message,
-            "verdict": result.words,
-        },
-        "measures": dict(result.measures),
-        "precision": dict(simulation.precision),
-        "pressure": {} if simulation.pressure is None else dict(simulation.pressure.facts),
-        "provenance": dict(result.provenance),
-        "run_file": {"path": run.path.as_posix(), "text": run.text},
-    }
-    return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in topics.items()}
+    return joined(result, result.words, {"controller": _facts(result.law.facts())})
 
 
 def markdown(result: Tried) -> str:

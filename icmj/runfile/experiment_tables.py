@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from icmj.base.text import one_line
 from icmj.errors import RunFileError
-from icmj.runfile.messages import in_words
-from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import EXPERIMENTS, RUNS
+from icmj.runfile.shipped import EXPERIMENTS
 from icmj.runfile.stimulus_tables import (
     DoubleStepTable,
     IntersectionPointTable,
@@ -21,7 +19,6 @@ from icmj.runfile.stimulus_tables import (
     PerturbedStanceTable,
     QuietStandingTable,
 )
-from icmj.runfile.sweep_tables import leaves
 from icmj.runfile.table import Interval, Line, TomlTable
 
 MOST_TRIALS = 100_000
@@ -67,7 +64,7 @@ class CaseTable(TomlTable):
         return self
 
 
-class ExperimentFile(TomlTable):
+class ExperimentFile(FileOfRuns):
     """A validated experiment file. One of the tables determines the kind of experiment and its analysis."""
 
     experiment: ExperimentTable
@@ -85,8 +82,6 @@ class ExperimentFile(TomlTable):
     double_step: DoubleStepTable | None = None
     """Double steps: reaction times and refractory duration."""
 
-    _text: str = PrivateAttr(default="")
-    _path: Path = PrivateAttr(default=Path("experiment.toml"))
     _runs: tuple[RunFile, ...] = PrivateAttr(default=())
 
     @classmethod
@@ -96,12 +91,10 @@ class ExperimentFile(TomlTable):
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
         """
-        try:
-            made = cls.model_validate(data)
-        except ValidationError as error:
-            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
-        made._path, made._text = path, text
-        made._runs = tuple(_run_of(case, i, path, allow_code) for i, case in enumerate(made.case))
+        made = cls._read(data, path, text)
+        made._runs = tuple(
+            made._run(case.run, case.set, f"case[{i}].set", allow_code) for i, case in enumerate(made.case)
+        )
         twice = sorted({name for name in made.names if made.names.count(name) > 1})
         if twice:
             raise RunFileError(f"{path}: two cases are called {twice[0]!r}; give one a name")
@@ -140,16 +133,6 @@ class ExperimentFile(TomlTable):
         """Titles of the cases."""
         return tuple(case.title or case.name or run.case.title for case, run in zip(self.case, self._runs, strict=True))
 
-    @property
-    def text(self) -> str:
-        """The TOML text as read."""
-        return self._text
-
-    @property
-    def path(self) -> Path:
-        """The path from which it was read."""
-        return self._path
-
 
 KINDS = tuple(name for name in ExperimentFile.model_fields if name not in ("experiment", "case"))
 
@@ -166,12 +149,3 @@ def load_experiment(path: Path | str, *, allow_code: bool = False) -> Experiment
     """
     path, text = read_text(Path(path), EXPERIMENTS)
     return ExperimentFile.validated(parse_toml(text, path), path, text, allow_code)
-
-
-def _run_of(case: CaseTable, place: int, path: Path, allow_code: bool) -> RunFile:
-    beside = path.parent / case.run
-    run = load_run(beside if beside.is_file() else RUNS.meant(Path(case.run)), allow_code=allow_code)
-    try:
-        return run.with_(**dict(leaves(case.set))) if case.set else run
-    except RunFileError as error:
-        raise RunFileError(f"{path}: case[{place}].set: {error}") from error

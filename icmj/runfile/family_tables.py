@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from icmj.base.text import one_line
 from icmj.errors import RunFileError
-from icmj.runfile.messages import in_words
-from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import FAMILIES, RUNS
-from icmj.runfile.sweep_tables import leaves
+from icmj.runfile.shipped import FAMILIES
 from icmj.runfile.table import MOST, Finite, Line, Positive, TomlTable
 
 PRESSURE = "pressure.torque."
@@ -98,7 +95,7 @@ class ParameterTable(TomlTable):
     """Source of the prior, or ``ours``."""
 
 
-class FamilyFile(TomlTable):
+class FamilyFile(FileOfRuns):
     """A family file (docs/fitting.md).
 
     Attributes:
@@ -114,8 +111,6 @@ class FamilyFile(TomlTable):
     parameter: Annotated[list[ParameterTable], Field(min_length=1, max_length=50)]
     """The unknown parameters, one ``[[parameter]]`` each."""
 
-    _text: str = PrivateAttr(default="")
-    _path: Path = PrivateAttr(default=Path("family.toml"))
     _base: RunFile = PrivateAttr()
 
     @classmethod
@@ -125,17 +120,8 @@ class FamilyFile(TomlTable):
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
         """
-        try:
-            made = cls.model_validate(data)
-        except ValidationError as error:
-            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
-        made._path, made._text = path, text
-        beside = path.parent / made.family.run
-        base = load_run(beside if beside.is_file() else RUNS.meant(Path(made.family.run)), allow_code=allow_code)
-        try:
-            made._base = base.with_(**dict(leaves(made.family.set))) if made.family.set else base
-        except RunFileError as error:
-            raise RunFileError(f"{path}: family.set: {error}") from error
+        made = cls._read(data, path, text)
+        made._base = made._run(made.family.run, made.family.set, "family.set", allow_code)
         if made._base.setpoint:
             raise RunFileError(
                 f"{path}: family.run: {made.family.run} has a set-point; the run of a family must have none"
@@ -157,16 +143,6 @@ class FamilyFile(TomlTable):
     def base(self) -> RunFile:
         """The run file that the numbers are put into."""
         return self._base
-
-    @property
-    def text(self) -> str:
-        """The TOML text as read."""
-        return self._text
-
-    @property
-    def path(self) -> Path:
-        """The path from which it was read."""
-        return self._path
 
 
 def load_family_file(path: Path | str, *, allow_code: bool = False) -> FamilyFile:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+from pydantic import PrivateAttr, ValidationError
 
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
+from icmj.runfile.messages import in_words
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import RUNS, Shelf
+from icmj.runfile.table import TomlTable
 
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 
@@ -89,3 +94,48 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
     except ValueError as error:  # an integer of thousands of digits, a date that is none
         why = "an integer of thousands of digits" if "digits" in str(error) else one_line(error, 200)
         raise RunFileError(f"{path}: not TOML that can be read: {why}") from error
+
+
+class FileOfRuns(TomlTable):
+    """Base of the files that name run files: of sweeps, families and experiments."""
+
+    _text: str = PrivateAttr(default="")
+    _path: Path = PrivateAttr(default=Path("file.toml"))
+
+    @property
+    def text(self) -> str:
+        """The TOML text as read."""
+        return self._text
+
+    @property
+    def path(self) -> Path:
+        """The path from which it was read."""
+        return self._path
+
+    @classmethod
+    def _read(cls, data: Mapping[str, Any], path: Path, text: str) -> Self:
+        try:
+            made = cls.model_validate(data)
+        except ValidationError as error:
+            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
+        made._path, made._text = path, text
+        return made
+
+    def _run(self, run: RunFile | str, changes: Mapping[str, Any], key: str, allow_code: bool) -> RunFile:
+        """A run file, or the one of this name beside it or shipped, with the values changed that ``key`` gives."""
+        if isinstance(run, str):
+            beside = self._path.parent / run
+            run = load_run(beside if beside.is_file() else RUNS.meant(Path(run)), allow_code=allow_code)
+        try:
+            return run.with_(**dict(leaves(changes))) if changes else run
+        except RunFileError as error:
+            raise RunFileError(f"{self._path}: {key}: {error}") from error
+
+
+def leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of a table of tables."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from leaves(value, f"{at}{key}.")
+        else:
+            yield f"{at}{key}", value

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.plant.change import What
-from icmj.runfile.messages import in_words
-from icmj.runfile.reading import load_run, parse_toml, read_text
+from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import RUNS, SWEEPS
+from icmj.runfile.shipped import SWEEPS
 from icmj.runfile.table import Finite, Line, TomlTable
 
 MOST_POINTS = 10**9
@@ -131,7 +129,7 @@ class AskTable(TomlTable):
     run file."""
 
 
-class SweepFile(TomlTable):
+class SweepFile(FileOfRuns):
     """A validated sweep file; ``base`` is the run file that it names."""
 
     sweep: SweepTable
@@ -143,8 +141,6 @@ class SweepFile(TomlTable):
     set: dict[str, Any] = {}
     """Values of the run file that are replaced at every point, such as ``set.simulation.duration = 20.0``."""
 
-    _text: str = PrivateAttr(default="")
-    _path: Path = PrivateAttr(default=Path("sweep.toml"))
     _base: RunFile = PrivateAttr()
 
     @classmethod
@@ -161,18 +157,8 @@ class SweepFile(TomlTable):
         Raises:
             RunFileError: one line that names the file, the key, and what was expected.
         """
-        try:
-            made = cls.model_validate(data)
-        except ValidationError as error:
-            raise RunFileError(f"{path}: {one_line(in_words(error, cls))}") from error
-        made._path, made._text = path, text
-        if base is None:
-            beside = path.parent / made.sweep.run
-            base = load_run(beside if beside.exists() else RUNS.meant(Path(made.sweep.run)), allow_code=allow_code)
-        try:
-            made._base = base.with_(**dict(leaves(made.set))) if made.set else base
-        except RunFileError as error:
-            raise RunFileError(f"{path}: set: {error}") from error
+        made = cls._read(data, path, text)
+        made._base = made._run(base or made.sweep.run, made.set, "set", allow_code)
         if made._base.tries and (made.ask.cycle or made.ask.attractors):
             raise RunFileError(
                 f"{path}: ask: cycle and attractors are for intermittent control; the controller is of kind "
@@ -201,28 +187,9 @@ class SweepFile(TomlTable):
         return self
 
     @property
-    def text(self) -> str:
-        """The TOML text as read."""
-        return self._text
-
-    @property
-    def path(self) -> Path:
-        """Where it was read from."""
-        return self._path
-
-    @property
     def base(self) -> RunFile:
         """The run file whose fields vary."""
         return self._base
-
-
-def leaves(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of a table of tables."""
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from leaves(value, f"{at}{key}.")
-        else:
-            yield f"{at}{key}", value
 
 
 def load_sweep(path: Path | str, *, allow_code: bool = False) -> SweepFile:
