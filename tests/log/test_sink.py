@@ -1,4 +1,4 @@
-"""What rerun writes into memory comes to the disk whole, or not at all and with a word."""
+"""What rerun writes into memory reaches the disk whole, or not at all and with a message."""
 
 from __future__ import annotations
 
