@@ -1,9 +1,10 @@
-"""Plain data for JSON: numpy arrays become lists, complex numbers [re, im], non-finite numbers ``null``."""
+"""Plain data for JSON: dataclasses are mappings, arrays lists, complex numbers [re, im], what is not finite ``null``."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ def plain(value: Any) -> Any:
         return [plain(value.real), plain(value.imag)]
     if isinstance(value, np.ndarray):
         return [plain(entry) for entry in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(vars(value))
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     return [plain(entry) for entry in value]

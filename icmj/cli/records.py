@@ -43,7 +43,7 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
 
     return plain(
         {
-            "notices": [vars(notice) for notice in notices],
+            "notices": list(notices),
             **told(PREDICTION, prediction, "record"),
             "outputs": outputs,
             "missing": prediction.missing or None,
@@ -61,7 +61,7 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
             ],
             "delta_max": prediction.delta_max,
             "beyond": None if prediction.beyond is None else prediction.beyond.delta,
-            "neutral": [vars(mode) for mode in prediction.neutral],
+            "neutral": prediction.neutral,
             "family": None if prediction.family is None else prediction.family.words,
             "continuous_stable": {
                 "state_feedback": prediction.state_feedback_stable,
@@ -87,14 +87,14 @@ def plain_linearisation(linearisation: Linearisation, quality: Quality, told: It
             "units": {"states": plant.state_units, "inputs": plant.input_units, "outputs": plant.output_units},
             "residual": linearisation.residual,
             "quality": {
-                "residual": vars(quality.residual),
+                "residual": quality.residual,
                 "errors": dict(zip("ABC", quality.errors, strict=True)),
-                "kinks": [vars(kink) for kink in quality.kinks],
-                "margins": [vars(margin) for margin in quality.margins],
-                "room": [vars(margin) for margin in quality.room],
+                "kinks": quality.kinks,
+                "margins": quality.margins,
+                "room": quality.room,
                 "feedthrough": quality.feedthrough,
-                **{kind: [vars(mode) for mode in getattr(quality, kind)] for kind in MODES},
+                **{kind: getattr(quality, kind) for kind in MODES},
             },
-            "notices": [vars(notice) for notice in (*told, *quality.notices)],
+            "notices": (*told, *quality.notices),
         }
     )

@@ -40,20 +40,14 @@ def record(sway: Sway) -> dict[str, Any]:
         "samples": len(sway.series),
         "low_pass": sway.low_pass,
         "resampled": sway.series.facts.get("resampled"),
-        "coordinates": [
-            {**_plain(c), "frequencies": vars(c.frequencies), "diffusion": _diffusion(c.diffusion)}
-            for c in sway.coordinates
-        ],
+        "coordinates": [{**vars(c), "diffusion": _diffusion(c.diffusion)} for c in sway.coordinates],
         "plane": None,
     }
     if sway.plane is not None:
         p, e = sway.plane, sway.plane.ellipse
         found["plane"] = {
-            **_plain(p),
-            "frequencies": vars(p.frequencies),
-            "diffusion": _diffusion(p.diffusion),
-            "ellipse": {**vars(e), "area": e.area},
-        }
+            **vars(p), "diffusion": _diffusion(p.diffusion), "ellipse": {**vars(e), "area": e.area},
+        }  # fmt: skip
     found["spectrum"] = {"frequency": sway.spectrum.frequency, "power": sway.spectrum.power.T}
     return dict(plain(found))
 
@@ -109,17 +103,8 @@ def _stretches(found: Diffusion, factor: float) -> dict[str, float | None]:
     }
 
 
-def _plain(measures: Coordinate | Plane) -> dict[str, Any]:
-    left_out = ("frequencies", "diffusion", "ellipse")
-    return {key: value for key, value in vars(measures).items() if key not in left_out}
-
-
 def _diffusion(found: Diffusion) -> dict[str, Any]:
-    return {
-        "short": None if found.short is None else vars(found.short),
-        "long": None if found.long is None else vars(found.long),
-        "critical": found.critical,
-    }
+    return {name: getattr(found, name) for name in ("short", "long", "critical")}
 
 
 def _unit(unit: str) -> tuple[float, str]:

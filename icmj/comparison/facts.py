@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -77,10 +78,11 @@ def _rms(of: Any) -> list[float] | None:
     return None if of.statistics is None else [rms.value for rms in of.statistics.rms]
 
 
+_swept = partial(Fact, record="", logged="")
 RUN = (
-    Fact("outcome", "outcome", "", "completed, fell, diverged, sliding or stalled",
-         attrgetter("simulation.outcome.kind"), "text", record="", logged=""),
-    Fact("end", "end", "s", "when the run ended", attrgetter("simulation.outcome.t"), record="", logged=""),
+    _swept("outcome", "outcome", "", "completed, fell, diverged, sliding or stalled",
+           attrgetter("simulation.outcome.kind"), "text"),
+    _swept("end", "end", "s", "when the run ended", attrgetter("simulation.outcome.t")),
     Fact("kind", "motion", "",
          "cycle, quasi-periodic, irregular, growth, decay, homoclinic, noisy, too short, no events",
          attrgetter("measurement.kind"), "text"),
@@ -88,9 +90,8 @@ RUN = (
          lambda of: on_predicted_cycle(of.prediction, of.measurement), "truth", record="converged", logged=""),
     Fact("interval", "open-loop interval", "s", "mean open-loop interval over the last period, or of the last ones",
          attrgetter("measurement.interval"), against="delta_crit"),
-    Fact("error", "error of the interval", "",
-         "relative departure of a settled interval from Δ_crit, where a cycle is predicted", _error, record="",
-         logged=""),
+    _swept("error", "error of the interval", "",
+           "relative departure of a settled interval from Δ_crit, where a cycle is predicted", _error),
     Fact("p", "events in a period", "", "events in a period", attrgetter("measurement.p"), "whole", record="",
          logged="events_per_period"),
     Fact("mirrored", "mirrored", "", "whether the second half of the cycle is the first with opposite sign",
@@ -99,24 +100,23 @@ RUN = (
          against="period"),
     Fact("residual", "closes to", "", "relative closure error of the last period", attrgetter("measurement.residual"),
          figures=2, record=""),
-    Fact("events", "events", "", "events in the run", lambda of: len(of.simulation.events), "count", record="",
-         logged=""),
-    Fact("step_error", "error by the step", "", "relative error by the engine's step, estimated on the last interval",
-         lambda of: relative_error(of.simulation), only="mujoco", record="", logged=""),
-    Fact("interval_error", "confidence of the interval", "s",
-         "half width of the 95 % confidence interval of the mean interval", _noisy("interval", "error"), only="noise",
-         record="", logged=""),
-    Fact("interval_deviation", "deviation of the intervals", "s", "standard deviation of the intervals",
-         _noisy("interval_deviation", "value"), only="noise", record="", logged=""),
-    Fact("binding", "intervals at Δ_min", "", "share of the intervals that end at Δ_min", _noisy("binding", "value"),
-         only="noise", record="", logged=""),
+    _swept("events", "events", "", "events in the run", lambda of: len(of.simulation.events), "count"),
+    _swept("step_error", "error by the step", "",
+           "relative error by the engine's step, estimated on the last interval",
+           lambda of: relative_error(of.simulation), only="mujoco"),
+    _swept("interval_error", "confidence of the interval", "s",
+           "half width of the 95 % confidence interval of the mean interval", _noisy("interval", "error"),
+           only="noise"),
+    _swept("interval_deviation", "deviation of the intervals", "s", "standard deviation of the intervals",
+           _noisy("interval_deviation", "value"), only="noise"),
+    _swept("binding", "intervals at Δ_min", "", "share of the intervals that end at Δ_min", _noisy("binding", "value"),
+           only="noise"),
     Fact("gamma", "γ", "", "size of the critical mode at the events of a cycle, where one is predicted", _gamma,
          against="gamma", column=""),
     Fact("amplitude", "peak of each output", "",
          "largest magnitude of each output over a period, or of late in the run",
          attrgetter("measurement.amplitude"), "outputs", figures=4, against="amplitude", column="peak"),
-    Fact("rms", "RMS of each output", "", "standard deviation of each output", _rms,
-         "outputs", figures=4, only="noise", record="",
-         logged=""),
+    _swept("rms", "RMS of each output", "", "standard deviation of each output", _rms, "outputs", figures=4,
+           only="noise"),
 )  # fmt: skip
 """In the order of a sweep's columns."""

@@ -23,8 +23,8 @@ from icmj.cycle.branch import Branch
 from icmj.cycle.storage import packed, unpacked
 from icmj.errors import IcmjError, LogError
 from icmj.log import palette
-from icmj.log.blueprint import BACKGROUND
-from icmj.log.columns import TIMELINE, time_column
+from icmj.log.blueprint import BACKGROUND, arranged
+from icmj.log.columns import time_column
 from icmj.log.figure import eye, write_figures
 from icmj.log.reader import static_row
 from icmj.log.sink import in_memory
@@ -211,22 +211,14 @@ def _blueprint(branch: Branch, scene: Scene | None) -> rrb.Blueprint:
         background=(24, 27, 31, 255),
         visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.3, 1.35]),
     )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(*figures, diagram),
-            rrb.Vertical(near("Outputs", "outputs"), near("Inputs", "inputs"), plot("Intervals [s]", "along/interval")),
-            rrb.Vertical(
-                rrb.TextDocumentView(origin="summary", name="Summary"),
-                plot("Parameter", "along/parameter"),
-                plot("Largest multiplier", "along/multiplier"),
-            ),
-            column_shares=[6, 5, 5],
+    return arranged(
+        rrb.Vertical(*figures, diagram),
+        rrb.Vertical(near("Outputs", "outputs"), near("Inputs", "inputs"), plot("Intervals [s]", "along/interval")),
+        rrb.Vertical(
+            rrb.TextDocumentView(origin="summary", name="Summary"),
+            plot("Parameter", "along/parameter"),
+            plot("Largest multiplier", "along/multiplier"),
         ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
-        auto_layout=False,
-        auto_views=False,
     )
 
 
