@@ -1,4 +1,4 @@
-"""Plain data for JSON: dataclasses are mappings, arrays lists, complex numbers [re, im], what is not finite ``null``."""
+"""Plain data for JSON: dataclasses are mappings, arrays lists, complex numbers [re, im], and NaN and ∞ ``null``."""
 
 from __future__ import annotations
 
