@@ -29,6 +29,8 @@ from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
+MEMORY = 1.9e9  # bytes that a run may take without being asked twice
+_OWN, _PER_NUMBER = 0.4e9, 60.0  # bytes: of the libraries, and of each number while a log is written
 BLOCKS = 1e6  # the same on the linear plant
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
@@ -83,12 +85,18 @@ def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: f
     """Check that the estimate of a case does not exceed a limit.
 
     Raises:
-        StudyError: if ``seconds`` is more than ``longest`` [s]; it says what would make it shorter.
+        StudyError: if ``seconds`` is more than ``longest`` [s], or its rows take more memory than :data:`MEMORY` while
+            the log is written; it says what would make it smaller.
     """
-    if longest is None or seconds <= longest:
-        return
     settings = case.settings
     rows = settings.duration / settings.record_interval
+    if longest is not None and rows > ROWS and (taken := _OWN + _PER_NUMBER * rows * _columns(case)) > MEMORY:
+        raise StudyError(
+            f"{case.run.path}: {case.run.case.name} ({plant}) would take about {taken / 1e9:.2g} GB of memory "
+            f"({rows:.2g} rows); raise simulation.record_interval, or start it with --yes"
+        )
+    if longest is None or seconds <= longest:
+        return
     what = [f"{rows:.2g} rows"] if rows > ROWS else []
     if plant == "mujoco" and isinstance(case, Case) and settings.duration / _timestep(case) > STEPS:
         what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
@@ -97,6 +105,13 @@ def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: f
         f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
         "(simulation.duration, timestep, record_interval, study), or start it with --yes"
     )
+
+
+def _columns(case: Case | Trial) -> float:
+    """Numbers in a row of a run and of its continuous control."""
+    plant, controller = case.actual.linearisation.plant, case.controller if isinstance(case, Case) else None
+    states = 0 if controller is None else 2 * controller.design.plant.n
+    return (1 if controller is None else 2) * (1 + plant.n + plant.n_y + plant.n_u) + states
 
 
 def in_words(seconds: float) -> str:

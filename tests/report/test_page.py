@@ -59,15 +59,15 @@ def inspect(page, folder, width, *flags):
 DARK = "--blink-settings=preferredColorScheme=0"
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1200, "light"), (390, "dark")])
 def test_the_page_at(report, tmp_path, width, scheme):
     found = inspect(report / "report.html", tmp_path, width, *([DARK] if scheme == "dark" else []))
     assert (found["contrasts"]["ground"] < 0.02) is (scheme == "dark")
     assert min(found["contrasts"]["worst"].values()) > 4.5  # WCAG 2, level AA
     # the contents stay in view: beside the text, or one line above it
     assert -1 <= found["contents"]["top"] < found["contents"]["bottom"] <= 900
-    assert found["contents"]["beside"] is (width > 1100)
-    assert found["contents"]["bottom"] < (900 if width > 1100 else 60)
+    assert found["contents"]["beside"] is (width > 1200)
+    assert found["contents"]["bottom"] < (900 if width > 1200 else 60)
     assert found["width"] == width
     assert found["faults"] == []
     assert found["console"] == []

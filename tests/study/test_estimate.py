@@ -47,6 +47,17 @@ def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration:
     refuse_long(found, plant, seconds, None)  # type: ignore[arg-type]
 
 
+def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:
+    """Of a million rows of the three-link person a log took 2.3 GB to write."""
+    found = case(root, 1.0, "record_interval = 5e-7")
+    with pytest.raises(
+        StudyError, match=r"would take about 2.1 GB of memory \(2e\+06 rows\); raise simulation.record_int"
+    ):
+        refuse_long(found, "linear", 1.0, LONGEST)
+    refuse_long(found, "linear", 1.0, None)
+    refuse_long(case(root, 1.0, "record_interval = 1e-6"), "linear", 1.0, LONGEST)
+
+
 NOISE = '{ kind = "noise", input = "torque", size = 0.1, seed = 1, terms = 2000, bandwidth = %s }'
 
 
