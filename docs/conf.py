@@ -62,8 +62,8 @@ class ByQuestion:
     """The order of the gallery: what a researcher asks first, then models from elsewhere."""
 
     ORDER = (
-        "disturbed_stance", "sway", "backpack", "delay", "lean", "attraction", "masquerade", "own_plant", "muscle",
-        "ball_joint",
+        "disturbed_stance", "sway", "backpack", "delay", "deciding", "masquerade", "lean", "attraction",
+        "rigid_person", "own_plant", "muscle", "ball_joint",
     )  # fmt: skip
 
     def __init__(self, folder: str) -> None:

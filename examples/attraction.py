@@ -2,9 +2,9 @@
 Which gains hold a body upright?
 ================================
 
-A one-link person whose ankle is stiff to 0.8 of what would hold it, under delayed feedback: switched off where the body
-moves towards the upright, and continuous. For each pair of gains, the factor by which a round of the motion is larger
-or smaller than the one before.
+A one-link person is held by delayed feedback. The passive stiffness of the ankle is 0.8 of what would hold the body by
+itself. The feedback is either continuous, or switched off while the body moves towards the upright. For each pair of
+gains, the map shows the factor by which each round of the motion is larger or smaller than the round before.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ parser.add_argument("--points", type=int, default=50, help="gains of each kind")
 given = parser.parse_known_args()[0]
 
 # %%
-# The body of Asai et al. (2009), and their intermittent gains.
+# The body and the gains of intermittent control are those of Asai et al. (2009).
 m, h, g = 60.0, 1.0, 9.81
 mgh, inertia = m * g * h, m * h**2
 plant = icmj.LinearPlant(
@@ -34,13 +34,14 @@ law = icmj.SwitchingPD(plant, "theta", "omega", P=0.25 * mgh, D=10.0, delay=0.2,
 print(icmj.rounds(plant, law).words)
 
 # %%
-# The map: a few milliseconds a point, simulated exactly.
+# Every point of the map is simulated exactly, which takes a few milliseconds.
 P, D = np.linspace(0.02, 1.6, given.points) * mgh, np.linspace(-60, 320, given.points)
 found = icmj.attraction(plant, law, P, D)
 
 # %%
-# Blue stands, red falls. Where feedback never switches off, there are no rounds, and the size grows or decays
-# monotonically: shown pale. Continuous feedback stands within the dashed line only.
+# With the gains shown in blue the body stands, with those in red it falls. Where feedback never switches off, there are
+# no rounds, and the motion grows or decays monotonically: these gains are pale. Under continuous feedback the body
+# stands only within the dashed line.
 figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
 shown = np.log10(np.where(np.isnan(found.factor), np.where(found.stands, 0.7, 1.4), found.factor))
 image = axes.pcolormesh(

@@ -1,8 +1,8 @@
 """A load that the controller does not know: a backpack
 =====================================================
 
-How does a hidden load change the sway? The controller assumes a wrong mass, centre of mass and inertia of the trunk;
-the ankle angle is adjusted until the load is balanced.
+How does a hidden load change the sway? The controller assumes wrong values of mass, centre of mass and inertia of the
+trunk. The ankle angle of the actual person is adjusted until the load is balanced.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ initial = { ankle = 0.005 }
 
 
 def backpack(load: float) -> str:
-    """The trunk with ``load`` kg more, as changes of the actual plant."""
+    """Changes of the actual plant that add ``load`` kg to the trunk."""
     mass = TRUNK + load
     com = (TRUNK * COM + load * WHERE) / mass
     inertia = INERTIA + TRUNK * np.sum((COM - com) ** 2) + load * np.sum((WHERE - com) ** 2)

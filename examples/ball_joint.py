@@ -1,7 +1,7 @@
 """A pole on a ball joint, in three dimensions
 ===========================================
 
-The arms of the pole are spread sideways, so that it falls more slowly to the side than forwards.
+The pole has arms that are spread sideways, so that it falls more slowly to the side than forwards.
 """
 
 import tempfile
@@ -27,7 +27,7 @@ MODEL = """
   </actuator>
   <sensor><ballquat name="tilt" joint="ball"/></sensor>
 </mujoco>"""
-# the outputs are the vector part of its quaternion: half the angles
+# the outputs are the vector part of the quaternion, which is half the angles
 RUN = """
 case = { name = "ball", title = "A pole on a ball joint" }
 assumed = { model = "ball.xml", outputs = ["tilt.1", "tilt.2", "tilt.3"] }

@@ -2,9 +2,10 @@
 Intermittent or continuous?
 ===========================
 
-Five controllers hold the same person, who is noisy. Which experiment tells them apart, and with how many trials? Many
-synthetic people under each controller do pairs of steps and a multi-sine; a rule learns from some of them which
-controller it is, from few numbers of each experiment, and is put to the others.
+Which experiment can distinguish five controllers that hold the same person in the presence of noise, and how many
+trials does it need? Many synthetic people under each controller take part in a double-step and in a multi-sine
+experiment. From a few measures of each experiment, a rule learns to recognise the controllers of some people, and is
+tested on the others.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ counts = [2**i for i in range(int(np.log2(given.trials)) + 1)]
 
 # %%
 # The one-link person of Asai et al. (2009): 60 kg, 1 m to the centre of mass, an ankle whose own stiffness holds 80 %
-# of the weight. What is not printed there is chosen here: designs, threshold, refractory period and noise.
+# of the weight. Designs, threshold, refractory period and noise are not given there and are choices of this example.
 mgh, K, B, J, delay = 588.6, 0.8 * 588.6, 4.0, 60.0, 0.2
 person = icmj.LinearPlant(
     [[0, 1], [(mgh - K) / J, -B / J]], [[0], [1 / J]], np.eye(2), ("lean", "lean_rate"), ("torque",),
@@ -39,7 +40,7 @@ t_d, hold = icmj.Delay(delay), icmj.system_matched(design)
 
 
 def controller(name: str, target: icmj.Setpoint | None) -> icmj.Law:
-    """One of them; those that read outputs alone see a target as an error of what they read."""
+    """The controller of this name; those that read only outputs see a target as an error of their readings."""
     if name == "predictor":
         return icmj.PredictorController(design, t_d, target)
     if name in ("events", "clock"):
@@ -50,7 +51,7 @@ def controller(name: str, target: icmj.Setpoint | None) -> icmj.Law:
 
 
 def noise(seed: int) -> tuple[icmj.Noise, ...]:
-    """Of the muscle, and of what is seen, mostly below 1 Hz: continuous control sways by 4.5 mm, as people do."""
+    """Noise of the muscle and of the reading, mostly below 1 Hz: continuous control sways by 4.5 mm, as people do."""
     return (
         icmj.Noise(input="torque", size=2.5, corner=1.0, terms=60, seed=2 * seed),
         icmj.Noise(output="lean", size=0.0015, corner=1.0, terms=60, seed=2 * seed + 1),
@@ -63,16 +64,16 @@ def simulated(law: icmj.Law, duration: float, *disturbing: object) -> icmj.Simul
 
 
 def even(run: icmj.Simulation, *columns: np.ndarray) -> np.ndarray:
-    """Columns at even rows: events are rows, too."""
+    """Columns at evenly spaced rows only, because events are recorded as rows, too."""
     places = np.rint(run.t / 0.02)
     kept = np.abs(run.t - 0.02 * places) < 1e-7
     return np.column_stack(columns)[kept][np.flatnonzero(np.diff(places[kept], prepend=-1) > 0)]
 
 
 # %%
-# **Double steps.** A trial is two pairs at each of six intervals. Of the reaction times, over all trials of a person:
-# the median of the first and how far it varies; how much later the second is at short intervals, and at long ones; and
-# how many steps were responded to at all.
+# **Double steps.** A trial has two pairs of steps at each of six intervals. The measures, over all trials of a person,
+# are the median and the interquartile range of the first reaction time, the median by which the second reaction time is
+# longer at short and at long intervals, and the share of pairs with a response to both steps.
 SHORT, ISI = 0.25, (0.1, 0.15, 0.2, 0.4, 0.6, 0.9)
 
 
@@ -108,8 +109,8 @@ def of_steps(trials: list[np.ndarray]) -> list[float]:
 
 
 # %%
-# **Multi-sine.** A trial is four periods of 10 s of torque at ten lines. Over all trials of a person: the remnant and
-# the coherence of the torque that the controller commands.
+# **Multi-sine.** A trial is four periods of 10 s, with a torque at ten frequencies. The measures, over all trials of a
+# person, are the remnant and the coherence of the torque that the controller commands.
 PERIOD, LINES = 10.0, np.array([1, 2, 3, 5, 7, 11, 13, 17, 23, 29]) / 10.0
 
 
@@ -131,10 +132,11 @@ def of_sines(trials: list[icmj.Series]) -> list[float]:
 
 
 # %%
-# The rule between two controllers: the nearer mean, in units of the common scatter, learned without the person who is
-# judged. Half of the judgements are right by chance.
+# The rule decides between two controllers by the nearer mean, in units of the common scatter (linear discriminant
+# analysis). Means and scatter are learned without the person who is classified. By chance, half of the people would be
+# classified correctly.
 def rightly(one: np.ndarray, other: np.ndarray) -> float:
-    """Share of people who are told rightly by what all the others have, shapes (P, F)."""
+    """Share of people who are classified correctly by what is learned from all the others; shapes (P, F)."""
     features, of = np.concatenate([one, other]), np.repeat([0, 1], [len(one), len(other)])
     right = 0
     for i in range(len(features)):
@@ -151,7 +153,7 @@ def rightly(one: np.ndarray, other: np.ndarray) -> float:
 EXPERIMENTS = {"double step": (double_step, of_steps), "multi-sine": (multi_sine, of_sines)}
 found = {}
 for experiment, (trial, told) in EXPERIMENTS.items():
-    for place, name in enumerate(CONTROLLERS):  # each person has seeds of their own
+    for place, name in enumerate(CONTROLLERS):  # every person has other seeds
         rows = []
         for number in range(given.people):
             seeds = 1000 * (100 * place + number) + np.arange(given.trials)
@@ -160,7 +162,7 @@ for experiment, (trial, told) in EXPERIMENTS.items():
         found[experiment, name] = np.array(rows)  # (people, counts, features)
 
 # %%
-# Share of people told rightly, of each pair of controllers, against the number of trials.
+# The share of people classified correctly, for each pair of controllers and number of trials.
 pairs = list(combinations(CONTROLLERS, 2))
 power = {
     (experiment, pair): [rightly(*(found[experiment, name][:, i] for name in pair)) for i in range(len(counts))]
@@ -175,17 +177,17 @@ for axes, experiment in zip(panels, EXPERIMENTS, strict=True):
         axes.text(j, i, f"{100 * share:.0f}", ha="center", va="center", color="white" if share < 0.8 else "black")
     axes.set(title=experiment, xlabel="trials", xticks=range(len(counts)), xticklabels=counts)
     axes.set(yticks=range(len(pairs)), yticklabels=[" – ".join(pair) for pair in pairs])
-figure.colorbar(image, ax=panels, label="people told rightly (%)")
+figure.colorbar(image, ax=panels, label="people classified correctly (%)")
 
 
 def enough(experiment: str, pair: tuple[str, str]) -> str:
-    """The least number of trials from which on 95 % are told rightly."""
+    """The smallest number of trials from which on 95 % are classified correctly."""
     good = [share >= 0.95 for share in power[experiment, pair]]
     least = next((n for i, n in enumerate(counts) if all(good[i:])), None)
     return f"{least}" if least else f"> {counts[-1]}"
 
 
-print(f"{'trials for 95 % told rightly':<30} {'double step':>12} {'multi-sine':>12}")
+print(f"{'trials for 95 % correct':<30} {'double step':>12} {'multi-sine':>12}")
 for pair in pairs:
     print(f"{' – '.join(pair):<30} {enough('double step', pair):>12} {enough('multi-sine', pair):>12}")
 print("\nmedians, all trials:  RT1, its spread, RT2 - RT1 short and long (s), responded to; remnant (%), coherence")

@@ -1,7 +1,8 @@
 """What does a neural delay change?
 ================================
 
-The critical interval as a function of a delay that the controller knows, or over- or underestimates by a tenth.
+The figure shows the critical interval as a function of the delay, for a controller that knows the delay and for
+controllers that overestimate or underestimate it by a tenth.
 
 To draw the figure of the documentation page on delays: ``python examples/delay.py --picture delay.png --points 25``.
 """
@@ -23,7 +24,7 @@ delays = np.linspace(0.0, 0.3, given.points)
 
 
 def unbroken(values):
-    """Where the curve jumps, another crossing has become the critical one: part it there."""
+    """Interrupt the curve at jumps, where another crossing has become the critical one."""
     values = np.array(values)
     jump = np.append(np.abs(np.diff(values)) > 0.15 * values[:-1], False)
     return np.where(jump, np.nan, values)
@@ -34,7 +35,7 @@ for axes, system in zip(stack, ("simple", "three-link"), strict=True):
     for name in [name for name in CASES if name.startswith(system)]:
         case = icmj.prepare(icmj.load_run(name))
         plant, controller = case.actual.linearisation.plant, case.controller
-        colour = None  # the first curve's is that of the case
+        colour = None  # the first curve of a case determines its colour
         for mistake, style in ((1.0, "-"), (1.1, "--"), (0.9, ":")):
             found = []
             for t_d in delays:

@@ -1,7 +1,7 @@
 """How does a person recover from a push?
 ======================================
 
-A standing person is pushed at the ankle, and the open-loop intervals return to those of the cycle.
+A standing person is pushed at the ankle. The open-loop intervals change, and then return to those of the cycle.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ for t, interval in zip(run.events.t, run.events.interval, strict=True):
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# The push disturbs the intervals; a few events later they are equal to the critical interval again.
+# The push at 15 s changes the intervals. A few events later they are equal to the critical interval again.
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.4), sharex=True, layout="constrained")
 top.plot(run.t, np.degrees(run.y), linewidth=0.9, label=case.actual.linearisation.plant.outputs)
 top.set(ylabel="segment angle (deg)")

@@ -1,7 +1,8 @@
 """The cart-pole of dm_control
 ===========================
 
-The model file is used unchanged; the figure shows what the limits of its actuator let through.
+The model file is used unchanged. The printed lines show how much of the actuator's range the controller needs, and the
+figure shows the motion.
 """
 
 import importlib.util
@@ -34,7 +35,7 @@ saturated = run.precision["saturated_share"]
 print(f"control up to {np.abs(run.applied).max():.4f} of a range of 1, saturated {saturated:.0%}")
 
 # %%
-# Cart and pole over the last four seconds.
+# Cart and pole in the last four seconds:
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3), layout="constrained")
 late = run.t > run.t[-1] - 4
 for axes, i, label, factor in ((left, 0, "cart (mm)", 1e3), (right, 1, "pole (mrad)", 1e3)):

@@ -33,7 +33,7 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# The open-loop intervals grow until the cycle is reached.
+# The open-loop intervals grow until the motion reaches the cycle.
 figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 axes.plot(run.events.t, run.events.interval, "o-", color="#a03c00", label="measured")
 axes.axhline(case.prediction.delta_crit, color="black", linestyle=":", label="predicted")

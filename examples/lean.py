@@ -1,7 +1,7 @@
 """Standing with a lean
 ====================
 
-The operating point is a given pose; the torques that hold it are computed.
+The operating point is a given pose, here a lean of the ankle by 0.035 rad. icmj computes the torques that hold it.
 """
 
 import numpy as np
@@ -26,10 +26,11 @@ start = case.system.to_original(case.system.T_bar @ orbit.x_bar)
 run = icmj.simulate(case, "mujoco", start=(start[:6], start[6:12]))
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 ankle = run.applied[:, 0]
-print(f"about it the ankle's torque moves from {np.min(ankle):+.2f} to {np.max(ankle):+.2f} N m")
+print(f"relative to it, the ankle torque varies from {np.min(ankle):+.2f} to {np.max(ankle):+.2f} N m")
 
 # %%
-# The ankle torque in addition to the torque that holds the lean: it jumps at each event and then follows the hold.
+# The figure shows the ankle torque minus the torque that holds the lean. It jumps at each event and then follows the
+# hold.
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 late = run.t > run.t[-1] - 4
 axes.plot(run.t[late], ankle[late], color="#a03c00")

@@ -1,9 +1,10 @@
 """
-The masquerade
-==============
+Can a frequency response reveal intermittent control?
+=====================================================
 
-A sum of sinusoids as set-point, followed under the continuous predictor controller, under a clock and under an event
-rule with a small threshold: three frequency responses that are hard to tell apart, but for the lag that sampling costs.
+A set-point that is a sum of sinusoids is followed by the continuous predictor controller, by a clock-driven controller
+and by an event-driven one with a small threshold. The three frequency responses are hard to distinguish, except for the
+lag that sampling causes: intermittent control masquerades as continuous control.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ plant = icmj.LinearPlant(
     [[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("angle", "rate"), ("torque",), ("angle",), ("rad", "rad/s")
 )
 design = icmj.design_lq(plant, R_c=0.1, R_o=0.01)
-delay, interval, period = icmj.Delay(0.1), 0.2, 51.3  # [s]; no line of the sum is a multiple of another's image
+delay, interval, period = icmj.Delay(0.1), 0.2, 51.3  # [s]; sampling maps no line onto another one
 
 # %%
-# Lines at multiples of 1/period. What sampling folds back into the band falls between them.
+# All frequencies are multiples of 1/period. Aliases that sampling folds back into the band fall between them.
 lines = np.unique(np.round(np.geomspace(0.04, 1.6, 22) * period)) / period
 phases = 2 * np.pi * np.random.default_rng(1).random(len(lines))
 sizes = 0.02 / (1 + lines)
@@ -43,7 +44,7 @@ rivals = {
 }
 
 # %%
-# One period each, after the motion has settled, correlated with the set-point's own sinusoids.
+# One period of each run, after the motion has settled, is correlated with the sinusoids of the set-point.
 settings = icmj.Settings(duration=2 * period, record_interval=period / 4096)
 responses = {}
 for name, law in rivals.items():
@@ -54,7 +55,7 @@ for name, law in rivals.items():
     responses[name] = there / (sizes * np.exp(1j * (phases - np.pi / 2)))
 
 # %%
-# The continuous one has a closed form, too; half an interval more is the lag of sampling.
+# The response of the continuous controller is also known in closed form. Sampling adds a lag of half an interval.
 omega = 2 * np.pi * np.geomspace(lines[0], lines[-1], 200)
 exact = icmj.predictor_loop(plant, continuous).response(omega)[2][:, 0, 0]
 figure, (gain, phase) = plt.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")

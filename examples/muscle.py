@@ -1,7 +1,8 @@
 """Two muscles that can only pull
 ==============================
 
-The tone of the muscles is part of the operating point, and their activations are states.
+A calf and a shin muscle hold a rod upright. Their tone is part of the operating point, and their activations are
+states.
 """
 
 import tempfile
@@ -51,7 +52,7 @@ run = icmj.simulate(case, "mujoco")
 print(icmj.measure(run, T_hat=case.system.T_hat).words)
 
 # %%
-# The commands to the two muscles, as departures from their tone; they have opposite signs.
+# The commands to the two muscles, as deviations from their tone, have opposite signs.
 figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 late = run.t > run.t[-1] - 5
 axes.plot(run.t[late], run.applied[late], label=plant.inputs)

@@ -1,7 +1,7 @@
 """A plant of your own
 ===================
 
-A plant that is given by a transfer function is analysed, simulated and measured without a model file.
+A plant is given by a transfer function. It is analysed, simulated and measured without a model file.
 """
 
 import control
@@ -26,7 +26,8 @@ motion = icmj.measure(run, T_hat=system.T_hat)
 print(motion.words)
 
 # %%
-# The output over the run, and the open-loop intervals, which settle.
+# The upper panel shows the output, the lower one the open-loop intervals, which settle at the critical interval
+# (dotted).
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.2), sharex=True, layout="constrained")
 top.plot(run.t, run.y, color="#0072b2")
 top.set(ylabel="$y$")

@@ -1,9 +1,10 @@
 """
-A rigid person's intersection point
-===================================
+Where is the intersection point of a rigid person?
+==================================================
 
-Where do the lines of the ground's force cross when a rigid person sways about the ankles? Mechanics alone says so,
-whatever the controller. How near does the estimate from a minute of sway come, and what does its window leak?
+When a rigid person sways about the ankles, mechanics alone determines where the lines of action of the ground reaction
+force intersect, whatever the controller. How accurate is an estimate from two minutes of sway, and how much error does
+spectral leakage of its window cause?
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ parser.add_argument("--picture", default="", help="file to write the figure to")
 picture = parser.parse_known_args()[0].picture
 
 # %%
-# A person of 60 kg, centre of mass 0.9 m above ankles at the ground, 9 kg m² about it.
+# The person has a mass of 60 kg. The centre of mass is 0.9 m above the ankles, which are at ground level; the moment of
+# inertia about the centre of mass is 9 kg m².
 MODEL = """<mujoco><option gravity="0 0 -9.81" timestep="0.002" integrator="RK4"/>
 <worldbody><body><joint name="ankle" axis="0 1 0"/>
 <inertial pos="0 0 0.9" mass="60" diaginertia="9 9 0.1"/></body></worldbody>
@@ -37,7 +39,7 @@ mass, height, g = 60.0, 0.9, 9.81  # kg, m, m/s²
 inertia = 9.0 + mass * height**2  # kg m² about the ankle
 
 # %%
-# Two controllers of one design, disturbed by white torque at the ankle.
+# Two controllers have the same design and are disturbed by a white-noise torque at the ankle.
 design = icmj.design_lq(plant, R_c=1e-6, R_o=1e-8)
 hold = icmj.system_matched(design)
 CONTROLLERS = {
@@ -55,8 +57,9 @@ def mechanics(frequency: np.ndarray) -> np.ndarray:
 
 
 # %%
-# The estimate over the mechanics, with windows of 5.12 s and longer. A window leaks power of the slow, large sway into
-# the lines beside it, where the true height is smaller; a longer window leaks less far.
+# The upper panel compares the estimate with mechanics, the lower one shows its error, for windows of 5.12 s and 20.48
+# s. A window leaks power of the slow, large sway into the neighbouring frequencies, where the true height is smaller;
+# the leakage of a longer window reaches less far.
 figure, (curve, error) = plt.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")
 f = np.geomspace(0.1, 8, 200)
 curve.loglog(f, mechanics(f), "k-", lw=1, label="mechanics")
@@ -81,7 +84,7 @@ for (name, law), colour in zip(CONTROLLERS.items(), ("#0072b2", "#d55e00"), stri
                 error.semilogx(found.frequency, off, **marks, label=f"{name}, {which}, {window:g} s")
 error.axhspan(-1, 1, color="0.9", zorder=0)
 curve.set(ylabel="z / h")
-error.set(ylabel="off mechanics by [%]", xlabel="frequency [Hz]", ylim=(-30, 30))
+error.set(ylabel="error of the estimate [%]", xlabel="frequency [Hz]", ylim=(-30, 30))
 error.legend(frameon=False, fontsize="small", ncols=2)
 if picture:
     figure.savefig(picture, dpi=130)

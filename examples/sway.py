@@ -1,11 +1,11 @@
 """Does the model stand like people?
 =================================
 
-The shipped case ``quiet-standing`` beside young people who stand quietly: its centre of pressure front to back, and the
-intersection point of the ground's forces, on both plants. Grey: mean and standard deviation of young people, over 24
-trials of eight of them, and for the intersection point over 65 of them. Their numbers and sources are in
-:download:`young_people.csv <../../examples/young_people.csv>`, a recording in :download:`standing.csv
-<../../examples/standing.csv>`; put both beside the notebook.
+The shipped case ``quiet-standing`` is compared with young people who stand quietly: the centre of pressure in the
+anterior–posterior direction, and the intersection point of the ground reaction forces, on both plants. Grey bands show
+mean and standard deviation of young people, over 24 trials of eight people, and for the intersection point over 65
+people. Their values and sources are in :download:`young_people.csv <../../examples/young_people.csv>`, and a recording
+is in :download:`standing.csv <../../examples/standing.csv>`; put both files beside the notebook.
 """
 
 import csv
@@ -38,7 +38,7 @@ def recorded(simulation: icmj.Simulation) -> dict[str, np.ndarray]:
 
 
 # %%
-# Each run has its own noise. Its centre of pressure is measured as that of a person is.
+# Every run has other noise. Its centre of pressure is measured in the same way as that of a person.
 height = reaction(case.model).height  # of the centre of mass above the ground [m]
 found: dict[str, tuple[list[icmj.Sway], list[icmj.IntersectionPoint]]] = {}
 for plant in ("linear", "mujoco"):
@@ -67,10 +67,10 @@ for place, (name, (mean, spread)) in enumerate(measures.items()):
 f, z, spread = people["intersection point (1) at Hz"]
 for plant, (_, points) in found.items():
     ours = np.interp(f, points[0].frequency, np.mean([point.ratio for point in points], axis=0))
-    print(f"intersection point, {plant}: {np.sqrt(np.mean((ours - z) ** 2)):.2f} from people's, root mean square")
+    print(f"intersection point, {plant}: {np.sqrt(np.mean((ours - z) ** 2)):.2f} RMSE with respect to people")
 
 # %%
-# The person of the first panel is one of the eight.
+# The person in the first panel is one of the eight.
 GREY, COLOUR, LINE = "#c9ccd1", {"linear": "#0072b2", "mujoco": "#d55e00"}, {"linear": "-", "mujoco": (0, (4, 1.5))}
 WORDS = {"linear": "model, linear plant", "mujoco": "model, MuJoCo"}
 person = icmj.read_series(examples / "standing.csv", columns=["ap"], rate=RATE).values[:, 0] * 10  # was in cm
@@ -94,7 +94,7 @@ with plt.rc_context({"font.size": 8.5, "axes.spines.top": False, "axes.spines.ri
     path.spines["left"].set_bounds(-5, 5)
 
     def band(axes: plt.Axes, name: str, log: bool) -> None:
-        """People behind the model: mean, and one standard deviation on either side of it."""
+        """Draw the mean of the people, and one standard deviation on either side of it."""
         at, mean, deviation = people[name]
         low, middle, high = (mean + k * deviation for k in (-1, 0, 1))
         if log:
