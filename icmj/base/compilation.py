@@ -147,11 +147,16 @@ def within(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 SUMS = {"reassoc", "contract"}
-compiled = within()
-"""A function that entry points call; Python itself must not, it would crash."""
-summing = within(fastmath=SUMS)
+# whoever calls these holds their arrays: counting references to them would be a tenth of a simulation
+compiled = within(_nrt=False)
+"""A function that entry points call, which neither makes arrays nor returns any; Python must not call it."""
+summing = within(fastmath=SUMS, _nrt=False)
 """``compiled``, with sums that may be reassociated, so that they vectorise; the order is fixed all the same."""
-fused = within(fastmath={"contract"})
+fused = within(fastmath={"contract"}, _nrt=False)
 """``compiled``, with products added in one rounding, for a recurrence; its terms stay as they are written."""
-inlined = within(fastmath=SUMS, forceinline=True)
+inlined = within(fastmath=SUMS, forceinline=True, _nrt=False)
 """``summing``, put into its callers: a call would copy all arguments, which here are many."""
+allocating = within()
+"""``compiled``, for one that makes arrays."""
+viewing = within(fastmath=SUMS, forceinline=True)
+"""``inlined``, for one that returns arrays."""

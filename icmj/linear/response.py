@@ -17,7 +17,7 @@ from icmj.base.array import Array
 from icmj.linear.loop import Forcing
 from icmj.linear.native.state import Acting, Tables
 from icmj.simulation.gaussian import at_points
-from icmj.simulation.waves import Waves, coefficients, nodes
+from icmj.simulation.waves import Waves, coefficients, nodes, on_parts
 
 _STRIDE = 16  # steps
 _AHEAD = 32  # strides that are worked out at once
@@ -38,33 +38,56 @@ class Response:
         self._tables, self._forcing = T, F = tables, forcing
         self._rooms: dict[str, Array] = {}
         self._points = [np.zeros(0) for _ in forcing.gaussian]
-        m = len(T.M)
+        self._largest = np.zeros((len(forcing.gaussian), 2))
+        m, self._edge = len(T.M), -1.0
         self._signals = signals = T.M.shape[1] - m
         self.acting = Acting(
-            0, -1.0, np.zeros((0, T.powers * signals)), np.zeros((0, m)), np.zeros((0, T.controls)),
-            np.zeros((0, len(T.V))), np.zeros((0, 0, m)),
+            0, -1.0, np.zeros((1, T.powers * signals, 0)), np.zeros((1, 0, m)), np.zeros((1, 0, T.controls)),
+            np.zeros(len(T.V)),
         )  # fmt: skip
         if not signals:
             return
         self._waves = Waves(F.signal, F.amplitude, F.omega, F.phase, signals, _STRIDE * T.step)
         self._to_steps = _interpolation(self._waves.count, T.powers)
+        self._to_z = np.vstack([T.W[:m, m:], *T.R[1:]]).T
+        self._known = min((T.coarse + 1) * signals, T.powers * signals)
+        self._to_controls = T.W[-T.controls :, m : m + self._known].T.copy()
+        self._to_tails = np.ascontiguousarray(T.V[:, m:])
 
-    def _add_gaussian(self, f: Array, cell: int, since: float) -> None:
-        """Add the lines of Gaussian noise on the steps from ``cell`` on to their polynomials ``f``, (K, powers, S)."""
+    def _add_gaussian(self, f: Array, cell: int, since: float) -> Array:
+        """Add the lines of Gaussian noise on the steps from ``cell`` on to ``f``, shape (lanes, powers, S, K / lanes).
+
+        Returns:
+            how large they can be a step beyond either end of theirs, shape (powers, S).
+        """
+        size, count = np.zeros(f.shape[1:3]), f.shape[3]
         for number, (signal, noise) in enumerate(self._forcing.gaussian):
             if noise.start > since:
                 continue
             steps = round(noise.interval / self._tables.step)
-            first, last = cell // steps, (cell + len(f)) // steps + 2
+            first, last = cell // steps, (cell + count * _STRIDE) // steps + 2
             if last > len(self._points[number]):
                 longest = int(min(self._tables.end / noise.interval, 1e15)) + 2
-                self._points[number] = at_points(noise, 0, max(last, min(longest, max(_POINTS, 2 * last))))
+                points = at_points(noise, 0, max(last, min(longest, max(_POINTS, 2 * last))))
+                self._points[number], steepest = points, np.abs(np.diff(points)).max() / steps
+                self._largest[number] = np.abs(points).max() + steepest, steepest
             edges = self._points[number][first:last]
             if steps > 1:
-                edges = np.interp(np.arange(cell, cell + len(f) + 1), steps * np.arange(first, last), edges)
-            edges = edges[: len(f) + 1]
-            f[:, 0, signal] += (edges[1:] + edges[:-1]) / 2
-            f[:, 1, signal] += edges[1:] - edges[:-1]
+                at = np.arange(cell, cell + count * _STRIDE + 1)
+                edges = np.interp(at, steps * np.arange(first, last), edges)
+            edges = edges[: count * _STRIDE + 1]
+            f[:, 0, signal] += ((edges[1:] + edges[:-1]) / 2).reshape(count, _STRIDE).T
+            f[:, 1, signal] += (edges[1:] - edges[:-1]).reshape(count, _STRIDE).T
+            size[:2, signal] += self._largest[number]
+        return size
+
+    def _sizes(self, edge: float, acting: np.ndarray) -> Array:
+        """How large derivatives of the sinusoids can be that act until ``edge``, in steps, shape (powers, S)."""
+        if edge != self._edge:
+            F, T = self._forcing, self._tables
+            terms = np.abs(F.amplitude) * acting * (F.omega * T.step) ** np.arange(T.powers)[:, None]
+            self._size, self._edge = terms @ (F.signal[:, None] == np.arange(self._signals)), edge
+        return self._size
 
     def _room(self, name: str, *shape: int) -> Array:
         """An array of that shape to write into; new memory would cost as much as what is written."""
@@ -76,9 +99,9 @@ class Response:
     def reach(self, cell: int, edge: float) -> Acting:
         """The input on the ``cell``-th step and on many after it, until terms begin or end at ``edge`` [s]."""
         acting, T, F = self.acting, self._tables, self._forcing
-        if acting.edge == edge and 0 <= cell - acting.first < len(acting.f):
+        if acting.edge == edge and 0 <= cell - acting.first < len(acting.f) * acting.f.shape[2]:
             return acting
-        h, m = T.step, len(T.M)
+        h = T.step
         since = T.edges[max(int(np.searchsorted(T.edges, edge)) - 1, 0)]
         since = since if since < edge else 0.0
         # all that lies within the stretch between the edges, of the strides that are worked out together
@@ -86,35 +109,32 @@ class Response:
         first = max(together, int(since / h * (1 - 1e-12)) // _STRIDE)
         last = min(together + _AHEAD, int(min(edge / h, 1e15) * (1 + 1e-12)) // _STRIDE + 1)
         count, room = last - first, self._room
-        f = room("f", count * _STRIDE, T.powers * self._signals)
-        by_step = f.reshape(count, _STRIDE, T.powers, self._signals)
+        f = room("f", _STRIDE, T.powers, self._signals, count)
         if len(F.omega):
-            values = room("values", self._waves.count, count, self._signals)
-            self._waves.at_nodes(first, count, (F.start <= since) & (since < F.end), out=values)
-            steps = room("steps", len(self._to_steps), count * self._signals)
-            np.matmul(self._to_steps, values.reshape(len(values), -1), out=steps)
-            by_step[:] = steps.reshape(_STRIDE, T.powers, count, self._signals).transpose(2, 0, 1, 3)
+            acts = (F.start <= since) & (since < F.end)
+            values = room("values", 2, self._waves.half, self._signals, count)
+            self._waves.at_nodes(first, count, acts, out=values)
+            size = self._sizes(edge, acts)
+            np.matmul(self._to_steps, values.reshape(2 * self._waves.half, -1), out=f.reshape(len(self._to_steps), -1))
         else:
-            by_step[:] = 0.0
-        self._add_gaussian(by_step.reshape(len(f), T.powers, -1), first * _STRIDE, since)
-        moved = np.matmul(f, T.W[:m, m:].T, out=room("moved", len(f), m))
-        known = min((T.coarse + 1) * self._signals, f.shape[1])
-        controls = room("controls", len(f), T.controls)
-        np.matmul(f[:, :known], T.W[-T.controls :, m : m + known].T, out=controls)
-        tails = np.matmul(np.abs(f, out=room("sizes", *f.shape)), T.V[:, m:].T)
-        rows = room("rows", max(T.places - 1, 0), len(f), m)
-        for place in range(1, T.places):
-            np.matmul(f, T.R[place].T, out=rows[place - 1])
-        self.acting = Acting(first * _STRIDE, edge, f, moved, controls, tails, rows)
+            f[:], size = 0.0, np.zeros((T.powers, self._signals))
+        if F.gaussian:
+            size = size + self._add_gaussian(f, first * _STRIDE, since)
+        f = f.reshape(_STRIDE, -1, count)
+        by_step = f.transpose(0, 2, 1)
+        moved = np.matmul(by_step, self._to_z, out=room("moved", _STRIDE, count, self._to_z.shape[1]))
+        controls = room("controls", _STRIDE, count, T.controls)
+        np.matmul(by_step[:, :, : self._known], self._to_controls, out=controls)
+        self.acting = Acting(first * _STRIDE, edge, f, moved, controls, self._to_tails @ size.ravel())
         return self.acting
 
 
 @lru_cache(maxsize=64)
 def _interpolation(count: int, powers: int) -> Array:
-    """From values at ``count`` nodes of a stride to derivatives at the middle of each of its steps.
+    """From even and odd part at half of ``count`` nodes of a stride to derivatives at the middle of each of its steps.
 
     Returns:
-        shape (steps · powers, count).
+        shape (steps · powers, …).
     """
     to_powers = np.zeros((powers, powers))
     for k in range(powers):
@@ -123,4 +143,4 @@ def _interpolation(count: int, powers: int) -> Array:
     to_derivatives = scale[:, None] * to_powers @ coefficients(powers)
     places = (np.arange(_STRIDE)[:, None] + (nodes(powers) + 1) / 2) / _STRIDE * 2 - 1
     values = chebvander(places, count - 1) @ coefficients(count)
-    return np.asarray((to_derivatives @ values).reshape(_STRIDE * powers, count))
+    return on_parts((to_derivatives @ values).reshape(_STRIDE * powers, count))

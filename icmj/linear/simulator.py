@@ -78,7 +78,7 @@ class Simulator:
         self._response = Response(T, acting)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
-        capacity = max(_ROWS, 2 * rows) if several else 8
+        self._capacity = capacity = max(_ROWS, 2 * rows) if several else 8
         self._run = Run(
             now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), w=np.zeros(len(T.J)),
             s=np.zeros(T.W.shape[1]), row=np.zeros(m),
@@ -120,6 +120,9 @@ class Simulator:
     def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collected, Outcome]:
         """The whole run from ``w`` at t = 0, which is an event; an interrupted run keeps its results so far."""
         duration, pace = self.duration, EventPace(self.duration)
+        # a buffer that is large enough becomes the result, with room for a row at either end
+        t, Z = np.empty(self._capacity + 2), np.empty((self._capacity + 2, self._m))
+        self._run = self._run._replace(rows_t=t[1:-1], rows_z=Z[1:-1])
         rows: list[tuple[Array, Array]] = [(np.zeros(1), w[None, : self._m].copy())]
         events: list[Array] = [self._run.events[:0].copy()]
         self.begin(w, 0.0)
@@ -156,9 +159,15 @@ class Simulator:
             if self.t == 0:  # there is nothing to keep; it may have been compiling
                 raise
             outcome = ending.interrupted(self.t, duration)
-        if self.t > self._run.now[Now.ROW]:
-            rows.append((np.array([self.t]), self.z[None, :].copy()))
-        t, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+        if len(rows) == 2 and rows[1][0].base is t:
+            until = 1 + len(rows[1][0])
+            t[[0, until]], Z[0], Z[until] = (0.0, self.t), w[: self._m], self.z
+            until += self.t > self._run.now[Now.ROW]
+            t, Z = t[:until], Z[:until]
+        else:
+            if self.t > self._run.now[Now.ROW]:
+                rows.append((np.array([self.t]), self.z[None, :].copy()))
+            t, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         return Collected(t, Z, *self._parted(np.concatenate(events))), outcome
 
     def outcome(self, status: Status) -> Outcome:

@@ -2,7 +2,8 @@
 
 On a stride short beside none of them, sinusoids are polynomials of some forty Chebyshev nodes, to less than the
 rounding of their angles. At the nodes of all strides their sum is a product of matrices, cos(ω(t + u) + φ) being
-cos ωu cos(ωt + φ) − sin ωu sin(ωt + φ) about the middle t of a stride.
+cos ωu cos(ωt + φ) − sin ωu sin(ωt + φ) about the middle t of a stride. The first is even in u and the second odd, and
+nodes lie in pairs ±u: each is worked out at half of the nodes.
 """
 
 from __future__ import annotations
@@ -39,16 +40,29 @@ def enough(turn: float) -> int:
     return next(n for n in range(1, 1000) if 2 * (turn / 2) ** n / factorial(n) <= ROUNDING)
 
 
+def on_parts(matrix: Array) -> Array:
+    """The same of the even and the odd part of values at half of their nodes, as ``matrix`` makes of the values."""
+    count = matrix.shape[1]
+    half = (count + 1) // 2
+    first, last = matrix[:, :half], matrix[:, ::-1][:, :half]
+    even = first + last
+    if count % 2:  # the node in the middle is its own partner
+        even[:, -1] /= 2
+    return np.hstack([even, first - last])
+
+
 class Waves:
     """K sinusoids a cos(ωt + φ) in S signals, on strides that are counted from zero.
 
     Attributes:
         stride: its length [s].
         count: of nodes.
+        half: of these that are not negative.
     """
 
     stride: float
     count: int
+    half: int
 
     def __init__(
         self, signal: np.ndarray, amplitude: Array, omega: Array, phase: Array, signals: int, stride: float = 0
@@ -57,25 +71,37 @@ class Waves:
         fastest = float(omega.max(initial=0.0))
         self.stride = stride or (2 * _TURN / fastest if fastest > 0 else 1.0)
         self.count = enough(fastest * self.stride / 2)
+        self.half = (self.count + 1) // 2
         self._omega, self._phase, self._signals = omega, phase, signals
-        angle = np.outer(nodes(self.count) * self.stride / 2, omega)
-        share = np.stack([np.cos(angle), -np.sin(angle)], axis=-1) * amplitude[:, None]
-        ranges = 2 * np.searchsorted(signal, np.arange(signals + 1))
-        self._ranges = [slice(*pair) for pair in pairwise(ranges)]
-        self._shares = [share.reshape(self.count, -1)[:, part].copy() for part in self._ranges]
-        self._turns = np.ones((0, len(omega)), complex)
+        angle = np.outer(nodes(self.count)[: self.half] * self.stride / 2, omega)
+        share = np.cos(angle) * amplitude, -np.sin(angle) * amplitude
+        parts = pairwise(np.searchsorted(signal, np.arange(signals + 1)))
+        self._parts = [slice(*part) for part in parts]
+        self._shares = [tuple(of[:, part].copy() for of in share) for part in self._parts]
+        self._turns, self._room = np.ones((2, len(omega), 0)), np.ones((3, len(omega), 0))
 
     def at_nodes(self, first: int, number: int, acting: np.ndarray | None = None, out: Array | None = None) -> Array:
-        """The signals at the nodes of so many strides, shape (count, number, S); of those that are ``acting``."""
-        if len(self._turns) < number:
-            self._turns = np.exp(1j * np.outer(np.arange(number) * self.stride, self._omega))
-        begin = np.exp(1j * (self._omega * ((first + 0.5) * self.stride) + self._phase))
-        if acting is not None:
-            begin *= acting
-        waves = (self._turns[:number] * begin).view(float)
-        values = np.empty((self.count, number, self._signals)) if out is None else out
-        for signal, (part, share) in enumerate(zip(self._ranges, self._shares, strict=True)):
-            values[:, :, signal] = share @ waves[:, part].T
+        """Even and odd part of the signals over so many strides, at half of the nodes; of those that are ``acting``.
+
+        Returns:
+            shape (2, half, S, number).
+        """
+        if self._turns.shape[2] < number:
+            angle = np.outer(self._omega, np.arange(number) * self.stride)
+            self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((3, *angle.shape))
+        begin = self._omega * ((first + 0.5) * self.stride) + self._phase
+        real, imaginary = np.cos(begin)[:, None], np.sin(begin)[:, None]
+        if acting is not None and not acting.all():
+            real, imaginary = real * acting[:, None], imaginary * acting[:, None]
+        turns, (cos, sin, other) = self._turns[:, :, :number], self._room[:, :, :number]
+        np.multiply(turns[0], real, out=cos)
+        cos -= np.multiply(turns[1], imaginary, out=other)
+        np.multiply(turns[1], real, out=sin)
+        sin += np.multiply(turns[0], imaginary, out=other)
+        values = np.empty((2, self.half, self._signals, number)) if out is None else out
+        for signal, (part, (even, odd)) in enumerate(zip(self._parts, self._shares, strict=True)):
+            np.matmul(even, cos[part], out=values[0, :, signal])
+            np.matmul(odd, sin[part], out=values[1, :, signal])
         return values
 
     def __call__(self, t: Array) -> Array:
@@ -85,7 +111,8 @@ class Waves:
             part = t[begin : begin + _AT_ONCE]
             stride = np.floor(part / self.stride).astype(int)
             first, number = int(stride[0]), int(stride[-1] - stride[0]) + 1
-            series = np.tensordot(coefficients(self.count), self.at_nodes(first, number), 1).transpose(1, 0, 2)
+            values = self.at_nodes(first, number).reshape(2 * self.half, self._signals, number)
+            series = np.tensordot(on_parts(coefficients(self.count)), values, 1).transpose(2, 0, 1)
             values = chebvander(2 * (part / self.stride - stride) - 1, self.count - 1)
             found[begin : begin + _AT_ONCE] = np.matmul(values[:, None, :], series[stride - first])[:, 0]
         return found

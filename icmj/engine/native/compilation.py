@@ -13,9 +13,8 @@ from typing import Any
 
 import mujoco
 
-from icmj.base.compilation import SUMS, called, contents, entry, within
+from icmj.base.compilation import allocating, called, compiled, contents, entry, inlined, within
 from icmj.base.compilation import c_entry as entry_cfunc
-from icmj.base.compilation import compiled as allocating
 from icmj.base.environment import INTERPRETED, SWITCH
 from icmj.engine.fault import guarded
 from icmj.errors import ModelError
@@ -35,11 +34,6 @@ __all__ = [
 
 MODEL_AND_DATA = "void(intp, intp)"
 
-# whoever calls these holds their arrays: counting references to them would be a fifth of what a step costs
-compiled = within(_nrt=False)
-"""A function that entry points call, which neither makes arrays nor returns any; Python must not call it."""
-inlined = within(fastmath=SUMS, forceinline=True, _nrt=False)
-"""``compiled``, put into its callers, with sums that may be reassociated."""
 exact = within(forceinline=True, _nrt=False)
 """``inlined``, with every sum in the order written: for what has to equal the engine's to the last bit."""
 merged = within(inline="always")

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.base.compilation import inlined as viewing
+from icmj.base.compilation import viewing
 from icmj.base.environment import INTERPRETED
 from icmj.engine.native.compilation import inlined
 

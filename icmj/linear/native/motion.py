@@ -31,15 +31,19 @@ def combine(columns, s, out):  # type: ignore[no-untyped-def]
     """``out`` := Σ s_j columns_j, for few of them, and long: quicker than their matrix row by row."""
     for i in range(len(out)):
         out[i] = 0.0
-    fours = len(columns) // 4 * 4
-    for j in range(0, fours, 4):
-        a, b, c, d = s[j], s[j + 1], s[j + 2], s[j + 3]
-        for i in range(len(out)):
-            out[i] += (a * columns[j, i] + b * columns[j + 1, i]) + (c * columns[j + 2, i] + d * columns[j + 3, i])
-    for j in range(fours, len(columns)):
+    alone = len(columns) % 6
+    for j in range(alone):
         a = s[j]
         for i in range(len(out)):
             out[i] += a * columns[j, i]
+    for j in range(alone, len(columns), 6):
+        a, b, c, d, e, f = s[j], s[j + 1], s[j + 2], s[j + 3], s[j + 4], s[j + 5]
+        for i in range(len(out)):
+            out[i] += (
+                (a * columns[j, i] + b * columns[j + 1, i])
+                + (c * columns[j + 2, i] + d * columns[j + 3, i])
+                + (e * columns[j + 4, i] + f * columns[j + 5, i])
+            )
 
 
 @summing
@@ -101,12 +105,12 @@ def unfold(T, s, m, theta, series, f):  # type: ignore[no-untyped-def]
     powers = (len(s) - m) // signals if signals > 0 else 0
     copy(s, series[0, :m])
     move(s[m:], -0.5, signals, f)
-    for j in range(max(powers, count)):
-        for k in range(signals):
-            series[j, m + k] = f[j * signals + k] if j < powers else 0.0
     # d^{j+1} z = h M d^j z + h D d^j f
-    for j in range(count):
+    for j in range(min(powers, count)):
+        copy(f[j * signals :], series[j, m:])
         times(T.M, series[j], series[j + 1, :m])
+    for j in range(powers, count):
+        times(T.M, series[j, :m], series[j + 1, :m])
     return count + 1
 
 

@@ -36,17 +36,26 @@ _MORE, _ENDED, _REACHED = int(Status.MORE), int(Status.ENDED), int(Status.REACHE
 _STATUS_FELL, _STATUS_DIVERGED = int(Status.FELL), int(Status.DIVERGED)
 
 
-@compiled
-def _note_row(run, t, z):  # type: ignore[no-untyped-def]
+@inlined
+def _new_row(run, t):  # type: ignore[no-untyped-def]
+    """Note when a row is; its number in the buffer, for the caller to fill in."""
     k = run.counts[Count.ROWS]
-    run.rows_t[k] = t
-    copy(z, run.rows_z[k])
+    run.rows_t[k] = run.now[Now.ROW] = t
     run.counts[Count.ROWS] = k + 1
-    run.now[Now.ROW] = t
+    return k
+
+
+@compiled
+def _look_up(acting, cell, f):  # type: ignore[no-untyped-def]
+    """``f`` := the derivatives at the middle of the step."""
+    lanes = len(acting.f)
+    lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
+    for i in range(len(f)):
+        f[i] = acting.f[lane, i, k]
 
 
 @inlined
-def _rows_until(T, acting, run, until, whole, known, series, f, ahead):  # type: ignore[no-untyped-def]
+def _rows_until(T, acting, run, until, whole, known, series, f):  # type: ignore[no-untyped-def]
     """Record the rows of the grid before ``until``, of the motion from ``run.s`` where the piece is.
 
     Of quiet motion a row follows from the last one. Of disturbed motion it follows from the beginning of the step,
@@ -60,24 +69,25 @@ def _rows_until(T, acting, run, until, whole, known, series, f, ahead):  # type:
     quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + (cell + run.now[Now.OFFSET]) * T.step
     while counts[Count.NEXT] <= last:
         t = counts[Count.NEXT] * T.interval
-        place = counts[Count.NEXT] * T.stride - cell * T.places if whole else -1
+        place, row = counts[Count.NEXT] * T.stride - cell * T.places if whole else -1, run.rows_z[_new_row(run, t)]
         if quiet and counts[Count.AGE] < _ANCHOR:
-            times(T.Q[0], run.row, ahead)
+            times(T.Q[0], run.row, row)
             counts[Count.AGE] += 1
         elif not quiet and place == 0:
-            copy(run.s, ahead)
+            copy(run.s, row)
         elif not quiet and 0 < place < T.places:
-            times(T.Q[place], run.s[:m], ahead)
-            add(acting.rows[place - 1, cell - acting.first], ahead)
+            times(T.Q[place], run.s[:m], row)
+            lane, k = (cell - acting.first) % len(acting.f), (cell - acting.first) // len(acting.f)
+            add(acting.moved[lane, k, place * m : (place + 1) * m], row)
         else:
             if known == 0:
                 if whole and not quiet:
-                    copy(acting.f[cell - acting.first], run.s[m:])
+                    _look_up(acting, cell, run.s[m:])
                 known = unfold(T, run.s, m, 1.0, series, f)
-            at(series, known, min(max((t - begin) / T.step, 0.0), 1.0), ahead)
+            at(series, known, min(max((t - begin) / T.step, 0.0), 1.0), row)
             counts[Count.AGE] = 0
-        copy(ahead, run.row)
-        _note_row(run, t, run.row)
+        if quiet:
+            copy(row, run.row)
         counts[Count.NEXT] += 1
 
 
@@ -126,14 +136,15 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
     total, outputs = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1)
+    lanes, short = len(acting.f), min(len(s), m + signals * (T.coarse + 1))
+    last = acting.first + lanes * acting.f.shape[2] if acting.edge == now[Now.EDGE] else -1
     while True:
         cell, offset = counts[Count.CELL], now[Now.OFFSET]
         left, slack = total - cell - offset, close(total)
         if left <= slack:
             break
         patience -= 1
-        known = cell - acting.first
-        missing = signals > 0 and not (0 <= known < len(acting.f) and acting.edge == now[Now.EDGE])
+        missing = signals > 0 and not acting.first <= cell < last
         if patience < 0 or missing or counts[Count.ROWS] + most_rows > len(run.rows_t):
             now[Now.TIME] = origin + (cell + offset) * h
             return -1, patience
@@ -141,25 +152,25 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         here = 1.0 if whole else min(1 - offset, left)
         ready = (now[Now.READY] - origin) / h - cell - offset if now[Now.READY] > origin + (cell + offset) * h else 0.0
         armed = watching and ready < here
-        settle(s, sizes[:m])
+        settle(s, sizes)
+        points, bounds = (len(out), len(tails)) if armed else (outputs, n_pos + n_y)
+        times(T.V, sizes, tails[:bounds])
+        add(acting.tails[:bounds], tails)
         if signals > 0 and offset > 0:
-            move(acting.f[known], offset, signals, s[m:])
-            for k in range(m, len(s)):
-                sizes[k] = abs(s[k])
-            times(T.W, s, out)
-            times(T.V, sizes, tails)
+            _look_up(acting, cell, f)
+            move(f, offset, signals, s[m:])
+            times(T.W, s, out[:m])
+            times(T.W[m:], s[:short], out[m:points])
         else:
-            points, bounds = (len(out), len(tails)) if armed else (outputs, n_pos + n_y)
             combine(T.W_z, s, out[:points])
-            times(T.V, sizes[:m], tails[:bounds])
             if signals > 0:
-                add(acting.moved[known], out)
-                add(acting.controls[known, : points - m - n_pos], out[m + n_pos :])
-                add(acting.tails[known, :bounds], tails)
+                lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
+                add(acting.moved[lane, k, :m], out)
+                add(acting.controls[lane, k, : points - m - n_pos], out[m + n_pos :])
         wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, run.high, run.low, turning)
         kind, theta, later = NOTHING, here, signals > 0 and offset == 0
         if later and (watched or falls or turns or not whole):
-            copy(acting.f[known], s[m:])
+            _look_up(acting, cell, s[m:])
         if watched or falls:
             kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, ready, work)
             # what comes right after the end of the piece is at its end
@@ -181,7 +192,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
             until = now[Now.READY]
         if kind == NOTHING and final:
             until = stop
-        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, f, scratch[0, :m])
+        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, f)
         if turns:  # what an output is at either end is looked at anyway
             for j in range(n_y):
                 if turning[j]:
@@ -212,7 +223,7 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
     z = run.w[:m]
     if T.interval < np.inf:
         if t > now[Now.ROW]:
-            _note_row(run, t, z)
+            copy(z, run.rows_z[_new_row(run, t)])
         if abs(counts[Count.NEXT] * T.interval - t) <= _SAME:
             counts[Count.NEXT] += 1
             counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
@@ -238,16 +249,8 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _simulate(T, acting, run, most_events):  # type: ignore[no-untyped-def]
-    now, counts, m, n_y = run.now, run.counts, len(run.row), len(run.high)
-    length, degree, rows = max(len(run.s), len(run.w)), T.A.shape[1] - 1, T.A.shape[0]
-    room = (
-        np.empty(T.W.shape[0]), np.empty(len(run.s)), np.empty(T.V.shape[0]), np.empty(len(run.s) - m),
-    )  # fmt: skip
-    tall = 2 * degree + 1
-    work = Work(np.empty((rows, degree + 1)), np.empty(tall), np.empty((DEEPEST, tall)), np.empty((DEEPEST, 3)))
-    turning, scratch = np.zeros(n_y, np.bool_), np.empty((2, length))
-    series, patience = np.empty((max(T.terms[-1], T.powers) + 1, T.M.shape[1])), _PATIENCE
+def _simulate(T, acting, run, room, work, turning, series, scratch, most_events):  # type: ignore[no-untyped-def]
+    now, counts, m, patience = run.now, run.counts, len(run.row), _PATIENCE
     while counts[Count.CELL] >= 0 or now[Now.TIME] < T.end:
         if counts[Count.CELL] < 0:
             _open(T, run)
@@ -293,6 +296,12 @@ def simulator() -> Any:
     def simulate(tables, acting, run, most_events):  # type: ignore[no-untyped-def]
         if source == 0:
             return -1
-        return _simulate(tables, acting, run, most_events)
+        m, length, rows, degree = len(run.row), len(run.s), tables.A.shape[0], tables.A.shape[1] - 1
+        tall, terms = 2 * degree + 1, max(tables.terms[-1], tables.powers) + 1
+        room = np.empty(tables.W.shape[0]), np.empty(m), np.empty(tables.V.shape[0]), np.empty(length - m)
+        work = Work(np.empty((rows, degree + 1)), np.empty(tall), np.empty((DEEPEST, tall)), np.empty((DEEPEST, 3)))
+        turning, scratch = np.zeros(len(run.high), np.bool_), np.empty((2, max(length, len(run.w))))
+        series = np.empty((terms, tables.M.shape[1]))
+        return _simulate(tables, acting, run, room, work, turning, series, scratch, most_events)
 
     return simulate

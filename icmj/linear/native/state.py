@@ -101,9 +101,11 @@ class Acting(NamedTuple):
     Attributes:
         first: number of the first of these steps.
         edge: when terms begin or end to act next [s].
-        f: derivatives at the middle of each step, in steps, shape (K, l − m).
-        moved, controls, tails: what they add to z a step on, to the control points in W s, to V |s|; shapes (K, …).
-        rows: what they add to z at each of the places but the first, shape (…, K, m).
+        f: derivatives at the middle of each step, in steps, shape (lanes, l − m, K / lanes): every so manieth step is
+            in the same lane.
+        moved: what they add to z a step on, then at each of the places but the first, shape (lanes, K / lanes, …).
+        controls: what they add to the control points in W s, shape (lanes, K / lanes, …).
+        tails: a bound of what they add to V |s| on any step.
     """
 
     first: int
@@ -112,7 +114,6 @@ class Acting(NamedTuple):
     moved: Array
     controls: Array
     tails: Array
-    rows: Array
 
 
 class Run(NamedTuple):

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry
+from icmj.base.compilation import allocating, contents, entry
 from icmj.base.roots import evaluate, first_root, largest
 from icmj.linear.native.state import Status
 from icmj.simulation.native.taps import SAME, SMOOTH, leave, remember, room, sources, stretch
@@ -79,7 +79,7 @@ class Track(NamedTuple):
     events: Array
 
 
-@compiled
+@allocating
 def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     """The plant's Taylor series on the stretch, from its state in the first column, and its outputs."""
     X, n = track.X, len(track.X)
@@ -108,7 +108,7 @@ def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
             track.y[i, j] = total
 
 
-@compiled
+@allocating
 def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
     """Where on [0, length] a position passes its limit first; infinity where none does."""
     first, p = np.inf, track.X.shape[1] - 1
@@ -133,7 +133,7 @@ def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
     return first * length
 
 
-@compiled
+@allocating
 def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
     p = track.X.shape[1] - 1
     for i in range(len(body.C)):
@@ -147,7 +147,7 @@ def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
             track.low[i] = -largest(y, p, -1.0, length, -track.low[i], body.F, now.stack, now.spans)
 
 
-@compiled
+@allocating
 def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
     """Record where it is ``theta`` units after the stretch's begin."""
     n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[2]]
@@ -160,7 +160,7 @@ def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
     track.counts[2] += 1
 
 
-@compiled
+@allocating
 def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
     n, n_y, counts, X = len(track.X), len(body.C), track.counts, track.X
     p = X.shape[1] - 1

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.compilation import compiled, contents, entry
+from icmj.base.compilation import allocating, contents, entry
 from icmj.base.roots import evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
@@ -30,7 +30,7 @@ _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where 
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
 
 
-@compiled
+@allocating
 def shift(row, by):  # type: ignore[no-untyped-def]
     """Coefficients of a polynomial about a place ``by`` further on, in place (Horner's scheme)."""
     last = len(row) - 1
@@ -41,7 +41,7 @@ def shift(row, by):  # type: ignore[no-untyped-def]
             row[j] += by * row[j + 1]
 
 
-@compiled
+@allocating
 def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
     """The level of the stretch that begins at ``t``, and when the next instant that is not smooth is read."""
     next = np.inf
@@ -59,7 +59,7 @@ def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
     return level, next
 
 
-@compiled
+@allocating
 def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
     """Into ``out``, shape (rows, p + 1): the polynomials about the begin of a stretch from their values at its nodes.
 
@@ -82,7 +82,7 @@ def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
         shift(out[i], -half)
 
 
-@compiled
+@allocating
 def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
     """The readings from ``t`` to ``end`` into ``now.v``, about ``t``."""
     n_y, unit, last = history.r.shape[1], taps.unit, history.count[0] - 1
@@ -114,7 +114,7 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
         add_waves(taps.signals, t, end, unit, signals)
 
 
-@compiled
+@allocating
 def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
     """What resets and signals do at ``t``: the level of it, and how far it is to the next, at most to ``longest``."""
     mode, size = now.mode[0], len(now.a)
@@ -139,7 +139,7 @@ def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
     return level, min(longest, now.due[0] * taps.period, taps.edges[now.due[1]])
 
 
-@compiled
+@allocating
 def _turn(taps, now, length):  # type: ignore[no-untyped-def]
     """Where on [0, length] the sign of a guard changes first, and of which; infinity and −1 where none does.
 
@@ -185,7 +185,7 @@ def _turn(taps, now, length):  # type: ignore[no-untyped-def]
     return first * length, which
 
 
-@compiled
+@allocating
 def _command(taps, now):  # type: ignore[no-untyped-def]
     """The controller's state and its command as polynomials, from its state and the readings."""
     mode, size, n = now.mode[0], len(now.a), now.v.shape[0]
@@ -210,7 +210,7 @@ def _command(taps, now):  # type: ignore[no-untyped-def]
             now.u[i, j] = total
 
 
-@compiled
+@allocating
 def stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
     """The stretch from ``t`` on, as far as ``longest`` at most: its level, its end, and the guard that ends it, or −1.
 
@@ -228,7 +228,7 @@ def stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-d
     return level, end, guard
 
 
-@compiled
+@allocating
 def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     """Take the controller to the stretch's end, ``length`` units on; whether its mode changes there."""
     for i in range(len(now.a)):
@@ -239,7 +239,7 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     return choose(taps, now)
 
 
-@compiled
+@allocating
 def choose(taps, now):  # type: ignore[no-untyped-def]
     """The mode that follows by the signs of the guards; whether it is another."""
     signs = 0
@@ -250,7 +250,7 @@ def choose(taps, now):  # type: ignore[no-untyped-def]
     return now.mode[0] != before
 
 
-@compiled
+@allocating
 def room(history):  # type: ignore[no-untyped-def]
     """Whether there is room for one stretch more; forgets what no tap reads any longer."""
     count = history.count[0]
@@ -269,7 +269,7 @@ def room(history):  # type: ignore[no-untyped-def]
     return history.count[0] <= len(history.start) // 2
 
 
-@compiled
+@allocating
 def remember(history, t, level):  # type: ignore[no-untyped-def]
     """Room for the readings of a stretch that begins at ``t``: polynomials about it, which the caller fills in."""
     k = history.count[0]
