@@ -103,7 +103,7 @@ def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] 
     if fastest * delay > GROWTH:
         raise AnalysisError(
             f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
-            "leaves no digit; assume a shorter delay"
+            "leaves no significant digit; assume a shorter delay"
         )
     state, now = np.eye(2 * n, known * n), 0.0
     for j, at in enumerate(resets):

@@ -71,7 +71,8 @@ class PredictorController(Law):
         if fastest * self.delay.predicted > GROWTH:
             raise AnalysisError(
                 f"no prediction over a delay of {self.delay.predicted:g} s: the model grows "
-                f"e^{fastest * self.delay.predicted:.3g}-fold in it, which leaves no digit; assume a shorter delay"
+                f"e^{fastest * self.delay.predicted:.3g}-fold in it, which leaves no "
+                "significant digit; assume a shorter delay"
             )
         if self.setpoint and not isinstance(self.setpoint, Setpoint):
             raise AnalysisError(f"the controller's setpoint is a {type(self.setpoint).__name__}; expected a Setpoint")

@@ -112,7 +112,7 @@ def _check_prompt(model: mujoco.MjModel, actuators: Sequence[int], entries: Sequ
         if (interval := float(model.sensor_interval[i, 0])) > 0:
             raise ModelError(
                 f"model {model_name(model)!r}: output {output_names(model)[at]!r} is read every {interval:g} s only; "
-                "remove its interval, for the observer reads all the time"
+                "remove its interval, because the observer reads continuously"
             )
 
 

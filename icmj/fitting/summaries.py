@@ -55,7 +55,7 @@ def summarise(cop: ArrayLike, rate: float = 100.0) -> Array:
     if x.ndim != 1 or len(x) < LEAST * rate * (1 - 1e-9):
         raise FitError(f"a trial of shape {x.shape} at {rate:g} Hz; expected at least {LEAST:g} s of one coordinate")
     if not np.isfinite(x).all():
-        raise FitError("a trial with values that are no numbers")
+        raise FitError("a trial contains values that are not finite")
     if not np.ptp(x) > 1e-9:
         raise FitError("a trial without any sway")
     return np.concatenate([_scaled(_measures(x, rate)), _field(x, rate)])

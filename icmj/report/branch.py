@@ -242,7 +242,7 @@ def _first(branches: Sequence[Branch]) -> Branch:
     if not branches:
         raise ReportError("no branch to draw")
     if len({of.parameter for of in branches}) > 1:
-        raise ReportError("branches of different parameters do not go into one picture")
+        raise ReportError("branches of different parameters cannot be drawn in one figure")
     return branches[0]
 
 

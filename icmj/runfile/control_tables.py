@@ -139,7 +139,7 @@ class Control(TomlTable):
         if self.rule not in _RULES:
             theirs = [name for name in ("Q_t", "q_t", "on", "threshold") if name in self.model_fields_set]
             if theirs:
-                raise ValueError(f"a rule given as module:name has no {theirs[0]}; put its numbers into parameters")
+                raise ValueError(f"a rule given as module:name has no key {theirs[0]}; put its numbers into parameters")
             return self
         if self.parameters:
             raise ValueError(f"the {self.rule} rule has no parameters; only a rule given as module:name has parameters")

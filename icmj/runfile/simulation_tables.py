@@ -62,7 +62,7 @@ class SimulationTable(TomlTable):
         """Accepts ``native = true`` of older files; it has no effect any more."""
         if isinstance(data, dict) and "native" in data:
             if data["native"] is not True:
-                raise ValueError(f"native = {str(data['native']).lower()} is no key any more: {SWITCH}")
+                raise ValueError(f"native = {str(data['native']).lower()} is no longer a key: {SWITCH}")
             return {key: value for key, value in data.items() if key != "native"}
         return data
 

@@ -99,7 +99,7 @@ class MultisineTable(TomlTable):
                 "not be periodic"
             )
         if len({round(turns) for turns in cycles}) < len(cycles):
-            raise ValueError("lines: one stands there twice")
+            raise ValueError("lines: a frequency is repeated")
         if abs(self.rate * self.period - round(self.rate * self.period)) > 1e-6:
             raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
         if max(self.lines) >= self.rate / 2:
@@ -202,7 +202,7 @@ class DoubleStepTable(TomlTable):
                 f"latest of {self.latest:g} s is longer than the least recovery, {self.recovery[0]:g} s; lengthen that"
             )
         if self.recovery[0] > self.recovery[1]:
-            raise ValueError("recovery: give the least time before the longest")
+            raise ValueError("recovery: give the shortest time first, then the longest")
         if len(set(self.isi)) < len(self.isi) or len(set(self.directions)) < len(self.directions):
-            raise ValueError("isi and directions: one stands there twice")
+            raise ValueError("isi and directions: an entry is repeated")
         return self

@@ -107,7 +107,7 @@ class VaryTable(TomlTable):
             raise ValueError("values have no count")
         if self.values is None:
             if self.low is None or self.high is None or not self.low < self.high:
-                raise ValueError("low must be there and less than high")
+                raise ValueError("low must be given and be less than high")
             if self.spacing == "log" and self.low <= 0:
                 raise ValueError("a log spacing needs a low greater than 0")
         for key in self.fields:

@@ -127,4 +127,4 @@ def _fields(words: str, delimiter: str) -> list[str]:
     try:
         return [field.strip() for field in next(csv.reader([words], delimiter=delimiter), [])]
     except csv.Error as error:
-        raise DataError(f"a line that is no row of a table ({error})") from error
+        raise DataError(f"a line that is not a row of a table ({error})") from error

@@ -73,7 +73,7 @@ class Cluster:
             if self._client.status == "running" and not gone:
                 raise SweepError(f"the cluster cannot be asked to compute ({why})") from error
         if self._client.status != "running" or gone:
-            raise SweepError("the scheduler of the cluster is gone; what is finished is kept")
+            raise SweepError("the scheduler of the cluster no longer answers; finished results are kept")
         if why:
             raise SweepError(why)
 

@@ -101,7 +101,7 @@ def test_what_makes_no_sense_is_one_line(
     ("change", "words"),
     [
         ({"assumed.delay": None, "actual.delay": None}, "predicts over a delay, and there is none"),
-        ({"actual.delay": None, "assumed.delay": 60.0}, "leaves no digit"),
+        ({"actual.delay": None, "assumed.delay": 60.0}, "leaves no significant digit"),
         ({"controller.q_t": 0.1}, "controller.q_t"),
         ({"design.R_c": -1.0}, "R_c"),
         ({"setpoint[0].output": "knee"}, "the assumed plant's outputs are"),

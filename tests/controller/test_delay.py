@@ -96,7 +96,7 @@ def test_the_states_that_wait_are_declared_once() -> None:
 def test_a_delay_that_leaves_no_digit_is_refused_in_words(delay: Delay) -> None:
     """Before anything overflows: numpy's warnings would stand on the terminal beside our line."""
     design = paper_design()
-    with pytest.raises(AnalysisError, match=r"no interval is shorter|leaves no digit"):
+    with pytest.raises(AnalysisError, match=r"no interval is shorter|leaves no significant digit"):
         predict(error_system(pendulum(0.8), design, delay=delay), EventTrigger(output_weight(design), 0.01))
     growth = np.linalg.eigvals(design.plant.A).real.max() * delay.predicted
     assert growth > -np.log(np.finfo(float).eps)

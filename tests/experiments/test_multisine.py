@@ -150,7 +150,7 @@ def test_units_lengths_and_models_must_fit():
     ("before", "after", "words"),
     [
         ("0.6,", "0.65,", "no whole multiple of 1 / period"),
-        ("0.6,", "0.2,", "one stands there twice"),
+        ("0.6,", "0.2,", "a frequency is repeated"),
         ('input = "torque"', "", "one of input and setpoint"),
         ("period = 5.0", "period = 5.0\nrate = 77.77", "no whole number of samples"),
         ("2.2]", "60.0]", "not below half the rate"),

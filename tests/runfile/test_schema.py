@@ -53,7 +53,7 @@ def test_files_of_older_versions_may_say_that_runs_are_compiled(root):
     run = parse_run(older, path)
     assert run.simulation == load_run(path).simulation
     assert "native" not in run.with_(**{"simulation.duration": 1.0}).text
-    words = r"simulation: native = false is no key any more: set the environment variable ICMJ_INTERPRETED=1, with"
+    words = r"simulation: native = false is no longer a key: set the environment variable ICMJ_INTERPRETED=1, with"
     for wrong in (
         lambda: parse_run(older.replace("native = true", "native = false"), path),
         lambda: overridden(run, ["simulation.native=false"]),

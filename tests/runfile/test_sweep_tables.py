@@ -16,8 +16,8 @@ from icmj.sweeps.sweep import planned
 B = '[[vary]]\nfield = "actual.gain"\n'
 WRONG = {
     f"{B}values = [0.8]\ncount = 3": "values have no count",
-    f"{B}low = 1": "low must be there and less than high",
-    f"{B}low = 2\nhigh = 1\ncount = 3": "low must be there and less than high",
+    f"{B}low = 1": "low must be given and be less than high",
+    f"{B}low = 2\nhigh = 1\ncount = 3": "low must be given and be less than high",
     f"{B}low = 0\nhigh = 1\ncount = 3\nspacing = 'log'": "a log spacing needs a low greater than 0",
     f"{B}low = 0.5\nhigh = 1": "gain is drawn between low and high: sweep.samples says how often",
     f"{B}": "give either values, or low and high",

@@ -69,9 +69,9 @@ def test_a_sampling_delay_is_told_on_both_plants(tmp_path, plant):
     ("before", "after", "words"),
     [
         ("recovery = [1.5, 2.0]", "recovery = [0.5, 2.0]", "longer than the least recovery"),
-        ("recovery = [1.5, 2.0]", "recovery = [2.5, 2.0]", "least time before the longest"),
+        ("recovery = [1.5, 2.0]", "recovery = [2.5, 2.0]", "the shortest time first"),
         ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.25]", "at least 3"),
-        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.1, 0.5]", "stands there twice"),
+        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.1, 0.5]", "an entry is repeated"),
         ("size = 0.02", "size = 0.0", "size"),
     ],
 )

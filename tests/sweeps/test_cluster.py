@@ -92,7 +92,7 @@ def test_a_scheduler_killed_midway_is_one_line(
     _, err = process.communicate(timeout=90)
     lines = told(err)
     assert process.returncode == 2
-    assert lines[-1] == "icmj: the scheduler of the cluster is gone; what is finished is kept"
+    assert lines[-1] == "icmj: the scheduler of the cluster no longer answers; finished results are kept"
     assert len(lines) == 2
     assert "chunks are finished" in lines[0]
 

@@ -113,7 +113,7 @@ def test_what_is_wrong_is_said() -> None:
         PredictorController(design, 0.1)  # type: ignore[arg-type]
     with pytest.raises(AnalysisError, match="expected a Design"):
         PredictorController(None, Delay(0.1))  # type: ignore[arg-type]
-    with pytest.raises(AnalysisError, match="leaves no digit"):
+    with pytest.raises(AnalysisError, match="leaves no significant digit"):
         PredictorController(design, Delay(100.0))
     followed = setpoint(designs()[2].plant, [Target({designs()[2].plant.outputs[0]: 1.0}, step(1.0))])
     with pytest.raises(AnalysisError, match="not of the controller's model"):
