@@ -93,7 +93,7 @@ def _turn(powers, degree, sign, start, end, theta):  # type: ignore[no-untyped-d
         last, step, enough = step, value / rate if rate > 0 else np.inf, 1e-8
         if not start < theta - step < end or abs(2 * step) > abs(last):
             step, enough = theta - (start + end) / 2, 1e-12
-        # the error of Newton's place is his step's squared, and counts squared in the value
+        # the error of Newton's place is the square of its step, and counts squared in the value
         if abs(step) <= enough:
             return theta - step
         theta -= step

@@ -49,7 +49,7 @@ def summarise(cop: ArrayLike, rate: float = 100.0) -> Array:
         shape (s,), finite; named by ``SUMMARIES``.
 
     Raises:
-        FitError: if it is too short, has values that are no numbers, or does not move.
+        FitError: if it is too short, has values that are not finite, or does not move.
     """
     x = np.asarray(cop, dtype=float)
     if x.ndim != 1 or len(x) < LEAST * rate * (1 - 1e-9):

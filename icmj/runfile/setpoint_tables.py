@@ -175,7 +175,7 @@ class DoubleStepsSetpoint(TargetTable):
         """The pairs.
 
         Raises:
-            AnalysisError: if an interval stands there twice, the size is zero, or there are too many steps.
+            AnalysisError: if an interval is repeated, the size is zero, or there are too many steps.
         """
         steps = 2 * len(self.isi) * len(self.directions) * self.repetitions
         if steps > MOST_STEPS:
