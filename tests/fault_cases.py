@@ -77,7 +77,7 @@ def seen(sign: Callable[[], bool], within: float = 120.0) -> None:
     deadline = time.monotonic() + within
     while not sign():
         assert time.monotonic() < deadline, "no sign of it"
-        time.sleep(0.01)
+        time.sleep(0.002)
 
 
 def says(process: subprocess.Popen[str], words: str) -> None:

@@ -103,5 +103,5 @@ def test_the_viewer_gives_no_error_of_a_mean_interval_as_the_report_gives_none()
     found = noisy()
     compared = compare(found)
     assert compared.relative_error.interval is not None
-    line = next(line for line in markdown(found, compared).splitlines() if "interval Δ" in line)
+    line = next(line for line in markdown(found, compared).splitlines() if line.startswith("| open-loop interval"))
     assert line.split("|")[-2].strip() == "–"
