@@ -246,7 +246,7 @@ def test_noise_that_is_none_is_one_line(own: Path, table: dict, words: str) -> N
         ({"controller.rule": "rules:halved"}, RunFileError, "fails"),
         ({"controller.rule": "rules:broken"}, RunFileError, "a mistake of mine"),
         ({"controller.parameters": {"c": 1.0}}, RunFileError, "fails"),
-        ({"controller.q_t": 0.1}, RunFileError, "has no q_t"),
+        ({"controller.q_t": 0.1}, RunFileError, "has no key q_t"),
         ({"controller.rule": "box", "controller.threshold": 0.1}, RunFileError, "the box rule has no parameters"),
         ({"controller.hold": "rules:broken"}, RunFileError, "a mistake of mine"),
         ({"controller.hold_parameters": {"a": 1}}, RunFileError, "hold has no parameters"),

@@ -141,7 +141,7 @@ def test_summaries_are_finite_whatever_stands_there():
     for wrong, words in (
         (np.zeros(3000), "without any sway"),
         (t[:100], "at least 30 s"),
-        (np.full(3000, np.nan), "no num"),
+        (np.full(3000, np.nan), "not finite"),
     ):
         with pytest.raises(FitError, match=words):
             summarise(wrong)
