@@ -184,8 +184,8 @@ def first_root(powers, degree, F, stack, spans, at=0.0):  # type: ignore[no-unty
 
 
 @compiled
-def largest(powers, degree, sign, until, reached, F, stack, spans):  # type: ignore[no-untyped-def]
-    """The larger of ``reached`` and of sign · polynomial on [0, until].
+def largest(powers, degree, sign, until, reached, F, stack, spans, since=0.0):  # type: ignore[no-untyped-def]
+    """The larger of ``reached`` and of sign · polynomial on [since, until].
 
     An interval counts only if its Bernstein coefficients exceed what is known; it holds one maximum inside if these
     first rise, then fall, and none if they fall, then rise, or do neither; all others are halved.
@@ -195,7 +195,9 @@ def largest(powers, degree, sign, until, reached, F, stack, spans):  # type: ign
         stack[1, j] = scale * powers[j]
         scale *= until
     to_bernstein(stack[1], degree, F, stack[0])
-    spans[0, 0], spans[0, 1], spans[0, 2] = 0.0, until, 0.0
+    if since > 0:
+        _split(stack[1], stack[0], degree, since / until)
+    spans[0, 0], spans[0, 1], spans[0, 2] = since, until, 0.0
     top = 1
     while top > 0:
         top -= 1
@@ -226,8 +228,8 @@ def largest(powers, degree, sign, until, reached, F, stack, spans):  # type: ign
 
 
 @compiled
-def extended(powers, degree, until, high, low, F, stack, spans):  # type: ignore[no-untyped-def]
-    """``high`` and ``low``, extended to the polynomial on [0, until].
+def extended(powers, degree, until, high, low, F, stack, spans, since=0.0):  # type: ignore[no-untyped-def]
+    """``high`` and ``low``, extended to the polynomial on [since, until].
 
     Where the second derivative has one sign, there is one extreme inside at most. Few of its Bernstein coefficients,
     with a bound of the terms that they leave out, tell this for most polynomials at a fraction of the cost.
@@ -245,14 +247,15 @@ def extended(powers, degree, until, high, low, F, stack, spans):  # type: ignore
     for j in range(short + 1):
         most, least = max(most, b[j]), min(least, b[j])
     if not (most < -rest or least > rest):
-        high = largest(powers, degree, 1.0, until, high, F, stack, spans)
-        return high, -largest(powers, degree, -1.0, until, -low, F, stack, spans)
-    first, last = powers[0], evaluate(powers, degree, until)
+        high = largest(powers, degree, 1.0, until, high, F, stack, spans, since)
+        return high, -largest(powers, degree, -1.0, until, -low, F, stack, spans, since)
+    first, last, begin = powers[0], evaluate(powers, degree, until), powers[1]
+    if since > 0:
+        first, begin = evaluate(powers, degree, since), slope(powers, degree, since)
     high, low = max(high, first, last), min(low, first, last)
-    begin, end = powers[1], slope(powers, degree, until)
+    end = slope(powers, degree, until)
     if begin > 0 > end or begin < 0 < end:
-        turn = evaluate(
-            powers, degree, _turn(powers, degree, np.sign(begin), 0.0, until, until * begin / (begin - end))
-        )
+        guess = since + (until - since) * begin / (begin - end)
+        turn = evaluate(powers, degree, _turn(powers, degree, np.sign(begin), since, until, guess))
         high, low = max(high, turn), min(low, turn)
     return high, low

@@ -81,7 +81,7 @@ class Simulator:
         self._capacity = capacity = max(_ROWS, 2 * rows) if several else 8
         self._run = Run(
             now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), w=np.zeros(len(T.J)),
-            s=np.zeros(T.W.shape[1]), row=np.zeros(m),
+            s=np.zeros(T.W.shape[1]), begun=np.zeros(m), ended=np.zeros(m), row=np.zeros(m),
             high=np.zeros(n_y), low=np.zeros(n_y), rows_t=np.empty(capacity), rows_z=np.empty((capacity, m)),
             events=np.empty((_EVENTS if several else 1, 1 + m + 2 * n_y)),
         )  # fmt: skip
@@ -106,7 +106,7 @@ class Simulator:
         run.now[[Now.TICK, Now.ACTION]] = np.inf
         run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
         counts[:] = 0
-        counts[Count.NEXT], counts[Count.AGE], counts[Count.CELL] = 1, FRESH, -1
+        counts[Count.NEXT], counts[Count.AGE], counts[[Count.CELL, Count.ENDED]] = 1, FRESH, -1
         if np.isfinite(clock):
             counts[Count.TICK] = int(np.floor(t / clock * (1 + 1e-12))) + 1
             counts[Count.ACTED] = counts[Count.TICK] - 1

@@ -11,12 +11,13 @@ its control points, and a bound of the rest.
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import accumulate
 from math import comb, factorial
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.bernstein import from_powers
+from icmj.base.bernstein import economised, from_powers
 from icmj.linear.exponential import exponential
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.state import Tables
@@ -79,7 +80,13 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         for place in range(places):
             Q[place] = exponential(M * (h * place / places if signals else interval))
     part = (np.arange(places) / max(places, 1))[:, None] ** np.arange(len(motion))
-    degree = len(step) - 1
+    weights = size * factorials
+    curves = _economised(step, m, weights, signals)
+    degree = len(curves) - 1
+    ahead, back, near = np.zeros((0, m, m)), np.zeros((0, m, m)), 0
+    if signals:
+        ahead, back = _eighths(G, motion[:, :, m:])
+        near = int(_terms(motion, m, weights, signals, np.array([0.5 / _EIGHTHS]))[0])
     return Tables(
         step=h,
         end=duration,
@@ -101,10 +108,13 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         W=W,
         W_z=W[:, :m].T.copy(),
         V=V,
-        A=np.ascontiguousarray(np.moveaxis(step, 0, 1)),
+        A=np.ascontiguousarray(np.moveaxis(curves, 0, 1)),
         F=from_powers(degree),
         F2=from_powers(2 * degree),
-        terms=_terms(motion, m, size * factorials, signals),
+        terms=np.append(0, _terms(motion, m, weights, signals, np.arange(1, _EIGHTHS + 1) / _EIGHTHS)),
+        ahead=ahead,
+        back=back,
+        near=near,
         J=np.ascontiguousarray(loop.composed.J),
         G=np.ascontiguousarray(loop.composed.G),
         cuts=loop.composed.cuts.astype(np.int64),
@@ -173,14 +183,24 @@ def _places(ratio: float) -> tuple[int, int]:
     return 0, 1
 
 
-def _terms(series: Array, m: int, size: Array, signals: int) -> np.ndarray:
-    """How many terms of z's series there are to be until one eighth of a step, two, … and all of it."""
+def _eighths(G: Array, forced: Array) -> tuple[Array, Array]:
+    """``ahead`` and ``back`` of ``Tables``, with the series of what f adds to z, shape (terms, m, l − m)."""
+    places = np.arange(_EIGHTHS + 1) / _EIGHTHS
+    added = np.tensordot(places[:, None] ** np.arange(len(forced)), forced, 1)
+    there, again = (
+        np.array([np.eye(len(G)), *accumulate([exponential(of)] * _EIGHTHS, np.matmul)])
+        for of in (G / _EIGHTHS, -G / _EIGHTHS)
+    )
+    return np.concatenate([there, added], axis=2), np.concatenate([again, -again @ added], axis=2)
+
+
+def _terms(series: Array, m: int, size: Array, signals: int, until: Array) -> np.ndarray:
+    """How many terms of z's series there are to be until each of these parts of a step."""
     weight = np.repeat(size, signals)
     parts = np.array([_sizes(term, m, weight, signals) for term in series])
-    order = np.arange(len(series))[:, None, None]
-    terms = [0]
-    for eighth in range(1, _EIGHTHS + 1):
-        here = parts * (eighth / _EIGHTHS) ** order
+    order, terms = np.arange(len(series))[:, None, None], []
+    for part in until:
+        here = parts * part**order
         counts = np.flatnonzero((here > _NOTHING * here.sum(axis=0)).any(axis=(1, 2)))
         terms.append(int(counts.max(initial=0)) + 1)
     return np.minimum(terms, len(series) - 1)
@@ -198,13 +218,33 @@ def _series(rows: Array, G: Array, D: Array, size: Array, least: int) -> Array:
     terms, total, small = [term], _sizes(term, m, weight, signals), 0
     while small < 2 and len(terms) < _MOST_TERMS:
         z, f = term[:, :m], term[:, m:]
-        following = np.hstack([z @ D, f[:, : f.shape[1] - signals] * rise]) if signals else f
-        term = np.hstack([z @ G, following]) / len(terms)
+        term = z @ G / len(terms)
+        if signals:
+            term = np.hstack([term, z @ D / len(terms), f[:, : f.shape[1] - signals] * rise / len(terms)])
         terms.append(term)
         here = _sizes(term, m, weight, signals)
         small = small + 1 if np.all(here <= _NOTHING * total) and len(terms) > least else 0
         total = total + here
     return np.array(terms)
+
+
+def _economised(series: Array, m: int, size: Array, signals: int) -> Array:
+    """The same curves on a step by fewer powers: what is changed is as little as what the series leaves out."""
+    weight, highest = np.repeat(size, signals), len(series) - 1
+    parts = np.array([_sizes(term, m, weight, signals) for term in series]).reshape(len(series), -1)
+    enough = np.flatnonzero(np.all(_errors(highest) @ parts <= _NOTHING * parts.sum(axis=0), axis=1))
+    if not len(enough):
+        return series
+    degree = _COARSE + int(enough[0])
+    to, _ = economised(degree, highest)
+    return np.asarray(series[: degree + 1] + np.tensordot(to, series[degree + 1 :], 1))
+
+
+@lru_cache(maxsize=64)
+def _errors(highest: int) -> Array:
+    """Of each power, as a polynomial of degree ``_COARSE`` or of a higher one, shape (…, highest + 1)."""
+    degrees = range(_COARSE, highest)
+    return np.array([np.pad(economised(degree, highest)[1], (degree + 1, 0)) for degree in degrees])
 
 
 def _sizes(term: Array, m: int, weight: Array, signals: int) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from icmj.base.array import Array
+from icmj.simulation.native.waves import turn
 
 ROUNDING = 1e-15  # of a sinusoid of one: less than the rounding of its angle
 _TURN = 8.0  # of the fastest sinusoid on either side of a stride's middle [rad]
@@ -78,7 +79,10 @@ class Waves:
         parts = pairwise(np.searchsorted(signal, np.arange(signals + 1)))
         self._parts = [slice(*part) for part in parts]
         self._shares = [tuple(of[:, part].copy() for of in share) for part in self._parts]
-        self._turns, self._room = np.ones((2, len(omega), 0)), np.ones((3, len(omega), 0))
+        longest = {part.stop - part.start for part in self._parts}
+        # of as many sinusoids in each, all signals are one product
+        self._alike = np.array(self._shares).swapaxes(0, 1) if len(longest) == 1 < signals else None
+        self._turns = self._room = np.ones((2, len(omega), 0))
 
     def at_nodes(self, first: int, number: int, acting: np.ndarray | None = None, out: Array | None = None) -> Array:
         """Even and odd part of the signals over so many strides, at half of the nodes; of those that are ``acting``.
@@ -88,17 +92,19 @@ class Waves:
         """
         if self._turns.shape[2] < number:
             angle = np.outer(self._omega, np.arange(number) * self.stride)
-            self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((3, *angle.shape))
+            self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((2, *angle.shape))
         begin = self._omega * ((first + 0.5) * self.stride) + self._phase
-        real, imaginary = np.cos(begin)[:, None], np.sin(begin)[:, None]
+        real, imaginary = np.cos(begin), np.sin(begin)
         if acting is not None and not acting.all():
-            real, imaginary = real * acting[:, None], imaginary * acting[:, None]
-        turns, (cos, sin, other) = self._turns[:, :, :number], self._room[:, :, :number]
-        np.multiply(turns[0], real, out=cos)
-        cos -= np.multiply(turns[1], imaginary, out=other)
-        np.multiply(turns[1], real, out=sin)
-        sin += np.multiply(turns[0], imaginary, out=other)
+            real, imaginary = real * acting, imaginary * acting
+        turned = self._room.reshape(-1)[: 2 * len(begin) * number].reshape(2, -1, number)
+        turn(self._turns, real, imaginary, turned)
+        cos, sin = turned
         values = np.empty((2, self.half, self._signals, number)) if out is None else out
+        if self._alike is not None:
+            for of, share, sinusoids in zip(values, self._alike, turned, strict=True):
+                np.matmul(share, sinusoids.reshape(self._signals, -1, number), out=of.swapaxes(0, 1))
+            return values
         for signal, (part, (even, odd)) in enumerate(zip(self._parts, self._shares, strict=True)):
             np.matmul(even, cos[part], out=values[0, :, signal])
             np.matmul(odd, sin[part], out=values[1, :, signal])

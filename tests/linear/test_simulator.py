@@ -1,6 +1,10 @@
 """The compiled simulation against DOP853 restarted at every event, action and tick; and what no buffer may change."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +68,12 @@ def test_clocks_slower_and_faster_than_the_delay(clock, delay):
     agrees(PENDULUM.scaled(0.9), controller, settings(0.91), [0.02, 0.0], [0.0, 0.0])
 
 
+def disturbed(delay):
+    """A run on which everything acts at once, within less than two seconds."""
+    controller = replace(event_controller(pendulum_design(), q_t=0.004, delta_min=0.05), delay=Delay(delay))
+    return simulate(PENDULUM.scaled(0.9), controller, settings(1.5, disturbance=PUSHED), x0=[0.02, 0.0])
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.08])
 def test_everything_that_can_disturb_at_once(delay):
     controller = replace(event_controller(pendulum_design(), q_t=0.004, delta_min=0.05), delay=Delay(delay))
@@ -73,6 +83,22 @@ def test_everything_that_can_disturb_at_once(delay):
     # the integrator must not step over an edge without a word
     found = agrees(plant, controller, run, [0.02, 0.0], [0.0, 0.0], torque=torque, reading=reading, max_step=5e-4)
     assert len(found.events) > 4
+
+
+def test_interpreted_it_is_the_same():
+    """Python looks whether an index is within its array, and compiled code does not."""
+    script = (
+        "import sys; sys.path[:0] = ['tests', 'tests/linear']\n"
+        "from test_simulator import disturbed\n"
+        "print(*map(float.hex, disturbed(0.08).events.t))"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=300,
+        env={**os.environ, "ICMJ_INTERPRETED": "1"}, cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    times = disturbed(0.08).events.t
+    assert len(times) > 3
+    assert [float.fromhex(word) for word in told.stdout.split()] == pytest.approx(times, abs=1e-11)
 
 
 @pytest.mark.parametrize("noisy", [False, True])

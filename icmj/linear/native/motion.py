@@ -56,6 +56,16 @@ def dot(row, s):  # type: ignore[no-untyped-def]
 
 
 @summing
+def add_square(c, to):  # type: ignore[no-untyped-def]
+    """``to`` += the square of the polynomial with coefficients ``c``, which is twice as long but one."""
+    for i in range(len(c)):
+        twice = 2 * c[i]
+        to[2 * i] += c[i] * c[i]
+        for j in range(i + 1, len(c)):
+            to[i + j] += twice * c[j]
+
+
+@summing
 def add_times(factor, source, to):  # type: ignore[no-untyped-def]
     """``to`` += factor · source, as long as ``source`` is."""
     for i in range(len(source)):
@@ -80,6 +90,15 @@ def add(source, to):  # type: ignore[no-untyped-def]
     """As long as ``source`` is."""
     for i in range(len(source)):
         to[i] += source[i]
+
+
+@compiled
+def look_up(acting, cell, f):  # type: ignore[no-untyped-def]
+    """``f`` := the derivatives at the middle of the step."""
+    lanes = len(acting.f)
+    lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
+    for i in range(len(f)):
+        f[i] = acting.f[lane, i, k]
 
 
 @summing
@@ -122,3 +141,44 @@ def at(series, count, theta, result):  # type: ignore[no-untyped-def]
         term, share = series[j - 1], theta / j
         for i in range(len(result)):
             result[i] = result[i] * share + term[i]
+
+
+@compiled
+def _beside(T, m, begin, end, series, f, f_begin, z):  # type: ignore[no-untyped-def]
+    """``z`` := z at ``end`` of a disturbed step, from z at ``begin`` close by, which ``series`` begins with.
+
+    ``f`` is about the step's middle; ``f_begin`` is room for it about ``begin``.
+    """
+    signals = T.M.shape[1] - m
+    powers = min(len(f) // signals, T.near)
+    if powers > 0:
+        move(f, begin - 0.5, signals, f_begin)
+    for j in range(powers):
+        copy(f_begin[j * signals :], series[j, m:])
+        times(T.M, series[j], series[j + 1, :m])
+    for j in range(powers, T.near):
+        times(T.M, series[j, :m], series[j + 1, :m])
+    at(series, T.near + 1, end - begin, z)
+
+
+@compiled
+def forward(T, s, m, theta, series, f, z):  # type: ignore[no-untyped-def]
+    """``z`` := z at ``theta`` of the disturbed step from ``s``: a matrix to the nearest place, then few terms."""
+    last = len(T.ahead) - 1
+    place = int(theta * last + 0.5)
+    times(T.ahead[place], s, series[0, :m])
+    _beside(T, m, place / last, theta, series, s[m:], f, z)
+
+
+@compiled
+def backward(T, s, m, theta, series, f, z):  # type: ignore[no-untyped-def]
+    """z of ``s``, which is that at ``theta`` of a disturbed step := z where that step begins; ``z`` is room.
+
+    Without f in ``s``, it is what nothing acts on: the difference of two motions.
+    """
+    last = len(T.back) - 1
+    place = int(theta * last + 0.5)
+    copy(s, series[0, :m])
+    _beside(T, m, theta, place / last, series, s[m:], f, s[:m])
+    times(T.back[place], s, z)
+    copy(z, s[:m])

@@ -11,17 +11,17 @@ import numpy as np
 
 from icmj.base.compilation import compiled, inlined
 from icmj.base.roots import extended, first_root, to_bernstein
-from icmj.linear.native.motion import add_times, times
+from icmj.linear.native.motion import add_square, dot, times
 
 _LARGE, _TINY, _NORMAL = 1e8, 1e-290, 2.3e-308
 NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
 
 
 @compiled
-def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ignore[no-untyped-def]
+def first_end(A, F, F2, cuts, n_pos, s, armed, falls, since, ready, work):  # type: ignore[no-untyped-def]
     """(kind, θ) of the first end on the step from ``s``: by the bounds of the whole series, then by roots.
 
-    An event counts from ``ready`` on.
+    A fall counts from ``since`` on, an event from ``ready`` on.
     """
     curves, level, stack, spans = work.curves, work.level, work.stack, work.spans
     r = cuts[-1]
@@ -34,7 +34,7 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ign
                 for j in range(degree + 1):
                     level[j] = sign * curves[row, j]
                 level[0] -= 1
-                theta = first_root(level, degree, F, stack, spans)
+                theta = first_root(level, degree, F, stack, spans, since)
                 if theta <= 1 and theta < first:
                     kind, first = FALL, theta
     if armed:
@@ -54,8 +54,7 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ign
             for i in range(2 * degree + 1):
                 level[i] = 0
             for row in range(cuts[face], cuts[face + 1]):
-                for i in range(degree + 1):
-                    add_times(curves[row, i], curves[row], level[i:])
+                add_square(curves[row], level)
             level[0] -= 1
             theta = first_root(level, 2 * degree, F2, stack, spans, ready)
             if theta <= 1 and theta < first:
@@ -64,18 +63,30 @@ def first_end(A, F, F2, cuts, n_pos, s, armed, falls, ready, work):  # type: ign
 
 
 @compiled
-def extremes(A, F, row, s, theta, high, low, k, work):  # type: ignore[no-untyped-def]
-    """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [0, theta] of the step from ``s``."""
+def extremes(A, F, row, s, since, theta, high, low, k, work):  # type: ignore[no-untyped-def]
+    """Extend ``high`` and ``low`` of output ``k`` to the curve of ``row`` on [since, theta] of the step from ``s``."""
     curve = work.curves[row]
     times(A[row], s, curve)
-    high[k], low[k] = extended(curve, len(curve) - 1, theta, high[k], low[k], F, work.stack, work.spans)
+    high[k], low[k] = extended(curve, len(curve) - 1, theta, high[k], low[k], F, work.stack, work.spans, since)
 
 
 @inlined
-def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no-untyped-def]
+def extend(T, run, z, first):  # type: ignore[no-untyped-def]
+    """Extend the extremes to the outputs at ``z``, or begin them there."""
+    for k in range(len(run.high)):
+        y = dot(T.C[k], z)
+        if first:
+            run.high[k] = run.low[k] = y
+        else:
+            run.high[k], run.low[k] = max(run.high[k], y), min(run.low[k], y)
+
+
+@inlined
+def doubtful(T, m, s, out, tails, armed, begun, high, low, turning):  # type: ignore[no-untyped-def]
     """What the short polynomials cannot exclude on the step from ``s``, of which ``out`` is W s and ``tails`` V |s|.
 
-    Of the faces these are there where the event rule is ``armed``.
+    Of the faces these are there where the event rule is ``armed``. Where the piece had ``begun`` before the step, the
+    outputs where the step begins are on the way, too.
 
     Returns:
         whether it grows large; whether an event, a fall, an extreme of any output are to be looked for.
@@ -102,7 +113,8 @@ def doubtful(T, m, s, out, tails, armed, high, low, turning):  # type: ignore[no
                 watched = True
     at = m + n_pos
     for k in range(n_y):
-        high[k], low[k] = max(high[k], out[at]), min(low[k], out[at])
+        if begun:
+            high[k], low[k] = max(high[k], out[at]), min(low[k], out[at])
         rise, fall, most, least = np.inf, -np.inf, out[at], out[at]
         for j in range(coarse):
             change = out[at + j + 1] - out[at + j]

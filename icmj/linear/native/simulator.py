@@ -6,7 +6,8 @@ no extreme of an output; only the others are looked at with the whole series.
 
 Quiet motion counts its steps from where the piece begins, and disturbed motion from zero: what acts on a step of that
 grid does not depend on the state, and has been worked out before (:mod:`icmj.linear.response`). A piece then begins
-and ends within a step.
+and ends within a step. It is followed back to where that step begins, as if it had come from there, so that all steps
+are looked at in the same way. After a jump, what has jumped is followed back alone.
 
 Every number that decides is a function of the state and of time alone, so neither the rows asked for nor the size of a
 buffer changes a bit of the motion.
@@ -22,8 +23,8 @@ import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
 from icmj.base.roots import DEEPEST
-from icmj.linear.native.motion import add, at, close, combine, copy, dot, move, times, unfold
-from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extremes, first_end, settle
+from icmj.linear.native.motion import add, at, backward, close, combine, copy, forward, look_up, times, unfold
+from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extend, extremes, first_end, settle
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
 _DIVERGED = 1e12
@@ -45,35 +46,26 @@ def _new_row(run, t):  # type: ignore[no-untyped-def]
     return k
 
 
-@compiled
-def _look_up(acting, cell, f):  # type: ignore[no-untyped-def]
-    """``f`` := the derivatives at the middle of the step."""
-    lanes = len(acting.f)
-    lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
-    for i in range(len(f)):
-        f[i] = acting.f[lane, i, k]
-
-
 @inlined
-def _rows_until(T, acting, run, until, whole, known, series, f):  # type: ignore[no-untyped-def]
-    """Record the rows of the grid before ``until``, of the motion from ``run.s`` where the piece is.
+def _rows_until(T, acting, run, until, known, series, f):  # type: ignore[no-untyped-def]
+    """Record the rows of the grid before ``until``, of the motion from ``run.s`` where the step begins.
 
     Of quiet motion a row follows from the last one. Of disturbed motion it follows from the beginning of the step,
-    which is one matrix, too, where the ``whole`` step is known beforehand and the rows' grid fits the steps'.
-    Elsewhere it takes the ``series``, of which so many terms are ``known``.
+    which is one matrix, too, where the rows' grid fits the steps'. Elsewhere it takes the ``series``, of which so many
+    terms are ``known``.
     """
     m, counts, cell = len(run.row), run.counts, run.counts[Count.CELL]
     last = np.floor((until - _SAME) / T.interval)
     if counts[Count.NEXT] > last:
         return
-    quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + (cell + run.now[Now.OFFSET]) * T.step
+    quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + cell * T.step
     while counts[Count.NEXT] <= last:
         t = counts[Count.NEXT] * T.interval
-        place, row = counts[Count.NEXT] * T.stride - cell * T.places if whole else -1, run.rows_z[_new_row(run, t)]
+        place, row = counts[Count.NEXT] * T.stride - cell * T.places, run.rows_z[_new_row(run, t)]
         if quiet and counts[Count.AGE] < _ANCHOR:
             times(T.Q[0], run.row, row)
             counts[Count.AGE] += 1
-        elif not quiet and place == 0:
+        elif not quiet and place == 0 < T.places:
             copy(run.s, row)
         elif not quiet and 0 < place < T.places:
             times(T.Q[place], run.s[:m], row)
@@ -81,8 +73,8 @@ def _rows_until(T, acting, run, until, whole, known, series, f):  # type: ignore
             add(acting.moved[lane, k, place * m : (place + 1) * m], row)
         else:
             if known == 0:
-                if whole and not quiet:
-                    _look_up(acting, cell, run.s[m:])
+                if not quiet:
+                    look_up(acting, cell, run.s[m:])
                 known = unfold(T, run.s, m, 1.0, series, f)
             at(series, known, min(max((t - begin) / T.step, 0.0), 1.0), row)
             counts[Count.AGE] = 0
@@ -117,17 +109,6 @@ def _open(T, run):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _extend(T, run, z, first):  # type: ignore[no-untyped-def]
-    """Extend the extremes to the outputs at ``z``, or begin them there."""
-    for k in range(len(run.high)):
-        y = dot(T.C[k], z)
-        if first:
-            run.high[k] = run.low[k] = y
-        else:
-            run.high[k], run.low[k] = max(run.high[k], y), min(run.low[k], y)
-
-
-@inlined
 def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # type: ignore[no-untyped-def]
     """Go on with the piece under way; what ended it, −1 where the caller is asked, and how patient to be still."""
     now, counts, s, m, n_y = run.now, run.counts, run.s, len(run.row), len(run.high)
@@ -135,8 +116,8 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
     origin, stop, watching = now[Now.ORIGIN], now[Now.STOP], len(T.cuts) > 1
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
-    total, outputs = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1)
-    lanes, short = len(acting.f), min(len(s), m + signals * (T.coarse + 1))
+    total, outputs, lanes = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1), len(acting.f)
+    jump = scratch[0, :m]
     last = acting.first + lanes * acting.f.shape[2] if acting.edge == now[Now.EDGE] else -1
     while True:
         cell, offset = counts[Count.CELL], now[Now.OFFSET]
@@ -148,31 +129,34 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         if patience < 0 or missing or counts[Count.ROWS] + most_rows > len(run.rows_t):
             now[Now.TIME] = origin + (cell + offset) * h
             return -1, patience
-        whole, final = offset == 0 and left >= 1 - slack, left <= 1 - offset + slack
-        here = 1.0 if whole else min(1 - offset, left)
-        ready = (now[Now.READY] - origin) / h - cell - offset if now[Now.READY] > origin + (cell + offset) * h else 0.0
+        whole, final = offset + left >= 1 - slack, offset + left <= 1 + slack
+        here = 1.0 if whole else offset + left
+        ready = (now[Now.READY] - origin) / h - cell if now[Now.READY] > origin + (cell + offset) * h else offset
         armed = watching and ready < here
+        if offset > 0 and counts[Count.ENDED] == cell:
+            for j in range(m):
+                jump[j] = s[j] - run.ended[j]
+            backward(T, jump, m, offset, series, f, ahead)
+            copy(run.begun, s[:m])
+            add(jump, s)
+        elif offset > 0:
+            look_up(acting, cell, s[m:])
+            backward(T, s, m, offset, series, f, ahead)
         settle(s, sizes)
         points, bounds = (len(out), len(tails)) if armed else (outputs, n_pos + n_y)
         times(T.V, sizes, tails[:bounds])
         add(acting.tails[:bounds], tails)
-        if signals > 0 and offset > 0:
-            _look_up(acting, cell, f)
-            move(f, offset, signals, s[m:])
-            times(T.W, s, out[:m])
-            times(T.W[m:], s[:short], out[m:points])
-        else:
-            combine(T.W_z, s, out[:points])
-            if signals > 0:
-                lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
-                add(acting.moved[lane, k, :m], out)
-                add(acting.controls[lane, k, : points - m - n_pos], out[m + n_pos :])
-        wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, run.high, run.low, turning)
-        kind, theta, later = NOTHING, here, signals > 0 and offset == 0
-        if later and (watched or falls or turns or not whole):
-            _look_up(acting, cell, s[m:])
+        combine(T.W_z, s, out[:points])
+        if signals > 0:
+            lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
+            add(acting.moved[lane, k, :m], out)
+            add(acting.controls[lane, k, : points - m - n_pos], out[m + n_pos :])
+        wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, offset == 0, run.high, run.low, turning)
+        kind, theta = NOTHING, here
+        if signals > 0 and (watched or falls or turns or not whole):
+            look_up(acting, cell, s[m:])
         if watched or falls:
-            kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, ready, work)
+            kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, offset, ready, work)
             # what comes right after the end of the piece is at its end
             if kind == NOTHING or theta > (min(here + _LANDING / h, 1.0) if final else here):
                 kind, theta = NOTHING, here
@@ -180,6 +164,8 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         terms = 0
         if whole and kind == NOTHING:
             copy(out, ahead)
+        elif signals > 0:
+            forward(T, s, m, theta, series, f, ahead)
         else:
             terms = unfold(T, s, m, theta, series, f)
             at(series, terms, theta, ahead)
@@ -187,16 +173,20 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
             for j in range(m):
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
-        until = origin + min((cell + offset + theta) * h, stop - origin)
-        if kind == EVENT and theta == ready > 0:
+        until = origin + min((cell + theta) * h, stop - origin)
+        if kind == EVENT and theta == ready > offset:
             until = now[Now.READY]
         if kind == NOTHING and final:
             until = stop
-        _rows_until(T, acting, run, until, whole and kind == NOTHING, terms, series, f)
+        _rows_until(T, acting, run, until, terms, series, f)
         if turns:  # what an output is at either end is looked at anyway
             for j in range(n_y):
                 if turning[j]:
-                    extremes(T.A, T.F, rows - n_y + j, s, theta, run.high, run.low, j, work)
+                    extremes(T.A, T.F, rows - n_y + j, s, offset, theta, run.high, run.low, j, work)
+        if kind != NOTHING or final:
+            copy(s, run.begun)
+            copy(ahead, run.ended)
+            counts[Count.ENDED] = cell
         copy(ahead, s[:m])
         if kind != NOTHING:
             now[Now.TIME] = until
@@ -234,7 +224,7 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
     copy(run.low, event[1 + m + n_y :])
     counts[Count.EVENTS] += 1
     _apply(T.J, run, scratch)
-    _extend(T, run, z, True)
+    extend(T, run, z, True)
     now[Now.READY] = t + T.wait
     if T.sampling > 0:
         now[Now.TICK] = np.inf
@@ -263,13 +253,14 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
             return _STATUS_FELL
         if kind == _GONE:
             return _STATUS_DIVERGED
-        _extend(T, run, run.w[:m], False)
+        extend(T, run, run.w[:m], False)
         t = now[Now.TIME]
         if t == now[Now.EDGE]:
             edge = 0
             while T.edges[edge] <= t:
                 edge += 1
             now[Now.EDGE] = T.edges[edge]
+            counts[Count.ENDED] = -1  # from here on, other terms act on that step
             for j in range(T.jumps.shape[1]):
                 run.w[j] += T.jumps[edge - 1, j]
         if kind == NOTHING and t == now[Now.ACTION]:

@@ -58,6 +58,9 @@ class Tables(NamedTuple):
         A: power coefficients of faces, positions and outputs over a step, shape (rows, N + 1, l).
         F, F2: from power to Bernstein coefficients of degree N and 2N.
         terms: how many terms of the series of z there are to be until an eighth of a step, two eighths, … a whole one.
+        ahead, back: of disturbed motion, z at each eighth of a step, from s at its start with f about its middle; and z
+            at its start, from z at each eighth and the same f; shapes (9, m, l).
+        near: how many terms of the series of z there are to be until half an eighth.
         J, G: what an event and its action do to w.
         cuts: first row of each face of the event rule, and the number of rows.
         edges: when terms begin or end to act, rising, the last infinite [s].
@@ -88,6 +91,9 @@ class Tables(NamedTuple):
     F: Array
     F2: Array
     terms: np.ndarray
+    ahead: Array
+    back: Array
+    near: int
     J: Array
     G: Array
     cuts: np.ndarray
@@ -123,6 +129,7 @@ class Run(NamedTuple):
         now, counts: by :class:`Now` and :class:`Count`.
         w: the loop's state; its first entries are z.
         s: (z, f) where a step begins, or a part of one, and f about the place half a step further on.
+        begun, ended: z where the step begins that the last piece ended in, and where it ended.
         row: z of the last row of quiet motion.
         high, low: largest and smallest outputs since the last event.
         rows_t, rows_z, events: buffers; an event is its time, w just before, ``high`` and ``low``.
@@ -132,6 +139,8 @@ class Run(NamedTuple):
     counts: np.ndarray
     w: Array
     s: Array
+    begun: Array
+    ended: Array
     row: Array
     high: Array
     low: Array
@@ -179,6 +188,8 @@ class Count(IntEnum):
     """Number of the clock's event that acts next."""
     CELL = auto()
     """Number of the step that the piece under way is in; −1 where none is under way."""
+    ENDED = auto()
+    """Number of the step that the last piece ended in; −1 where that tells nothing of the next."""
 
 
 class Work(NamedTuple):
