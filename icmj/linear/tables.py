@@ -83,10 +83,8 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
     weights = size * factorials
     curves = _economised(step, m, weights, signals)
     degree = len(curves) - 1
-    ahead, back, near = np.zeros((0, m, m)), np.zeros((0, m, m)), 0
-    if signals:
-        ahead, back = _eighths(G, motion[:, :, m:])
-        near = int(_terms(motion, m, weights, signals, np.array([0.5 / _EIGHTHS]))[0])
+    ahead, back = _eighths(G, motion[:, :, m:]) if signals else (np.zeros((0, m, m)),) * 2
+    near, *terms = _terms(motion, m, weights, signals, np.array([0.5, *range(1, _EIGHTHS + 1)]) / _EIGHTHS)
     return Tables(
         step=h,
         end=duration,
@@ -111,10 +109,10 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         A=np.ascontiguousarray(np.moveaxis(curves, 0, 1)),
         F=from_powers(degree),
         F2=from_powers(2 * degree),
-        terms=np.append(0, _terms(motion, m, weights, signals, np.arange(1, _EIGHTHS + 1) / _EIGHTHS)),
+        terms=np.array([0, *terms]),
         ahead=ahead,
         back=back,
-        near=near,
+        near=int(near),
         J=np.ascontiguousarray(loop.composed.J),
         G=np.ascontiguousarray(loop.composed.G),
         cuts=loop.composed.cuts.astype(np.int64),
@@ -197,7 +195,7 @@ def _eighths(G: Array, forced: Array) -> tuple[Array, Array]:
 def _terms(series: Array, m: int, size: Array, signals: int, until: Array) -> np.ndarray:
     """How many terms of z's series there are to be until each of these parts of a step."""
     weight = np.repeat(size, signals)
-    parts = np.array([_sizes(term, m, weight, signals) for term in series])
+    parts = _sizes(series, m, weight, signals)
     order, terms = np.arange(len(series))[:, None, None], []
     for part in until:
         here = parts * part**order
@@ -231,7 +229,7 @@ def _series(rows: Array, G: Array, D: Array, size: Array, least: int) -> Array:
 def _economised(series: Array, m: int, size: Array, signals: int) -> Array:
     """The same curves on a step by fewer powers: what is changed is as little as what the series leaves out."""
     weight, highest = np.repeat(size, signals), len(series) - 1
-    parts = np.array([_sizes(term, m, weight, signals) for term in series]).reshape(len(series), -1)
+    parts = _sizes(series, m, weight, signals).reshape(len(series), -1)
     enough = np.flatnonzero(np.all(_errors(highest) @ parts <= _NOTHING * parts.sum(axis=0), axis=1))
     if not len(enough):
         return series
@@ -247,12 +245,12 @@ def _errors(highest: int) -> Array:
     return np.array([np.pad(economised(degree, highest)[1], (degree + 1, 0)) for degree in degrees])
 
 
-def _sizes(term: Array, m: int, weight: Array, signals: int) -> Array:
-    """Entry by entry for z, hence in any scaling of the states; signal by signal for f."""
+def _sizes(terms: Array, m: int, weight: Array, signals: int) -> Array:
+    """Entry by entry for z, hence in any scaling of the states; signal by signal for f; of one term or of several."""
     if not signals:
-        return np.abs(term)
-    of_f = (np.abs(term[:, m:]) * weight).reshape(len(term), -1, signals).sum(axis=1)
-    return np.hstack([np.abs(term[:, :m]), of_f])
+        return np.abs(terms)
+    of_f = (np.abs(terms[..., m:]) * weight).reshape(*terms.shape[:-1], -1, signals).sum(axis=-2)
+    return np.concatenate([np.abs(terms[..., :m]), of_f], axis=-1)
 
 
 def _bounds(step: Array, P: Array, r: int, limited: int, until: int) -> tuple[Array, Array]:
