@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 
 import icmj
 from icmj.engine.reaction import reaction
-from icmj.study.timing import sampled
+from icmj.study.kind import sampled
 
 SEEDS, SETTLE, RATE = range(3), 10.0, 100.0
 examples = Path(__file__).resolve().parent if "__file__" in globals() else Path()

@@ -123,10 +123,10 @@ from .plant.activation import Activation as Activation
 from .plant.change import Change as Change
 from .plant.linear_plant import LinearPlant as LinearPlant
 from .plant.notice import Notice as Notice
-from .plant.operating import OperatingRule as OperatingRule
 from .plant.person import Person as Person
 from .plant.push import Push as Push
 from .plant.quality import Quality as Quality
+from .plant.selection import OperatingRule as OperatingRule
 from .plant.selection import Selection as Selection
 from .report import build_report as build_report
 from .report import plots as plots

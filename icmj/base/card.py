@@ -1,10 +1,15 @@
-"""Representation of icmj's objects: one line at a prompt, a small table in a notebook."""
+"""Representation of icmj's objects: one line at a prompt, a small table in a notebook, plain data for JSON."""
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass
 from html import escape
+from typing import Any
+
+import numpy as np
 
 _SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)\b(?!\.)")
 _CELL = "text-align:left;vertical-align:top;padding:.15em 1em .15em 0;border:0;background:none;color:inherit"
@@ -52,3 +57,22 @@ class Shown:
 def _marked(text: str) -> str:
     """Escaped, Δ_crit with a subscript."""
     return _SUBSCRIPT.sub(r"\1<sub>\2</sub>", escape(text))
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, complex | np.complexfloating):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, np.ndarray):
+        return [plain(entry) for entry in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(vars(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    return [plain(entry) for entry in value]

@@ -1,8 +1,10 @@
-"""Text from files made safe for a terminal: without control characters and colour codes, on one line where needed."""
+"""Text from files and users: made safe for a terminal, on one line where needed; the name that was probably meant."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 _ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-Z\\-_])")
 # C0 and C1; marks, embeddings and isolates of direction; separators of lines; annotations; tags; halves of characters
@@ -17,6 +19,7 @@ _SPELT = str.maketrans(
     {"Δ": "Delta", "λ": "lambda", "γ": "gamma", "φ": "phi", "μ": "mu", "ζ": "zeta", "ρ": "rho", "±": "+-", "–": "-"}
     | {"−": "-", "·": ".", "²": "^2", "°": " deg", "→": "->", "…": "...", "’": "'", "≤": "<=", "≥": ">=", "×": "x"}
 )
+LONGEST = 80  # characters of what was given that are looked at
 
 
 def one_line(text: object, longest: int = 4000) -> str:
@@ -36,3 +39,28 @@ def spelt(error: UnicodeError) -> tuple[str, int]:
         raise error
     words = error.object[error.start : error.end].translate(_SPELT)
     return words.encode("ascii", "backslashreplace").decode(), error.end
+
+
+def nearest(given: str, known: Iterable[str]) -> str | None:
+    """The most similar name among ``known`` to ``given``; ``None`` if none is similar.
+
+    Capitals and separators do not count, because names are often written with others, or without them.
+    """
+    names = list(known)
+    by_lower = {name.lower(): name for name in names}
+    bare = {_bare(name): name for name in names}
+    plain = given[:LONGEST].lower()
+    if _bare(plain) in bare:
+        return bare[_bare(plain)]
+    found = get_close_matches(plain, list(by_lower), 1, 0.6)
+    return by_lower[found[0]] if found else None
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """``; did you mean gain?``, or nothing if no name is near."""
+    near = nearest(given, known)
+    return f"; did you mean {near}?" if near is not None else ""
+
+
+def _bare(name: str) -> str:
+    return name.lower().replace("_", "").replace("-", "")

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.base.environment import single_threaded
-from icmj.base.nearness import did_you_mean
 from icmj.base.numbers import count
+from icmj.base.text import did_you_mean
 from icmj.case.designs import controlled
 from icmj.case.doubts import doubts, followed, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
@@ -33,8 +33,7 @@ from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import Prediction, predict
-from icmj.theory.scaling import scaled
+from icmj.theory.prediction import Prediction, predict, scaled
 
 PlantKind = Literal["linear", "mujoco"]
 

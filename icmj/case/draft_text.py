@@ -11,7 +11,7 @@ from pathlib import Path
 
 from icmj.engine.inventory import Inventory
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.operating import OperatingKind
+from icmj.plant.selection import OperatingKind
 from icmj.runfile.shipped import SHIPPED
 from icmj.runfile.writing import key_text, value_text
 

@@ -14,8 +14,7 @@ from icmj.engine.inventory import Inventory, inventory
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import IcmjError, ModelError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.operating import OperatingKind, OperatingRule
-from icmj.plant.selection import Selection
+from icmj.plant.selection import OperatingKind, OperatingRule, Selection
 from icmj.runfile.reading import parse_run
 
 RULES: tuple[OperatingKind, ...] = ("as given", "static control", "balance")

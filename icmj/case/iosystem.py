@@ -51,7 +51,7 @@ def to_iosystem(
     if controller is None:
         if engine is None:
             return linear.statespace()
-        from icmj.engine.iosystem import plant_system
+        from icmj.engine.dynamics import plant_system
 
         return plant_system(engine)
     trigger = controller.trigger
@@ -71,7 +71,7 @@ def to_iosystem(
                 "a model on the engine has events inside its steps; take controller.triggered_by(Continuous()), its "
                 "linear plant (plant.linearisation.plant), or to_timeresponse() of a run"
             )
-        from icmj.engine.iosystem import continuous_loop as continuous_on_engine
+        from icmj.engine.dynamics import continuous_loop as continuous_on_engine
 
         return continuous_on_engine(engine.matched(controller.design.plant, match), controller)
     from icmj.linear.iosystem import clocked_loop, continuous_loop, event_loop

@@ -18,8 +18,7 @@ from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant, refuse_unusual
 from icmj.plant.matching import deviated, matched
 from icmj.plant.matrix_plant import MatrixPlant
-from icmj.runfile.matrix_tables import LETTERS
-from icmj.runfile.plant_tables import PlantTable
+from icmj.runfile.plant_tables import LETTERS, PlantTable
 from icmj.runfile.schema import RunFile
 
 KINDS = ("states", "inputs", "outputs")

@@ -1,12 +1,15 @@
 """A controller that is not intermittent on the two plants of a run file: made, and simulated.
 
-There is no critical interval and no event rule; all results come from simulations.
+There is no critical interval and no event rule; all results come from simulations, and from the characteristic roots of
+its loop in each mode.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
@@ -15,12 +18,18 @@ from icmj.case.designs import rival
 from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
+from icmj.controller.predictor import PredictorController
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import RunFileError, SimulationError, named
+from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
+from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots
+from icmj.theory.predictor_loop import predictor_loop
+
+MOST_MODES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,3 +105,28 @@ def measured_by(run: RunFile, simulation: Simulation) -> dict[str, float]:
                 f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
             ) from error
     return found
+
+
+@single_threaded()
+def mode_roots(trial: Trial, count: int = 4) -> dict[str, np.ndarray]:
+    """The rightmost characteristic roots of the actual plant under the controller of a run file, mode by mode.
+
+    They belong to a loop that stays in the mode, with all its delays (:func:`icmj.rightmost_roots`): the loop is stable
+    in it if all lie to the left of 0. What a controller makes of modes between which it switches, its runs tell.
+
+    Args:
+        trial: plants and controller.
+        count: at least so many roots of each mode [rad/s].
+
+    Raises:
+        AnalysisError: if they cannot be found, or the controller reads its outputs without a delay.
+    """
+    with named(trial.run.path):
+        plant = linear_plant(trial.actual, trial.settings)
+        return {name: rightmost_roots(loop, count) for name, loop in _loops(plant, trial.law).items()}
+
+
+def _loops(plant: LinearPlant, law: Law) -> dict[str, DelayLoop]:
+    if isinstance(law, PredictorController):
+        return {"predictor": predictor_loop(plant, law)}
+    return {mode.name: delay_loop(plant, law, i) for i, mode in enumerate(law.realisation.modes[:MOST_MODES])}

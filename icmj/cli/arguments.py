@@ -8,12 +8,91 @@ from typing import Annotated, Literal
 
 import tyro
 
-from icmj.cli.experiment_arguments import Experiment
 from icmj.cli.fit_arguments import Fit
 from icmj.cli.overrides import Overrides, Shared
 from icmj.cli.series_arguments import Export, Measure
 from icmj.cli.starting_arguments import Cases, Linearise, New, Person, Schema
-from icmj.cli.sweep_arguments import Identify, Sweep
+
+
+@dataclass(frozen=True)
+class Sweep(Shared):
+    """Compute a case at many points of its parameters and write Parquet files; an interrupted sweep can be resumed.
+
+    Example: icmj sweep validity --out runs/out/validity
+    """
+
+    sweep: tyro.conf.Positional[Path]
+    """Sweep file, or name of a shipped sweep."""
+    out: Path | None = None
+    """Folder for the results (default: runs/out/NAME). The same command resumes an interrupted sweep."""
+    jobs: int | None = None
+    """Number of local processes (default: one per core)."""
+    dask: str | None = None
+    """Address of a Dask scheduler whose workers do the computing."""
+    allow_code: bool = False
+    """Run Python code that the run file names as module:name. Read the code first."""
+    dry_run: bool = False
+    """Print the number of points, the estimated time and the size of the results, and stop."""
+
+
+@dataclass(frozen=True)
+class Identify(Overrides):
+    """Estimate a model error and its uncertainty from a measured motion, or say that the motion does not determine it.
+
+    The motion is a log; or, with --run, a file of event times, one per line, or of sampled outputs with their times.
+
+    Example: icmj identify runs/out/three-link-0.9.mujoco.rrd
+    """
+
+    motions: tyro.conf.Positional[tuple[Path, ...]]
+    """Logs, or files of event times or outputs."""
+    run: Path | None = None
+    """Run file that describes plant and controller (default: that of the log). Its value of the unknown is ignored."""
+    unknown: str = "actual.gain"
+    """Unknown parameter: a key of the run file, or a change and its target, such as "mass trunk" (its factor)."""
+    low: float = 0.5
+    """Lower end of the search."""
+    high: float = 1.5
+    """Upper end of the search."""
+    timing: float | None = None
+    """Standard deviation of timing errors [s] (default: that of rounding to the sampling interval)."""
+    reading: float | None = None
+    """Standard deviation of the measurement errors of outputs [rad, or the unit of the plant] (default: a hundredth of
+    the size of the outputs).
+    """
+    plant: Literal["linear", "mujoco"] | None = None
+    """Plant that made the motion (default: that of the log; mujoco for other files)."""
+    seed: int = 0
+    """Seed of the simulations to which a noisy motion is compared."""
+    json: bool = False
+    """Print JSON instead of sentences."""
+
+
+@dataclass(frozen=True)
+class Experiment(Shared):
+    """Carry out a standard experiment on simulated cases or on recordings; an interrupted one can be resumed.
+
+    Example: icmj experiment intersection-point --out runs/out/intersection-point
+    """
+
+    experiment: tyro.conf.Positional[Path]
+    """Experiment file, or name of a shipped experiment."""
+    out: Path | None = None
+    """Folder for trials, results and figure (default: runs/out/NAME). The same command resumes an interrupted
+    experiment.
+    """
+    jobs: int | None = None
+    """Number of processes (default: one per core)."""
+    recording: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE")] = ()
+    """Recording to analyse (CSV, Parquet, npz) instead of simulating the cases. Repeat the option for further
+    trials of the same condition.
+    """
+    rate: float | None = None
+    """Rate of a recording without times [Hz]."""
+    allow_code: bool = False
+    """Run Python code that the run files name as module:name. Read the code first."""
+    json: bool = False
+    """Print JSON instead of a table."""
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import os
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
+from icmj.base.card import plain
 from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
 from icmj.base.numbers import amount, number, root
-from icmj.base.plain import plain
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
@@ -229,8 +229,7 @@ def linearise(command: starting_arguments.Linearise) -> None:
     from icmj.cli.matrices import save_plant, show_plant
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
-    from icmj.plant.operating import OperatingRule
-    from icmj.plant.selection import Selection
+    from icmj.plant.selection import OperatingRule, Selection
     from icmj.runfile.shipped import model_file
 
     if command.out is not None:

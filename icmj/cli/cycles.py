@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.card import plain
 from icmj.base.numbers import amount, root
-from icmj.base.plain import plain
 from icmj.cli import arguments
 from icmj.cli.commands import execute
 from icmj.cli.tables import Column, show_table

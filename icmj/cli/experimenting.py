@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.numbers import amount
-from icmj.cli.experiment_arguments import Experiment
+from icmj.cli.arguments import Experiment
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT, Terminal
 from icmj.cli.working import Working

@@ -10,7 +10,7 @@ from icmj.errors import IdentificationError
 
 if TYPE_CHECKING:
     from icmj.case.case import PlantKind
-    from icmj.cli.sweep_arguments import Identify
+    from icmj.cli.arguments import Identify
     from icmj.cli.terminal import Terminal
     from icmj.identification.identification import Identification
     from icmj.identification.observed import Observed
@@ -42,8 +42,7 @@ def carry_out(command: Identify, out: Terminal, err: Terminal) -> None:
 
 def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     """The known run file, the observed motion, and its plant."""
-    from icmj.identification.observed import Observed
-    from icmj.identification.reading import read_observed
+    from icmj.identification.observed import Observed, read_observed
     from icmj.log import read_log
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run

@@ -14,8 +14,7 @@ from typing import Any, get_args, get_type_hints
 import tyro
 
 from icmj.base.imports import unguarded
-from icmj.base.nearness import did_you_mean
-from icmj.base.text import one_line
+from icmj.base.text import did_you_mean, one_line
 from icmj.cli.arguments import DESCRIPTION, GROUPS, Command
 from icmj.cli.overrides import General, annotate
 from icmj.errors import IcmjError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from icmj.base.card import plain
 from icmj.base.fact import told
-from icmj.base.plain import plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.card import plain
 from icmj.base.numbers import amount
-from icmj.base.plain import plain
 from icmj.cli.tables import Column, show_table
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.card import plain
 from icmj.base.numbers import pairs
-from icmj.base.plain import plain
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import ERR, OUT
 from icmj.cli.working import Working
@@ -114,8 +114,7 @@ def analyse_trial(run: RunFile, json: bool) -> None:
     from dataclasses import replace
 
     from icmj.case.plants import linear_plant
-    from icmj.case.roots import mode_roots
-    from icmj.case.trial import prepare_trial
+    from icmj.case.trial import mode_roots, prepare_trial
     from icmj.controller.switching import SwitchingPD
     from icmj.experiments.rounds import rounds
 

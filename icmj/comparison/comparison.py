@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.base.card import Card, Shown
+from icmj.base.card import Card, Shown, plain
 from icmj.base.fact import told
 from icmj.base.numbers import amount, relative
-from icmj.base.plain import plain
 from icmj.comparison.facts import RUN
 from icmj.comparison.verdict import verdict_in_words
 from icmj.result.result import Result

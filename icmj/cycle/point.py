@@ -14,7 +14,7 @@ from icmj.cycle.curve import Curve
 from icmj.cycle.cycle import extent
 from icmj.cycle.return_map import ReturnMap
 from icmj.cycle.variation import courses_of, fast_jacobian
-from icmj.simulation.course import Sample
+from icmj.simulation.interval import Sample
 
 NODES = 97  # at which an interval is kept
 EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes

@@ -21,7 +21,7 @@ from icmj.controller.controller import layout_of, realise, start_state
 from icmj.cycle.jacobian import jacobian
 from icmj.cycle.return_map import ReturnMap, Turn
 from icmj.errors import CycleError
-from icmj.simulation.course import Course
+from icmj.simulation.interval import Course
 
 TOLERANCE = 1e-5  # relative, of one part's flow before the last extrapolation, which takes another digit or two off
 _FIRST, _MOST = 4, 512  # panels
@@ -37,7 +37,7 @@ def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) 
     """The trajectory of the interval from ``z``, whose ``length`` [s] is known, from the stored simulation."""
     x, x_o, x_h = loop.split(z)
     if loop.kind == "linear":
-        from icmj.linear.course import LinearCourse
+        from icmj.linear.open_loop import LinearCourse
 
         return LinearCourse(loop.linear, loop.controller, loop.settings, x, x_o, x_h, length)
     from icmj.engine.course import EngineCourse

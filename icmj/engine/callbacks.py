@@ -1,8 +1,11 @@
-"""MuJoCo's callbacks, installed for the length of a ``with`` block and always removed.
+"""What MuJoCo has once for the process, set for a ``with`` block and always restored: its callbacks and its messages.
 
 The engine has one control and one activation callback for the whole process. Blocks in different threads that want
 the same pair share it, and it stays until the last of them is left; a block that wants another pair waits until
 the other threads have left theirs. Within one thread blocks nest, and the inner one wins.
+
+MuJoCo prints its warnings and appends them to MUJOCO_LOG.TXT wherever it is run. What they say comes back as the
+outcome of a run, or as an error. Outside the blocks, MuJoCo does for others what it always did.
 """
 
 from __future__ import annotations
@@ -15,7 +18,36 @@ from typing import Any
 
 import mujoco
 
-from icmj.engine.hush import hushed
+_lock = threading.Lock()
+_inside = 0
+_before: tuple[Any, Any] = (True, True)
+
+
+@contextmanager
+def hushed() -> Iterator[None]:
+    """No message of MuJoCo on the console or in a file; blocks nest, in any number of threads."""
+    global _inside, _before
+    with _lock:
+        if _inside == 0:
+            _before = _set(False, False)
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _inside -= 1
+            if _inside == 0:
+                _set(*_before)
+
+
+def _set(console: bool, file: bool) -> tuple[Any, Any]:
+    """Set the message handlers and return the previous ones."""
+    config = mujoco.MjLogConfig.get()
+    before = config.logto_console, config.logto_file
+    config.logto_console, config.logto_file = console, file
+    config.set()
+    return before
+
 
 # a Python function, or a native one as a ctypes function object
 ControlCallback = Callable[..., None]

@@ -21,9 +21,9 @@ from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.rates import fastest_rate, is_stiff
 from icmj.engine.recording import States, Status, recording
 from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.tableau import fastest_rate, is_stiff
 from icmj.engine.units import state_units
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on

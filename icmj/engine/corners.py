@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.callbacks import hushed
 from icmj.engine.dynamics import Dynamics
-from icmj.engine.hush import hushed
 from icmj.engine.model import input_names
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.notice import Kind, Notice

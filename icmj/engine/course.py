@@ -10,7 +10,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import layout_of, realise, start_state
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.errors import CycleError, SimulationError
-from icmj.simulation.course import Sample
+from icmj.simulation.interval import Sample
 
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
 _FEW = 90  # with fewer it is flown again
@@ -19,7 +19,7 @@ EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 
 
 class EngineCourse:
-    """See :class:`icmj.simulation.course.Course`."""
+    """See :class:`icmj.simulation.interval.Course`."""
 
     def __init__(
         self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None

@@ -22,7 +22,7 @@ from icmj.engine.model import OperatingPoint, data_at, input_names, model_name, 
 from icmj.engine.stance import Room, posed, softened, starts, vertical, ways
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
-from icmj.plant.operating import OperatingRule
+from icmj.plant.selection import OperatingRule
 
 _EPS = 1e-6  # half the distance of a difference
 _STEPS = 100

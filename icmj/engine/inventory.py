@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mujoco
 
-from icmj.engine.hush import hushed
+from icmj.engine.callbacks import hushed
 from icmj.engine.model import input_names, load_spec, output_names
 from icmj.engine.soundness import check_names, check_sizes, sound
 from icmj.engine.units import input_units, output_units

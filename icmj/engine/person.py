@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from icmj.engine.inertial import frozen, lengthened
+from icmj.engine.deviation import frozen, lengthened
 from icmj.errors import ModelError
 from icmj.plant.person import ANKLE_HEIGHT, SEGMENTS, Person
 

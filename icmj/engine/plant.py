@@ -13,9 +13,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.assessment import assess
+from icmj.engine.callbacks import hushed
 from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibria
-from icmj.engine.hush import hushed
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import (
     OperatingPoint,
@@ -39,11 +39,10 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import Match, picked, ports
 from icmj.plant.modes import adrift
 from icmj.plant.notice import Notice
-from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
 from icmj.plant.push import Push
 from icmj.plant.quality import Quality, dropped
-from icmj.plant.selection import Selection
+from icmj.plant.selection import OperatingRule, Selection
 from icmj.simulation.ending import Limit, limits_of
 
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
-from icmj.engine.callbacks import installed
-from icmj.engine.hush import hushed
+from icmj.engine.callbacks import hushed, installed
 from icmj.engine.model import solved_to_the_end
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError

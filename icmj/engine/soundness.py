@@ -19,8 +19,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.text import one_line
+from icmj.engine.callbacks import hushed
 from icmj.engine.fault import words
-from icmj.engine.hush import hushed
 from icmj.engine.rehearsal import rehearse
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant

@@ -14,7 +14,7 @@ from icmj.engine.model import OperatingPoint, model_name, state_names
 from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.notice import Notice
-from icmj.plant.operating import OperatingRule
+from icmj.plant.selection import OperatingRule
 
 Room = tuple[Array, Array]  # how far each degree of freedom may go down and up
 _BENDS = (0.1, 0.25)  # of a joint's range

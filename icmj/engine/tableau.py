@@ -16,6 +16,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from icmj.base.array import Array
+from icmj.controller.law import Law
+from icmj.plant.linear_plant import LinearPlant
 
 STAGES, RATES, POWER = 12, 16, 7
 GROWTH, SHRINKAGE, SAFETY = 6.0, 0.2, 0.9
@@ -111,3 +113,22 @@ def rounded(step: float) -> float:
     """The step, down to five binary digits: error estimates carry rounding errors, which must not show in the step."""
     mantissa, exponent = math.frexp(step)
     return math.ldexp(math.floor(mantissa * 32) / 32, exponent)
+
+
+def is_stiff(plant: LinearPlant, fastest: float) -> bool:
+    """Whether a loop with this ``fastest`` rate [1/s] is much faster than the plant's own slow motion."""
+    rates = np.abs(np.linalg.eigvals(plant.A))
+    moving = rates[rates > 1e-3 * fastest]
+    return bool(fastest > STIFF * moving.min(initial=fastest))
+
+
+def fastest_rate(plant: LinearPlant, controller: Law) -> float:
+    """Largest |λ| of plant and controller between events, in any mode, as if nothing were delayed [rad/s]."""
+    controls = controller.realisation
+    fastest = 0.0
+    for mode in controls.modes:
+        read = controls.read(plant.C, mode)
+        closed = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((len(mode.M), plant.n)), mode.M]])
+        closed += np.vstack([-plant.B @ mode.S[:, : len(read)], mode.N[:, : len(read)]]) @ read
+        fastest = max(fastest, float(np.abs(np.linalg.eigvals(closed)).max()))
+    return fastest

@@ -15,7 +15,7 @@ from icmj.linear.run import simulate
 from icmj.measurement.measurement import Measurement, event_states, measure, reduced_states
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.plant.matching import Match, matched
-from icmj.result.attractor import Attractor
+from icmj.result.result import Attractor
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 

@@ -1,15 +1,18 @@
 """The archive: a result as one JSON tree and named flat arrays, bit-exact both ways.
 
 The walk knows dataclasses, arrays, run files and plain values, and nothing else; it builds only the classes listed
-here, so a log can carry data but no code. A digest over everything tells when a stored bit has changed.
+here, so a log can carry data but no code. A digest over everything tells when a stored bit has changed. The files of a
+run file go with it, so that the log can be analysed where these files do not exist.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,21 +32,20 @@ from icmj.controller.realisation import Guard, Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import TRIGGERS, recorded
+from icmj.engine.soundness import files_of
 from icmj.errors import IcmjError, LogError
-from icmj.log.models import kept_of
 from icmj.log.validation import validate
-from icmj.measurement.blocks import Estimate
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.spectrum import Spectrum
-from icmj.measurement.statistics import Statistics
+from icmj.measurement.statistics import Estimate, Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
-from icmj.result.attractor import Attractor
-from icmj.result.result import AmplitudeLaw, Growth, Result
+from icmj.result.result import AmplitudeLaw, Attractor, Growth, Result
 from icmj.result.tried import Tried
-from icmj.runfile.kept import Kept
+from icmj.runfile.kept import MOST_BYTES, Kept
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
+from icmj.runfile.setpoint_tables import followed_files
 from icmj.simulation.ending import Outcome
 from icmj.simulation.labels import Labels
 from icmj.simulation.pressure import Pressure
@@ -178,3 +180,32 @@ def _decode(value: Any, arrays: Flat) -> Any:
         return run.keeping(Kept(files=files, **told)) if files else run
     parts = {k: _decode(v, arrays) for k, v in value.items() if k != "@"}
     return _CLASSES[value["@"]](**parts) if "@" in value else parts
+
+
+def kept_of(run: RunFile) -> Kept:
+    """The files of a run file: as they are on disk, else as the log had them that it was read from; or none."""
+    home = run.path.absolute()
+    try:
+        paths = [path.absolute() for path in (run.assumed_path, run.actual_path)]
+        files = dict.fromkeys(found.resolve() for path in dict.fromkeys(paths) for found in _files(path))
+        files |= dict.fromkeys(path.resolve() for path in followed_files(run.setpoint, home))
+        if not files or sum(path.stat().st_size for path in files) > MOST_BYTES:
+            return run.kept
+        root = Path(os.path.commonpath([home.parent, *(path.parent for path in files)]))
+        contents = {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
+    except (OSError, ValueError, IcmjError):
+        return run.kept
+    named = (run.assumed.model or run.assumed.matrices, run.actual.model or run.actual.matrices)
+    absolute = [
+        path.relative_to(root).as_posix() if name and Path(name).is_absolute() else ""
+        for name, path in zip(named, paths, strict=True)
+    ]
+    return Kept(home.relative_to(root).as_posix(), contents, *absolute)
+
+
+def _files(path: Path) -> Iterator[Path]:
+    """A plant's file with all that it refers to; a run file that holds its own matrices is in the log anyway."""
+    if path.suffix in (".npz", ".json"):
+        yield path
+    elif path.suffix != ".toml":
+        yield from files_of(path)

@@ -9,9 +9,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from icmj.log.chart import GROWTH, LAW, charts
-from icmj.log.columns import TIMELINE
 from icmj.log.figure import eye
 from icmj.log.phase import WIDE
+from icmj.log.sink import TIMELINE
 from icmj.result.result import Result
 from icmj.result.tried import Tried
 from icmj.view.quantity import in_brackets, shared_unit

@@ -24,10 +24,9 @@ from icmj.cycle.storage import packed, unpacked
 from icmj.errors import IcmjError, LogError
 from icmj.log import palette
 from icmj.log.blueprint import BACKGROUND, arranged
-from icmj.log.columns import time_column
 from icmj.log.figure import eye, write_figures
 from icmj.log.reader import static_row
-from icmj.log.sink import in_memory
+from icmj.log.sink import in_memory, time_column
 from icmj.log.writer import APPLICATION, ARCHIVE, strictly
 from icmj.simulation.scene import Scene
 

@@ -9,7 +9,7 @@ import rerun as rr
 
 from icmj.base.array import Array
 from icmj.log import palette
-from icmj.log.columns import time_column
+from icmj.log.sink import time_column
 from icmj.simulation.scene import Geom, Scene, frames
 
 ROOT = "scene"

@@ -11,13 +11,12 @@ import rerun as rr
 
 from icmj.base.array import Array
 from icmj.log import palette
-from icmj.log.columns import time_column
+from icmj.log.sink import time_column
 from icmj.result.result import Result
 from icmj.simulation.scene import frames
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import output_rate
+from icmj.view.motion import event_rows, output_rate
 from icmj.view.quantity import in_brackets, shared_unit
-from icmj.view.timeline import event_rows
 
 ROOT = "phase"
 WIDE = 1.6  # width of the frame over its height

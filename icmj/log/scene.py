@@ -10,8 +10,8 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import LogError
-from icmj.log.columns import TIMELINE
 from icmj.log.figure import ROOT
+from icmj.log.sink import TIMELINE
 from icmj.simulation.scene import Geom, Scene
 
 KINDS = {"capsule": "Capsules3D", "cylinder": "Cylinders3D", "box": "Boxes3D", "ellipsoid": "Ellipsoids3D"}

@@ -18,11 +18,9 @@ from icmj.log.palette import Colour
 from icmj.result.result import Result
 from icmj.result.tried import Tried
 from icmj.simulation.simulation import Simulation
-from icmj.view.acting import acting
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import modes, reduced
+from icmj.view.motion import acting, modes, reduced, running_interval, with_resets
 from icmj.view.quantity import in_brackets
-from icmj.view.timeline import running_interval, with_resets
 
 
 @dataclass(frozen=True, eq=False)

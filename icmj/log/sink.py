@@ -1,4 +1,4 @@
-"""The target of rerun's output: memory, which this process then writes to the disk.
+"""The target of rerun's output: memory, which this process then writes to the disk; and the columns of times in it.
 
 rerun's own writer says nothing of a full disk, and once in some hundred times it waits for ever there.
 """
@@ -11,7 +11,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+import rerun as rr
+
+from icmj.base.array import Array
+
 _OPEN = Path("/proc/self/fd")  # files that a process has open, by name
+TIMELINE = "time"
 
 
 @contextmanager
@@ -33,3 +39,9 @@ def in_memory(part: Path) -> Iterator[Path]:
         memory.seek(0)
         with part.open("wb") as file:
             shutil.copyfileobj(memory, file, 1 << 22)
+
+
+def time_column(t: Array) -> rr.TimeColumn:
+    """Seconds as rerun's time, to the nearest nanosecond (the archive keeps them exactly)."""
+    nanoseconds = np.rint(np.asarray(t) * 1e9).astype(np.int64)
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))

@@ -11,7 +11,7 @@ from icmj.base.numbers import amount, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.comparison.comparison import COMPARED, Comparison
 from icmj.comparison.facts import RUN
-from icmj.measurement.blocks import Estimate
+from icmj.measurement.statistics import Estimate
 from icmj.result.result import Result
 from icmj.result.tried import Tried
 from icmj.theory.facts import PREDICTION

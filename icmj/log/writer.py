@@ -21,10 +21,9 @@ from icmj.errors import LogError
 from icmj.log import archive, signals, summary, tried
 from icmj.log.blueprint import blueprint
 from icmj.log.chart import write_charts
-from icmj.log.columns import time_column
 from icmj.log.figure import write_figures
 from icmj.log.phase import write_phase_plane
-from icmj.log.sink import in_memory
+from icmj.log.sink import in_memory, time_column
 from icmj.result.result import Result
 from icmj.result.tried import Tried
 

@@ -1,4 +1,8 @@
-"""Statistics of a run under noise, which has no exact period and is described by distributions."""
+"""Statistics of a run under noise, which has no exact period and is described by distributions.
+
+Successive values of a motion are not independent, so their scatter says little about the error of their mean. Averages
+over blocks much longer than the motion's memory are nearly independent, and theirs does (batch means).
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,60 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.measurement.blocks import Estimate, deviation, mean
 from icmj.measurement.spectrum import Spectrum, spectrum
 from icmj.series.even import evenly
 from icmj.simulation.simulation import Simulation
 
+BLOCKS = 10
 TRANSIENT = 0.1  # part of the run that is left to the start
 FEWEST = 20  # rows below which there is nothing to tell
 _SAME = 1e-9  # relative: an interval this close to the least one is it
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number from a finite run.
+
+    Attributes:
+        value: the number.
+        error: half the width of its 95 % confidence interval; NaN where the run is too short to tell.
+    """
+
+    value: float
+    error: float
+
+
+def mean(values: Array, blocks: int = BLOCKS) -> Estimate:
+    """The mean of a sequence, shape (N,)."""
+    return Estimate(float(values.mean()), half_width(_averages(values, blocks)))
+
+
+def deviation(values: Array, blocks: int = BLOCKS) -> Estimate:
+    """The standard deviation of a sequence, shape (N,); for a signal its RMS about the mean."""
+    squares = (values - values.mean()) ** 2
+    size = float(np.sqrt(squares.mean()))
+    return Estimate(size, half_width(_averages(squares, blocks)) / (2 * size) if size > 0 else 0.0)
+
+
+def half_width(averages: Array) -> float:
+    """Half the width of the 95 % interval of the mean of independent averages, by Student's t; NaN for fewer than two.
+
+    Args:
+        averages: shape (B,).
+    """
+    from scipy.special import stdtrit
+
+    count = len(averages)
+    if count < 2:
+        return float("nan")
+    return float(stdtrit(count - 1, 0.975) * averages.std(ddof=1) / np.sqrt(count))
+
+
+def _averages(values: Array, blocks: int) -> Array:
+    """Averages over as many blocks of the same length, at least two values each; the first values are left over."""
+    count = min(blocks, len(values) // 2)
+    length = len(values) // count if count else 0
+    return values[len(values) - count * length :].reshape(count, -1).mean(axis=1) if count else np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)

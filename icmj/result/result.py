@@ -13,7 +13,6 @@ from icmj.controller.controller import Controller
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
-from icmj.result.attractor import Attractor
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
 from icmj.simulation.disturbance import acting_on
@@ -23,6 +22,26 @@ from icmj.theory.prediction import Prediction
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+
+@dataclass(frozen=True, eq=False)
+class Attractor:
+    """One motion that starts lead to.
+
+    Attributes:
+        measurement: what it is, from the first start that led there.
+        states: x̄ at the events of its last period, shape (p, n + n̂); (0, n + n̂) without a cycle.
+        count: starts that led there.
+        share: part of all starts.
+        x0, x_o0: the first such start, plant (n,) and observer state (n̂,).
+    """
+
+    measurement: Measurement
+    states: Array
+    count: int
+    share: float
+    x0: Array
+    x_o0: Array
 
 
 @dataclass(frozen=True, eq=False)

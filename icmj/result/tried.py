@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.card import Card, Shown
-from icmj.base.plain import plain
+from icmj.base.card import Card, Shown, plain
 from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.schema import RunFile

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from icmj.base.nearness import did_you_mean
+from icmj.base.text import did_you_mean
 
 OWN = "own"  # tag of a table that names code as module:name
 MOST = 20  # sentences in one message; a list of a thousand wrong numbers is told by its first ones

@@ -1,7 +1,10 @@
-"""The tables of the two plants: the one that the controller assumes, and the actual one."""
+"""The tables of the two plants: the one that the controller assumes, and the actual one, each of a model, a
+person or matrices.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -9,13 +12,11 @@ from pydantic import Field, model_validator
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation
 from icmj.plant.change import Change, What
-from icmj.plant.operating import OperatingKind, OperatingRule
 from icmj.plant.person import Person
-from icmj.plant.selection import Selection
-from icmj.runfile.matrix_tables import MatrixTable
-from icmj.runfile.person import PersonTable
+from icmj.plant.selection import OperatingKind, OperatingRule, Selection
 from icmj.runfile.table import (
     Finite,
+    Matrix,
     NonNegative,
     Numbers,
     Parameters,
@@ -23,6 +24,89 @@ from icmj.runfile.table import (
     Reference,
     TomlTable,
 )
+
+LETTERS = ("A", "B", "C")
+
+
+class MatrixTable(TomlTable):
+    """ẋ = A x + B u, y = C x; states, inputs and outputs are named in the keys of these names, in order."""
+
+    A: Matrix | None = None
+    """State matrix of a plant given by matrices, row by row."""
+    B: Matrix | Numbers | None = None
+    """Input matrix, row by row; for a single input, also a list of its entries."""
+    C: Matrix | Numbers | None = None
+    """Output matrix, row by row; for a single output, also a list of its entries."""
+    B_d: Matrix | Numbers | None = None
+    """Effect of a push of size 1 along each input, independent of the input gain, in the form of B (default: B)."""
+    matrices: str | None = None
+    """File with A, B, C, optionally B_d, and names, relative to the run file: ``.npz``, or ``.json`` as printed by
+    ``icmj linearise --json``."""
+    units: dict[str, str] = {}
+    """Units of states, inputs and outputs of a plant given by matrices, by name."""
+
+    @property
+    def given(self) -> bool:
+        """Whether it gives a plant by matrices."""
+        return self.matrices is not None or any(getattr(self, letter) is not None for letter in LETTERS)
+
+    def refuse(self, foreign: Sequence[str], what: str) -> None:
+        """Refuse these keys if they are present.
+
+        Raises:
+            ValueError: at the first that is.
+        """
+        for name in foreign:
+            if name in self.model_fields_set:
+                raise ValueError(f"{what} has no {name}")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> MatrixTable:
+        there = [letter for letter in LETTERS if getattr(self, letter) is not None]
+        if there and self.matrices is not None:
+            raise ValueError(f"give either matrices or {' and '.join(there)}")
+        if self.B_d is not None and not there:
+            raise ValueError("B_d is given together with A, B and C")
+        if there and len(there) < len(LETTERS):
+            missing = [letter for letter in LETTERS if letter not in there]
+            raise ValueError(f"a plant needs A, B and C; {' and '.join(missing)} is not there")
+        return self
+
+
+class SegmentTable(TomlTable):
+    """Values of a segment that replace the default ones; see :class:`icmj.plant.person.Segment`."""
+
+    mass: Positive | None = None
+    """Mass as a fraction of that of the body, both sides together."""
+    length: Positive | None = None
+    """Length as a fraction of the height."""
+    com: Positive | None = None
+    """Centre of mass from the lower end, as a fraction of the length."""
+    gyration: Positive | None = None
+    """Radius of gyration about the centre of mass, as a fraction of the length."""
+
+
+class PersonTable(TomlTable):
+    """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.person.Person`."""
+
+    height: Positive = 1.80
+    """Height of the person [m]."""
+    mass: Positive = 80.0
+    """Mass of the person [kg]."""
+    stiffness: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.8, 0.8)
+    """Passive stiffness of ankle, knee and hip, as shares of the toppling stiffness."""
+    damping: NonNegative = 0.005
+    """Passive damping of every joint, divided by its toppling stiffness [s]."""
+    segments: dict[Literal["shank", "thigh", "trunk", "foot"], SegmentTable] = {}
+    """Segments by name whose values differ from the default ones."""
+
+    def person(self) -> Person:
+        """The person that the table describes."""
+        person = Person(self.height, self.mass, self.stiffness, self.damping)
+        for name, table in self.segments.items():
+            person = person.with_segment(name, **table.model_dump(exclude_none=True))
+        return person
+
 
 ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "dynprm", "change", "edit")
 """Keys of a plant that only a model has."""

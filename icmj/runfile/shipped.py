@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from icmj.base.nearness import nearest
+from icmj.base.text import nearest
 from icmj.errors import ModelError
 
 SHIPPED = Path(__file__).resolve().parent.parent / "shipped"

@@ -21,9 +21,8 @@ from icmj.plant.push import Push
 from icmj.series.even import step_of
 from icmj.series.pieces import piecewise
 from icmj.series.series import Series
-from icmj.simulation.columns import Block, columns
 from icmj.simulation.ending import Outcome
-from icmj.simulation.labels import UNKNOWN, Labels
+from icmj.simulation.labels import UNKNOWN, Block, Labels, columns
 from icmj.simulation.pressure import Pressure
 
 if TYPE_CHECKING:

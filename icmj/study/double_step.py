@@ -22,8 +22,7 @@ from icmj.runfile.setpoint_tables import DoubleStepsSetpoint
 from icmj.runfile.stimulus_tables import DoubleStepTable
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
-from icmj.study.kind import Kind, Told
-from icmj.study.timing import sampled, timed
+from icmj.study.kind import Kind, Told, sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

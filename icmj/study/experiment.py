@@ -30,11 +30,29 @@ from icmj.experiments.recording import Recording
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
 from icmj.series.reading import read_series
+from icmj.study.double_step import DoubleStepKind
 from icmj.study.experiment_page import write_results
+from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Experiment, Kind, Told
-from icmj.study.kinds import kind_of
+from icmj.study.multisine import MultisineKind
+from icmj.study.perturbed_stance import PerturbedStanceKind
+from icmj.study.quiet_standing import QuietStandingKind
 from icmj.study.trials import Folder, no_folder, opened
 from icmj.work.workers import Task, Workers
+
+KIND_OF: dict[str, type[Kind]] = {
+    "double_step": DoubleStepKind,
+    "intersection_point": IntersectionPointKind,
+    "multisine": MultisineKind,
+    "perturbed_stance": PerturbedStanceKind,
+    "quiet_standing": QuietStandingKind,
+}
+
+
+def kind_of(file: ExperimentFile) -> Kind:
+    """The kind of an experiment file, with its settings."""
+    return KIND_OF[file.kind](file.settings)
+
 
 Tell = Callable[[str, float], None]
 

@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base.card import plain
 from icmj.base.files import whole, write_bytes, write_text
-from icmj.base.plain import plain
 from icmj.errors import StudyError
 from icmj.report import style
 from icmj.report.experiment import Row, experiment_page

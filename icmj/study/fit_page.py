@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base.card import plain
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import amount
-from icmj.base.plain import plain
 from icmj.base.version import VERSION
 from icmj.errors import FitError
 from icmj.fitting.archive import write_archive

@@ -30,8 +30,7 @@ from icmj.series.series import Series
 from icmj.simulation.disturbance import LOW_PASS_END
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Gaussian, Noise, Source
-from icmj.study.kind import Kind, Told
-from icmj.study.timing import sampled, timed
+from icmj.study.kind import Kind, Told, sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,15 +6,17 @@ The frame (:mod:`icmj.study.experiment`) does the rest. A new kind is four thing
 2. an analysis of :class:`icmj.experiments.recording.Recording` in ``icmj/experiments/``, which returns a
    :class:`icmj.experiments.recording.Finding`;
 3. a figure in ``icmj/report/``;
-4. a subclass of :class:`Kind` in ``icmj/study/``, listed in ``KIND_OF`` of :mod:`icmj.study.kinds`.
+4. a subclass of :class:`Kind` in ``icmj/study/``, listed in ``KIND_OF`` of :mod:`icmj.study.experiment`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from icmj.case.case import Case, PlantKind
 from icmj.case.trial import Trial
@@ -22,6 +24,7 @@ from icmj.errors import DataError
 from icmj.experiments.recording import Finding, Recording
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.schema import RunFile
+from icmj.series.pieces import piecewise
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 
@@ -106,3 +109,24 @@ class Kind(ABC):
     @abstractmethod
     def drawn(self, found: Sequence[Told]) -> Figure:
         """The figure of all results."""
+
+
+def timed(run: RunFile, duration: float, rate: float) -> RunFile:
+    """The run file with another duration [s], recorded at a rate [Hz]."""
+    return run.with_(**{"simulation.duration": duration, "simulation.record_interval": 1 / rate})
+
+
+def sampled(signals: Series, simulation: Simulation, rate: float, since: float = 0.0) -> Series:
+    """Signals at the rows of a run, evenly sampled from ``since`` [s] on, which becomes 0.
+
+    Nothing is interpolated across an event, an action or a step of the set-point. A run that ended before ``since``
+    has one row.
+    """
+    step = 1 / rate
+    first, last = round(since * rate), int(simulation.t[-1] / step * (1 + 1e-12))
+    if last <= first:
+        return replace(signals, t=signals.t[:1], values=signals.values[:1])
+    t = step * np.arange(first, last + 1, dtype=float)
+    edges = simulation.setpoint.edges if simulation.setpoint else np.zeros(0)
+    breaks = np.concatenate([simulation.events.t, simulation.events.t + simulation.delay, edges])
+    return replace(signals, t=t - t[0], values=piecewise(simulation.t, signals.values, t, breaks=breaks))

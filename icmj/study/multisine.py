@@ -21,8 +21,7 @@ from icmj.runfile.table import TomlTable
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Sinusoids
-from icmj.study.kind import Kind, Told
-from icmj.study.timing import sampled, timed
+from icmj.study.kind import Kind, Told, sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,9 +19,8 @@ from icmj.runfile.stimulus_tables import PerturbedStanceTable
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.surface import ternary_lines
-from icmj.study.kind import Kind, Told
+from icmj.study.kind import Kind, Told, sampled, timed
 from icmj.study.multisine import FoundMultisine
-from icmj.study.timing import sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

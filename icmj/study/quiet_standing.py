@@ -18,8 +18,7 @@ from icmj.runfile.stimulus_tables import QuietStandingTable
 from icmj.series.even import even_series
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
-from icmj.study.kind import Kind, Told
-from icmj.study.timing import sampled, timed
+from icmj.study.kind import Kind, Told, sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,8 +20,7 @@ from icmj.work.workers import Task, Tell, Workers
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.case.trial import Trial
-    from icmj.result.attractor import Attractor
-    from icmj.result.result import Result
+    from icmj.result.result import Attractor, Result
     from icmj.result.tried import Tried
     from icmj.simulation.simulation import Simulation
 

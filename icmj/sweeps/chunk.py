@@ -1,10 +1,12 @@
-"""Computation of one chunk of points: a row for each point, also for points that fail."""
+"""Computation of one chunk of points: a row for each point, also for points that fail or whose
+controller is not intermittent.
+"""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,18 +17,18 @@ from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.plants import linear_plant
-from icmj.case.trial import measured_by
+from icmj.case.trial import measured_by, mode_roots, prepare_trial, simulate_trial
 from icmj.comparison.comparison import finite
 from icmj.comparison.facts import RUN, Ran
-from icmj.errors import CycleError, IcmjError, beyond_memory
+from icmj.errors import AnalysisError, CycleError, IcmjError, beyond_memory
 from icmj.experiments.attractors import attractors
+from icmj.experiments.rounds import rounds_of
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile
 from icmj.sweeps import columns
-from icmj.sweeps.facts import CYCLE, Sought
+from icmj.sweeps.facts import CYCLE, TRIED, Moved, Sought
 from icmj.sweeps.plan import Plan
-from icmj.sweeps.tried import tried_row
 from icmj.theory.facts import PREDICTION
 
 Tell = Callable[[float], None]
@@ -173,3 +175,20 @@ def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
 
 def _outputs(case: Case) -> tuple[str, ...]:
     return case.assumed.linearisation.plant.outputs
+
+
+def tried_row(run: RunFile, plants: Sequence[PlantKind]) -> dict[str, Any]:
+    """The columns of one point, with the motion on each of ``plants``; a root that cannot be found is left out."""
+    trial = prepare_trial(run)
+    row: dict[str, Any] = {}
+    try:
+        root = next(iter(mode_roots(trial, 1).values()))[0]
+        row |= {"root_real": float(root.real), "root_imag": abs(float(root.imag))}
+    except AnalysisError:  # it reads its outputs as they are, or its rates are out of proportion to its delay
+        pass
+    for plant in plants:
+        motion = simulate_trial(trial, plant)
+        moved = Moved(motion, rounds_of(motion), motion.y[motion.t >= motion.t[-1] / 2])
+        row |= columns.row_of(plant, TRIED, moved, trial.assumed.linearisation.plant.outputs)
+        row |= {f"{plant}_{name}": value for name, value in columns.own(measured_by(trial.run, motion)).items()}
+    return row

@@ -3,6 +3,8 @@
 Symmetric functions of all eigenvalues are analytic in Δ; so are those of any set that stays apart from the rest. Over a
 short panel most eigenvalues stay well inside the circle or well outside. Only the others, the *near* ones, can cross it
 there, and the functions made of them alone are few factors long and quickly resolved. See :mod:`icmj.theory.crossings`.
+
+A panel is a stretch of Δ so short that the test functions on it are Chebyshev polynomials.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.theory.chebyshev import parabola
+from icmj.theory.chebyshev import coefficients, parabola
 
 Kind = Literal["+1", "-1", "complex"]
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
@@ -27,6 +29,8 @@ TOGETHER = 1e-6
 
 # fills in the zeros of a factor before its logarithm is fitted, relative to its largest value on the panel
 _FLOOR = 0.3
+DEGREE = 24
+_QUIET = 1e-3  # last Chebyshev coefficients of the logarithm of a function without zeros nearby; a zero makes 1e-1
 
 
 def circle_function(kind: Kind, g: Spectrum, delta: Array) -> Array:
@@ -175,3 +179,20 @@ def _height(g: Spectrum, delta: Array) -> Array:
 
 def _neighbours(values: Array) -> tuple[Array, Array]:
     return values[:, :-1], values[:, 1:]
+
+
+def series(g: Spectrum, delta: Array) -> dict[Kind, Array]:
+    """Chebyshev coefficients of the test functions of the near eigenvalues on one panel; none where there are none."""
+    if not g.shape[-1]:
+        return {}
+    g = once(g)
+    return {kind: coefficients(DEGREE) @ circle_function(kind, g, delta) for kind in KINDS}
+
+
+def quiet(g: Spectrum, delta: Array) -> bool:
+    """Whether eigenvalues that are on one side of the circle at every node stay there between the nodes."""
+    return not g.shape[-1] or bool(np.abs(away(g, delta) @ coefficients(DEGREE)[-3:].T).max() < _QUIET)
+
+
+def tail(c: Array) -> float:
+    return float(np.abs(c[-3:]).max() / np.abs(c).max())

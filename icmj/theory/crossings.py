@@ -32,11 +32,10 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import Kind, circle_function, near, once, outside
+from icmj.theory.circle import DEGREE, Kind, circle_function, near, once, outside, quiet, series, tail
 from icmj.theory.crossing import Crossing, Direction, Search, change_outside, distinct
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.panel import DEGREE, quiet, series, tail
 from icmj.theory.reduction import Reduction, reduction
 from icmj.theory.spectrum import Branch, Spectra
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array, leading
+from icmj.base.bernstein import maxima
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, flow
-from icmj.theory.polynomial import maxima
 from icmj.theory.reduction import Reduction, reduction
 
 SAMPLES = 256

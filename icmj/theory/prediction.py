@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,6 @@ from icmj.base.numbers import amount, eigenvalue
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
-from icmj.theory.clocked import is_stable
 from icmj.theory.crossing import Crossing
 from icmj.theory.crossings import check_range, search
 from icmj.theory.eigenstructure import eigenstructure
@@ -29,10 +28,11 @@ from icmj.theory.orbit import Orbit, critical_vectors
 from icmj.theory.orbit import orbit as orbit_at
 from icmj.theory.outlook import Outlook, outlook
 from icmj.theory.reduction import Reduction, reduction, stable_modulo_neutral
-from icmj.theory.return_map import jacobian, multipliers
+from icmj.theory.return_map import is_stable, jacobian, multipliers
 
 FEEDBACK = ("state feedback", "observer feedback")
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
+_SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -263,3 +263,19 @@ def _observer_feedback_stable(system: ErrorSystem, reduced: Reduction) -> bool:
 
 def _stable(A: Array) -> bool:
     return bool(np.linalg.eigvals(A).real.max(initial=-np.inf) < 0)
+
+
+def scaled(prediction: Prediction, factor: float) -> Prediction:
+    """The prediction for a threshold that is ``factor`` times as large; the loop is linear (eq. gamma)."""
+    return replace(
+        prediction,
+        gamma=None if prediction.gamma is None else prediction.gamma * factor,
+        amplitude=None if prediction.amplitude is None else prediction.amplitude * factor,
+        orbit=None if prediction.orbit is None else _scaled(prediction.orbit, factor),
+    )
+
+
+def _scaled(orbit: Orbit, factor: float) -> Orbit:
+    sizes = {name: getattr(orbit, name) * factor for name in _SIZES}
+    drift = None if orbit.drift is None else orbit.drift * factor
+    return replace(orbit, E=orbit.E * factor**2, drift=drift, **sizes)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from icmj.base.nearness import did_you_mean, nearest
+from icmj.base.text import did_you_mean, nearest
 
 NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
 

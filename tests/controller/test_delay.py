@@ -23,10 +23,9 @@ from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.measurement.measurement import event_states, measure, measured_gamma
 from icmj.simulation.settings import Settings
-from icmj.theory.clocked import clocked_map, is_stable
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict
-from icmj.theory.return_map import jacobian
+from icmj.theory.return_map import clocked_map, is_stable, jacobian
 
 # --- the predictor ---------------------------------------------------------------------------------------------------
 

@@ -14,8 +14,7 @@ from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import installed
 from icmj.engine.linearisation import step_of
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.plant.operating import OperatingRule
-from icmj.plant.selection import Selection
+from icmj.plant.selection import OperatingRule, Selection
 
 JOINTS, BALANCE = Selection(outputs="joints"), OperatingRule("balance")
 BENT = {"thigh_joint": -0.2, "leg_joint": -0.4, "foot_joint": 0.2}

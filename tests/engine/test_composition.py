@@ -24,7 +24,7 @@ from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.plant.operating import OperatingRule
+from icmj.plant.selection import OperatingRule
 from icmj.simulation.disturbance import no_disturbance
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system

@@ -14,7 +14,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.change import Change
-from icmj.plant.operating import OperatingRule
+from icmj.plant.selection import OperatingRule
 
 STATIC, BALANCE = OperatingRule("static control"), OperatingRule("balance")
 LEAN, WEIGHT = np.radians(3), 70 * 9.81

@@ -16,8 +16,8 @@ from model_cases import CROWDED
 from terminal_cases import told
 
 from icmj.controller.trigger import Continuous
+from icmj.engine.callbacks import hushed
 from icmj.engine.fault import EngineFault, guarded
-from icmj.engine.hush import hushed
 from icmj.engine.model import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate

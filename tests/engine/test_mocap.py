@@ -15,7 +15,7 @@ from icmj.engine.equilibrium import equilibria
 from icmj.engine.model import operating_point
 from icmj.engine.plant import load_plant
 from icmj.engine.pose import scene
-from icmj.plant.operating import OperatingRule
+from icmj.plant.selection import OperatingRule
 from icmj.runfile.reading import parse_run
 
 RUN = """

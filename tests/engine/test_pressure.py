@@ -13,8 +13,8 @@ from icmj.case.case import Case, prepare, simulate
 from icmj.engine.plant import load_plant
 from icmj.engine.pressure import Pressure, centre_of_pressure
 from icmj.errors import ModelError
-from icmj.plant.operating import OperatingRule
 from icmj.plant.person import Person
+from icmj.plant.selection import OperatingRule
 from icmj.runfile.reading import parse_run
 from icmj.simulation.simulation import Simulation
 

@@ -11,7 +11,7 @@ import pytest
 import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.log import archive, models, read_log
+from icmj.log import archive, read_log
 from icmj.runfile.kept import Kept
 
 RUN = """
@@ -84,9 +84,9 @@ def test_a_log_without_models_is_read_as_before(copied):
 
 def test_more_than_a_log_should_carry_is_left_out(root, monkeypatch):
     run = icmj.load_run(root / "runs" / "three-link-0.9.toml")
-    assert list(models.kept_of(run).files) == ["models/three_link.xml"]
-    monkeypatch.setattr(models, "MOST_BYTES", 100)
-    assert not models.kept_of(run).files
+    assert list(archive.kept_of(run).files) == ["models/three_link.xml"]
+    monkeypatch.setattr(archive, "MOST_BYTES", 100)
+    assert not archive.kept_of(run).files
 
 
 @pytest.mark.parametrize("name", ["../a.xml", "/a.xml", "a/../../b", "", "c:\\a.xml", "a\\b", "."])

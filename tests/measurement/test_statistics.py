@@ -8,10 +8,9 @@ from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from scipy.signal import lfilter, welch
 
 from icmj.linear.run import simulate
-from icmj.measurement.blocks import Estimate, deviation, mean
 from icmj.measurement.measurement import measure
 from icmj.measurement.spectrum import spectrum
-from icmj.measurement.statistics import Statistics, statistics
+from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, statistics
 from icmj.series.even import evenly
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation

@@ -8,7 +8,7 @@ import pytest
 
 import icmj
 from icmj.engine.reaction import ground_force, reaction
-from icmj.study.timing import sampled
+from icmj.study.kind import sampled
 
 SETTLE, RATE = 10.0, 100.0
 CURVE = "intersection point (1) at Hz"

@@ -9,11 +9,11 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, random_systems, shipped
 
+from icmj.base.bernstein import maxima
 from icmj.controller.trigger import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.theory.crossings import crossings
 from icmj.theory.orbit import orbit
-from icmj.theory.polynomial import maxima
 from icmj.theory.prediction import critical_crossing
 
 WITH_ORBIT = [c for c in SHIPPED if c != "exact"]

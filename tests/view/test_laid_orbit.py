@@ -16,8 +16,7 @@ from icmj.result.result import Result
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import output_rate, reduced
-from icmj.view.timeline import event_rows
+from icmj.view.motion import event_rows, output_rate, reduced
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]  # b1.2 is mirrored; neglected has n = 4, n̂ = 2
 

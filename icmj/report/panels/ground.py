@@ -9,8 +9,7 @@ from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
-from icmj.view.acting import acting
-from icmj.view.timeline import latter_part, with_resets
+from icmj.view.motion import acting, latter_part, with_resets
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

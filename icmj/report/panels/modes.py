@@ -14,8 +14,7 @@ from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import modes, reduced
-from icmj.view.timeline import latter_part
+from icmj.view.motion import latter_part, modes, reduced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

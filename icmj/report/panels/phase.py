@@ -12,9 +12,8 @@ from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
 from icmj.result.result import Result
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import output_rate
+from icmj.view.motion import event_rows, latter_part, output_rate
 from icmj.view.quantity import Quantity, quantities
-from icmj.view.timeline import event_rows, latter_part
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ from icmj.base import numbers
 from icmj.comparison.facts import on_predicted_cycle
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Section
-from icmj.result.attractor import Attractor
+from icmj.result.result import Attractor
 from icmj.view.quantity import Quantity, quantities
 
 

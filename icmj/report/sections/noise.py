@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
-from icmj.measurement.blocks import Estimate
+from icmj.measurement.statistics import Estimate
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
