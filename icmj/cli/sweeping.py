@@ -44,7 +44,7 @@ def carry_out(command: Sweep, out: Terminal, err: Terminal) -> None:
 
 
 def _cost(plan: Plan, out: Terminal) -> None:
-    from icmj.sweeps.trial import estimate
+    from icmj.sweeps.sweep import estimate
 
     cost = estimate(plan)
     out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")

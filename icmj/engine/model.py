@@ -10,8 +10,8 @@ from pathlib import Path
 import mujoco
 
 from icmj.base.array import Array
+from icmj.engine.actuator import activate, muscles_of
 from icmj.engine.deviation import Deviation
-from icmj.engine.muscle import activate, muscles_of
 from icmj.engine.person import shape
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation

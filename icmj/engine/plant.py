@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.actuator import muscles_of, sizes_without, with_muscles, without_muscles
 from icmj.engine.assessment import assess
 from icmj.engine.callbacks import hushed
 from icmj.engine.deviation import Deviation
@@ -26,7 +27,6 @@ from icmj.engine.model import (
     operating_point,
     state_names,
 )
-from icmj.engine.muscle import muscles_of, sizes_without, with_muscles, without_muscles
 from icmj.engine.ports import ports_of
 from icmj.engine.pushing import effects, on_bodies, places
 from icmj.engine.sensing import sensed

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import replace
 
+import mujoco
+import numpy as np
 from numpy.typing import ArrayLike
 
+from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.engine.accuracy import estimate, facts
-from icmj.engine.closed_loop import close_loop
+from icmj.engine.accuracy import Accuracy, both, estimate, facts, scaled
+from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, clipped, limited, shares
+from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import stepping_of
-from icmj.engine.tapped_run import simulate_tapped
+from icmj.engine.tapped import TappedLoop, TappedRecord, close_tapped
 from icmj.simulation.labels import labels_of
 from icmj.simulation.recording import driven, kept
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import start_states
-from icmj.simulation.taps import expect_no_observer
+from icmj.simulation.start import plant_start, start_states
+from icmj.simulation.taps import expect_no_observer, expect_tapped, modes_of
 
 
 @single_threaded()
@@ -67,7 +73,7 @@ def simulate(
         return simulate_tapped(plant, controller, settings, x0=x0, progress=progress, error_estimate=error_estimate)
     x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
     loop = close_loop(plant, controller, settings)
-    steps, model = stepping_of(loop, settings), loop.model
+    steps = stepping_of(loop, settings)
     schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
@@ -79,11 +85,7 @@ def simulate(
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
     held, at_events = (kept(controller, of.x_o, of.x_h) for of in (rows, events))
-    acting, cut = applied(plant, loop.disturbance, record.rows, held.u)
-    if limited(model):
-        precision |= shares(plant.linearisation.plant.inputs, cut)
-    if (short := clipped(plant, record.rows)).any():
-        precision |= shares(plant.linearisation.plant.outputs, short, "clipped")
+    acting, reached = _limits(plant, loop, record.rows, held.u)
     return Simulation(
         plant="mujoco",
         control=controller.trigger.kind,
@@ -96,8 +98,8 @@ def simulate(
         E=held.E,
         events=Events(record.events[:, 0], events.x, at_events.x_o, at_events.x_h, record.y_max, record.y_min),
         outcome=record.outcome,
-        precision=precision,
-        qpos=record.rows[:, 1 : 1 + model.nq],
+        precision=precision | reached,
+        qpos=record.rows[:, 1 : 1 + loop.model.nq],
         delay=controller.delay.t_d,
         applied=acting,
         **driven(controller, loop.pushes, record.rows[:, 0]),
@@ -105,3 +107,102 @@ def simulate(
         noisy=settings.noisy,
         labels=labels_of(plant.linearisation.plant, controller.design.plant),
     )
+
+
+@single_threaded()
+def simulate_tapped(
+    plant: MujocoPlant,
+    law: Law,
+    settings: Settings,
+    *,
+    x0: ArrayLike | None = None,
+    progress: Callable[[float], None] | None = None,
+    error_estimate: bool = True,
+) -> Simulation:
+    """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
+
+    Args:
+        plant: the actual plant.
+        law: the controller.
+        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
+        x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
+        progress: called repeatedly with the completed fraction, 0–1.
+        error_estimate: measure the error by repeating the last seconds at half the timestep, or a hundredth of the
+            tolerance.
+
+    Returns:
+        The run, as of :func:`icmj.engine.run.simulate`. Switches are events; there are no observer, no hold and no
+        event function.
+
+    Raises:
+        ModelError: if plant and controller do not fit.
+        SimulationError: if a named state or input does not exist, the start state has the wrong shape, or the timestep
+            is not usable.
+    """
+    linear = plant.linearisation.plant
+    realisation = expect_tapped(law, linear)
+    x = plant_start(linear, settings, x0)
+    loop = close_tapped(plant, law, settings)
+    steps = stepping_of(loop, settings)
+    schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
+
+    begin = time.perf_counter()
+    record = loop.run(loop.data(x, np.zeros(1)), schedule, progress)
+    precision = facts(loop, steps, schedule, record, time.perf_counter() - begin)
+    if error_estimate:
+        precision |= estimate_tapped(loop, schedule, record).facts(schedule, linear.outputs)
+
+    rows, events = loop.departures(record.rows), loop.departures(record.events)
+    acting, reached = _limits(plant, loop, record.rows, record.u)
+    return Simulation(
+        plant="mujoco",
+        control=law.kind,
+        t=record.rows[:, 0],
+        x=rows.x,
+        y=rows.y,
+        u=record.u,
+        x_o=rows.x_o,
+        x_h=rows.x_h,
+        E=np.full(len(record.rows), np.nan),
+        events=Events(record.events[:, 0], events.x, events.x_o, events.x_h, record.y_max, record.y_min),
+        outcome=record.outcome,
+        precision=precision | reached,
+        qpos=record.rows[:, 1 : 1 + loop.model.nq],
+        applied=acting,
+        noisy=settings.noisy,
+        labels=labels_of(linear),
+        **modes_of(realisation, record.mode),
+        **driven(law, loop.pushes, record.rows[:, 0]),
+    )
+
+
+def estimate_tapped(loop: TappedLoop, schedule: Schedule, record: TappedRecord) -> Accuracy:
+    """The error of the run's last seconds: of the outputs at their end, and of their last switch.
+
+    What is read at their begin is that of the run; they are some delays long, so that what is read later is not.
+    """
+    end, runs = float(record.rows[-1, 0]), []
+    for plan in both(schedule):
+        stand = deepcopy(record.stand)
+        data = mujoco.MjData(loop.model)
+        data.time = stand.t
+        data.qpos[:], data.qvel[:], data.act[:] = stand.state
+        runs.append(loop.run(data, replace(plan, t_end=end), stand=stand))
+    coarse, fine = runs
+    outputs = [loop.departures(run.rows).y for run in runs]
+    size = np.max([np.abs(y).max(axis=0) for y in outputs], axis=0)
+    both_switched = 0 < len(coarse.events) == len(fine.events)
+    interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
+    return scaled(loop, schedule, interval, outputs[0][-1] - outputs[1][-1], size, end - record.stand.t)
+
+
+def _limits(
+    plant: MujocoPlant, loop: ComposedLoop | TappedLoop, rows: Array, u: Array
+) -> tuple[Array, dict[str, float | str]]:
+    """What acts at recorded rows of the commands ``u``, and the limits of actuators and sensors that were reached."""
+    acting, cut = applied(plant, loop.disturbance, rows, u)
+    linear = plant.linearisation.plant
+    reached = shares(linear.inputs, cut) if limited(loop.model) else {}
+    if (short := clipped(plant, rows)).any():
+        reached |= shares(linear.outputs, short, "clipped")
+    return acting, reached

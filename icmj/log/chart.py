@@ -16,7 +16,7 @@ from icmj.base.array import Array
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.result.result import Result
-from icmj.view.growth import predicted_growth
+from icmj.view.laid_orbit import predicted_growth
 from icmj.view.quantity import in_brackets, threshold_unit
 
 WIDE = 1.6  # width of the frame over its height

@@ -22,7 +22,7 @@ from icmj.report.overview import overview_figure
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
-from icmj.report.statements import in_paper_order
+from icmj.report.sections.statements import in_paper_order
 from icmj.result.result import Result
 from icmj.result.swept import Swept
 from icmj.result.tried import Tried
@@ -263,7 +263,7 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
 
 def _tried(runs: Sequence[Tried], folder: Path) -> dict[str, Picture]:
     """Outputs over time of every case under another controller."""
-    from icmj.report.trial import trial_figure
+    from icmj.report.rivals import trial_figure
 
     cases: dict[str, list[Tried]] = {}
     for run in runs:

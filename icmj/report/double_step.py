@@ -11,7 +11,7 @@ from icmj.errors import ReportError
 from icmj.experiments.double_step.reconstruction import Reconstruction
 from icmj.experiments.double_step.refractoriness import Refractoriness
 from icmj.report import style
-from icmj.report.intersection_point import Shown, coloured
+from icmj.report.findings import Shown, coloured
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,11 +27,11 @@ from icmj.experiments.double_step.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
 from icmj.report import law, noise
 from icmj.report.double_step import draw_reactions, draw_reconstruction
-from icmj.report.journal import Journal, journal
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.pairing import CaseRuns, paired
 from icmj.report.panels import eigenvalues, ground, modes, time
 from icmj.report.panels.phase import draw_phase
+from icmj.report.style import Journal, journal
 from icmj.report.sway import draw_diffusion, draw_path, draw_spectra
 from icmj.result.result import Result
 from icmj.result.swept import Swept

@@ -16,13 +16,14 @@ from icmj.result.result import Result
 from icmj.result.tried import Tried
 from icmj.series.series import Series
 from icmj.view.motion import output_rate
-from icmj.view.quantity import quantities
+from icmj.view.quantity import in_brackets, quantities, shared_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RATE, FASTEST = 100.0, 10.0  # Hz: of the samples, and drawn
 SHOWN = 20.0  # s of a path
+LONGEST = 20.0  # s that are drawn, the last of the run: more is a smear
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,4 +109,31 @@ def paths_figure(group: Sequence[Rival]) -> Figure:
     stack[-1].set_xlabel(quantities(plant)[-1].label("value"))
     figure.align_ylabels(stack)
     style.legend(figure, stack[0], 6)
+    return figure
+
+
+def trial_figure(runs: Sequence[Tried]) -> Figure:
+    """Every output of one case, and its inputs beneath, on each plant."""
+    first = runs[0]
+    shown = quantities(first.actual)
+    figure, stack = style.new_figure(style.TALL, first.actual.n_y + 1)
+    for run in runs:
+        t, line, name = run.simulation.t, style.RUN[run.simulation.plant], style.NAME[run.simulation.plant]
+        for i, axes in enumerate(stack[:-1]):
+            axes.plot(t, shown[i].factor * run.simulation.y[:, i], label=name, **line)
+            axes.set_ylabel(shown[i].label(style.words(first.actual.outputs[i])))
+        for i in range(first.actual.n_u):
+            stack[-1].plot(t, run.simulation.u[:, i], label=name if i == 0 else None, **line)
+    end = max(float(run.simulation.t[-1]) for run in runs)
+    for axes in stack:
+        axes.set_xlim(max(0.0, end - LONGEST), end)
+        drawn = [np.asarray(line.get_xydata(), dtype=float) for line in axes.get_lines()]
+        seen = np.concatenate([points[points[:, 0] >= end - LONGEST, 1] for points in drawn])
+        low, high = float(seen.min()), float(seen.max())
+        if np.isfinite(high - low) and high > low:
+            axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
+    stack[-1].set(xlabel="time (s)", ylabel=f"u{in_brackets(shared_unit(first.actual.input_units))}")
+    figure.align_ylabels(stack)
+    style.link("time", *stack)
+    style.legend(figure, stack[0])
     return figure

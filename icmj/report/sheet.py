@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from icmj.report import style
-from icmj.report.journal import Journal
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels import eigenvalues, modes, time
 from icmj.report.panels.phase import draw_phase
+from icmj.report.style import Journal
 
 MOST = 4  # outputs in panel (c)
 

@@ -143,7 +143,7 @@ class IntersectionPointKind(Kind):
         return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean))
 
     def drawn(self, found: Sequence[Told]) -> Figure:
-        from icmj.report.intersection_point import intersection_figure
+        from icmj.report.findings import intersection_figure
 
         return intersection_figure(found)
 

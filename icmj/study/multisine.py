@@ -137,7 +137,7 @@ class MultisineKind(Kind):
         return FoundMultisine(found, None if case is None else self._theory(case, found.line))
 
     def drawn(self, found: Sequence[Told]) -> Figure:
-        from icmj.report.multisine import multisine_figure
+        from icmj.report.findings import multisine_figure
 
         return multisine_figure(found)
 

@@ -100,7 +100,7 @@ class PerturbedStanceKind(Kind):
         return FoundStance(found, None if channels is None else channels.response(found.line), channels)
 
     def drawn(self, found: Sequence[Told]) -> Figure:
-        from icmj.report.multisine import multisine_figure
+        from icmj.report.findings import multisine_figure
 
         return multisine_figure(found)
 

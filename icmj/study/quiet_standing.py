@@ -56,6 +56,6 @@ class QuietStandingKind(Kind):
         return quiet_standing(later, low_pass=self.settings.low_pass)
 
     def drawn(self, found: Sequence[Told]) -> Figure:
-        from icmj.report.quiet_standing import standing_figure
+        from icmj.report.findings import standing_figure
 
         return standing_figure(found)

@@ -34,7 +34,7 @@ class Plan:
         points: all points.
         chunk: points of one task.
         code: digests of the user's own source files, by the ``module:name`` that the files give.
-        outputs: names of the plant's outputs; empty before the sweep was tried (:func:`icmj.sweeps.trial.tried`).
+        outputs: names of the plant's outputs; empty before the sweep was tried (:func:`icmj.sweeps.sweep.tried`).
         measures: names of the numbers that the user's own measures return, likewise.
     """
 

@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from icmj.errors import ReportError
 from icmj.report import build_report, plots
-from icmj.report.maps.basins import motions
 from icmj.report.maps.grid import edges, grid
 from icmj.report.maps.pictures import pictures
-from icmj.report.maps.validity import regions
+from icmj.report.maps.plane import motions, regions
 from icmj.result.swept import Swept
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)

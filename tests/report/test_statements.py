@@ -10,7 +10,7 @@ import pytest
 from report_cases import CASES, actual_plant, everything, result
 
 from icmj.report.pairing import paired
-from icmj.report.statements import STATEMENTS, answered, differences, in_paper_order, untested
+from icmj.report.sections.statements import STATEMENTS, answered, differences, in_paper_order, untested
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {

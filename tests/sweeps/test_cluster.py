@@ -119,9 +119,9 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from icmj.work import cluster
+    from icmj.work import crew
 
-    monkeypatch.setattr(cluster, "_PATIENCE", 0.3)
+    monkeypatch.setattr(crew, "_PATIENCE", 0.3)
     plan = planned(sweep_file(tmp_path, GRID.format(count=2)))
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(SweepError, match="no scheduler answers there"):

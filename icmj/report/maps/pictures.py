@@ -10,10 +10,8 @@ import numpy as np
 
 from icmj.errors import ReportError
 from icmj.report import style
-from icmj.report.maps.basins import draw_basins
 from icmj.report.maps.curve import draw_curve
-from icmj.report.maps.sway import draw_sway, draw_sway_curve
-from icmj.report.maps.validity import draw_validity
+from icmj.report.maps.plane import draw_basins, draw_sway, draw_sway_curve, draw_validity
 from icmj.result.swept import Swept
 
 if TYPE_CHECKING:

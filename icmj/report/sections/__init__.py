@@ -1,18 +1,15 @@
 """The sections of the page, each a function from the cases to a heading, a template and what it prints."""
 
-from icmj.report.sections.attractors import attractors
-from icmj.report.sections.branches import branches, numbered
 from icmj.report.sections.figures import figures, law
 from icmj.report.sections.first import caption, headline
 from icmj.report.sections.noise import noise
 from icmj.report.sections.plants import designs, matrix
-from icmj.report.sections.rivals import rivals
 from icmj.report.sections.section import DrawnPanel, Picture, Section
 from icmj.report.sections.settings import rule_fact, settings
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
-from icmj.report.sections.sweeps import sweeps
-from icmj.report.sections.tried import tried
+from icmj.report.sections.sweeps import attractors, branches, numbered, sweeps
+from icmj.report.sections.tried import rivals, tried
 
 __all__ = [
     "DrawnPanel",

@@ -11,8 +11,8 @@ from icmj.comparison.comparison import Comparison
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
+from icmj.report.sections.statements import answered
 from icmj.report.sections.wording import reached, verdicts
-from icmj.report.statements import answered
 from icmj.report.style import NAME
 
 

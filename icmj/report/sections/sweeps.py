@@ -1,4 +1,4 @@
-"""Sweeps: what was computed, how it went, and its maps."""
+"""Many runs of one case: sweeps with their maps, coexisting attractors, and branches of cycles."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from icmj.base import numbers
+from icmj.comparison.facts import on_predicted_cycle
+from icmj.cycle.branch import Branch
+from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
+from icmj.result.result import Attractor
 from icmj.result.swept import Swept
+from icmj.view.quantity import Quantity, quantities
+
+_BRANCHES = (
+    "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, dashed: "
+    "repelling ones, pale: the linear plant. (c) Multipliers μ of the first branch, the factors on small deviations "
+    "over one turn of the cycle; (d) some of its cycles."
+)
 
 
 def sweeps(
@@ -58,3 +69,80 @@ def _range(swept: Swept, name: str) -> str:
         return f"{words}, {len(at)} values" if len(at) > 1 else numbers.short(float(at[0]))
     except (TypeError, ValueError):
         return ", ".join(map(str, values[:6])) + (" …" if len(values) > 6 else "")
+
+
+def attractors(cases: Sequence[CaseRuns]) -> Section | None:
+    """Every motion found for each case, or ``None`` where no log holds a search."""
+    rows = [
+        {
+            "title": case.first.run.case.title if i == 0 else "",
+            "motion": motion(found),
+            "intervals": _intervals(found),
+            "peak": _peak(found, quantities(case.first.actual)),
+            "starts": f"{found.count} of {round(found.count / found.share)}",
+            "mark": numbers.mark(on_predicted_cycle(case.prediction, found.measurement)),
+        }
+        for case in cases
+        if case.linear is not None
+        for i, found in enumerate(case.linear.attractors)
+    ]
+    return Section("attractors", "Coexisting attractors", "attractors.html.j2", {"rows": rows}) if rows else None
+
+
+def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
+    """Peak of all outputs if they share a unit, else of the first."""
+    amplitude = np.asarray(found.measurement.amplitude)
+    peak = float(np.max(amplitude if len(set(units)) == 1 else amplitude[:1])) * units[0].factor
+    unit = units[0].unit.replace("deg", "°")
+    return f"{numbers.number(peak, 3)}{unit if unit == '°' else f' {unit}'.rstrip()}"
+
+
+def motion(found: Attractor) -> str:
+    """The motion in a few words."""
+    measurement = found.measurement
+    match measurement.kind:
+        case "cycle":
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"{'mirrored ' if measurement.mirrored else ''}cycle of {events}"
+        case "homoclinic":
+            return "intervals grow without bound"
+        case kind:
+            return kind
+
+
+def _intervals(found: Attractor) -> str:
+    measurement = found.measurement
+    if measurement.kind != "cycle":
+        return numbers.MISSING
+    distinct = measurement.intervals[: len(measurement.intervals) // (2 if measurement.mirrored else 1)]
+    return ", ".join(numbers.number(float(interval), 5) for interval in distinct)
+
+
+def branches(found: Sequence[tuple[Sequence[Branch], Picture]], first_number: int) -> Section | None:
+    """Every group of branches with its picture, or ``None`` where there is none.
+
+    Args:
+        found: branches of one run file along one parameter, and their picture.
+        first_number: number of the first figure.
+    """
+    items = []
+    for i, (group, picture) in enumerate(found):
+        facts = [fact for branch in group for fact in _branch_facts(branch)]
+        title = f"{group[0].run.case.title}: cycles along {group[0].parameter}"
+        items.append({"title": title, "facts": facts, "pictures": [(first_number + i, picture, _BRANCHES)]})
+    return Section("branches", "Branches of cycles", "sweeps.html.j2", {"items": items}) if items else None
+
+
+def numbered(section: Section | None) -> int:
+    """How many figures a section of items has."""
+    return 0 if section is None else sum(len(item["pictures"]) for item in section.context["items"])
+
+
+def _branch_facts(branch: Branch) -> list[tuple[str, str]]:
+    ends = " to ".join(numbers.short(float(branch.value[i])) for i in (0, -1))
+    attracting = int(branch.attracting.sum())
+    told = f"{len(branch)} {branch.name}, {branch.parameter} from {ends}, {attracting} of them attracting. "
+    words = [special.words for special in branch.specials]
+    if not words or words[-1] != branch.end:
+        words.append(f"The branch {branch.end}.")
+    return [(f"{NAME[branch.plant]} plant", told + " ".join(words))]

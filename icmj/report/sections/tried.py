@@ -1,4 +1,4 @@
-"""Runs under controllers that are not intermittent: how they moved, side by side."""
+"""Controllers that are not intermittent: how each moved, and several of one body side by side."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
+from icmj.report.rivals import Rival
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
 from icmj.result.tried import Tried
 from icmj.view.quantity import quantities
+
+_RIVALS = (
+    "Left: power spectra of the outputs over the second half of each run; right: rate of each output against its value "
+    "over the last 20 s. The numbers are those of the table."
+)
 
 
 def tried(
@@ -78,3 +84,38 @@ def _row(run: Tried) -> dict[str, Any]:
 
 def _shown(value: Any) -> Any:
     return (value.item() if value.size == 1 else value.tolist()) if isinstance(value, np.ndarray) else value
+
+
+def rivals(found: Sequence[tuple[Sequence[Rival], tuple[Picture, Picture]]], first_number: int) -> Section | None:
+    """A table and two pictures for each body, or ``None`` where none has several controllers.
+
+    Args:
+        found: the controllers of each body, with spectra and paths.
+        first_number: number of the first figure.
+    """
+    items = [
+        {
+            "title": f"One body, {len(group)} controllers, {NAME[group[0].run.simulation.plant]} plant",
+            "number": number,
+            "pictures": pictures,
+            "outputs": [f"{c.name} ({c.unit})".replace("deg", "°") for c in group[0].sway.coordinates],
+            "rows": [_rival_row(n, rival) for n, rival in enumerate(group, 1)],
+            "caption": _RIVALS,
+        }
+        for number, (group, pictures) in enumerate(found, first_number)
+    ]
+    return Section("controllers", "Controllers side by side", "rivals.html.j2", {"items": items}) if items else None
+
+
+def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
+    simulation = rival.run.simulation
+    late = simulation.events.t[simulation.events.t >= simulation.t[-1] / 2]
+    return {
+        "name": f"{number}. {rival.name}",
+        "rate": numbers.number(len(late) / rival.sway.duration, 3),
+        "outcome": simulation.outcome.kind,
+        "measures": [
+            (numbers.number(c.rms, 3), numbers.number(c.speed, 3), numbers.number(c.frequencies.median, 3))
+            for c in rival.sway.coordinates
+        ],
+    }
