@@ -47,12 +47,12 @@ from .controller.trigger import as_weight as as_weight
 from .controller.trigger import output_weight as output_weight
 from .cycle.branch import Branch as Branch
 from .cycle.branch import SpecialPoint as SpecialPoint
+from .cycle.branch import read_branch as read_branch
+from .cycle.branch import write_branch as write_branch
 from .cycle.cycle import Cycle as Cycle
 from .cycle.cycle import find_cycle as find_cycle
 from .cycle.follow import branch_off as branch_off
 from .cycle.follow import follow as follow
-from .cycle.storage import read_branch as read_branch
-from .cycle.storage import write_branch as write_branch
 from .engine.accuracy import choose_timestep as choose_timestep
 from .engine.deviation import Deviation as Deviation
 from .engine.plant import MujocoPlant as MujocoPlant

@@ -12,8 +12,8 @@ from pathlib import Path
 from icmj.engine.inventory import Inventory
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.selection import OperatingKind
+from icmj.runfile.keys import key_text, value_text
 from icmj.runfile.shipped import SHIPPED
-from icmj.runfile.writing import key_text, value_text
 
 START = 0.02  # [rad or m]: small, and enough to see
 _COLUMN, _MOST, _WIDTH = 32, 12, 110

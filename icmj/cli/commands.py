@@ -187,7 +187,7 @@ def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
 @execute.register
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
-    from icmj.cycle.storage import branches_among
+    from icmj.cycle.branch import branches_among
     from icmj.study.page import report as build
     from icmj.work.workers import Workers
 

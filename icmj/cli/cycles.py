@@ -107,8 +107,8 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.base.files import replaceable, write_bytes
     from icmj.case.doubts import followed
     from icmj.cli.switched import show_branch
+    from icmj.cycle.branch import write_branch
     from icmj.cycle.follow import BRANCHING, branch_off, follow
-    from icmj.cycle.storage import write_branch
     from icmj.errors import CycleError
     from icmj.log.branch import write_branch_log
     from icmj.report import style

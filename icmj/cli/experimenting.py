@@ -20,7 +20,7 @@ def experiment(command: Experiment) -> None:
     """Carry out an experiment, or analyse recordings as it says; what was finished stays, however it ends."""
     from icmj.runfile.experiment_tables import load_experiment
     from icmj.study.experiment import analyse_recordings, run_experiment
-    from icmj.study.experiment_page import FIGURE, PAGE, RESULTS, summary
+    from icmj.study.trials import FIGURE, PAGE, RESULTS, summary
 
     if command.jobs is not None and command.jobs < 1:
         raise StudyError(f"--jobs {command.jobs}: expected at least 1")

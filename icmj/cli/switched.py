@@ -102,7 +102,7 @@ def _loop(trial: Trial) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     """The actual plant with the controller's inputs and outputs, the controller, and where the run starts."""
     from icmj.case.plants import linear_plant
     from icmj.plant.matching import matched
-    from icmj.simulation.start import plant_start
+    from icmj.simulation.settings import plant_start
 
     plant = matched(linear_plant(trial.actual, trial.settings), trial.law.plant, "position")
     x0 = plant_start(plant, trial.settings, None)

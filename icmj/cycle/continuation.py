@@ -18,9 +18,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import SpecialPoint
-from icmj.cycle.corrector import CLOSED, Missed, correct
 from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
-from icmj.cycle.curve import Curve
+from icmj.cycle.curve import CLOSED, Curve, Missed, correct
 from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
 from icmj.cycle.point import FINE, Point, derived, point, redone
 from icmj.cycle.return_map import Lost

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.cycle.branch import Kind, SpecialPoint
-from icmj.cycle.corrector import Missed, correct
 from icmj.cycle.crossing import locate
-from icmj.cycle.curve import Curve
+from icmj.cycle.curve import Curve, Missed, correct
 from icmj.cycle.point import Point
 from icmj.cycle.trail import Trail
 

@@ -11,9 +11,8 @@ from icmj.base.environment import single_threaded
 from icmj.case.case import Case, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.continuation import Walk, walk
-from icmj.cycle.corrector import Missed, correct
 from icmj.cycle.crossing import direction
-from icmj.cycle.curve import Curve, Range
+from icmj.cycle.curve import Curve, Missed, Range, correct
 from icmj.cycle.cycle import LONGEST, Start, closed_cycle
 from icmj.cycle.family import Family
 from icmj.cycle.guess import Guess, from_prediction, from_simulation

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array, falling
-from icmj.cycle.corrector import Corrected
-from icmj.cycle.curve import Curve
+from icmj.cycle.curve import Corrected, Curve
 from icmj.cycle.cycle import extent
 from icmj.cycle.return_map import ReturnMap
 from icmj.cycle.variation import courses_of, fast_jacobian

@@ -40,8 +40,7 @@ def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) 
         from icmj.linear.open_loop import LinearCourse
 
         return LinearCourse(loop.linear, loop.controller, loop.settings, x, x_o, x_h, length)
-    from icmj.engine.course import EngineCourse
-    from icmj.engine.open_loop import EngineOpenLoop
+    from icmj.engine.open_loop import EngineCourse, EngineOpenLoop
 
     assert isinstance(loop.fly, EngineOpenLoop)
     return EngineCourse(loop.fly, x, x_o, x_h, length, rows)

@@ -24,9 +24,8 @@ from icmj.engine.stepping import stepping_of
 from icmj.engine.tapped import TappedLoop, TappedRecord, close_tapped
 from icmj.simulation.labels import labels_of
 from icmj.simulation.recording import driven, kept
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import plant_start, start_states
 from icmj.simulation.taps import expect_no_observer, expect_tapped, modes_of
 
 

@@ -28,8 +28,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import matched
 from icmj.runfile.family_tables import PRESSURE, FamilyFile, load_family_file
 from icmj.runfile.schema import RunFile
-from icmj.simulation.settings import Settings
-from icmj.simulation.start import start_states
+from icmj.simulation.settings import Settings, start_states
 
 RATE = 100.0  # Hz
 DURATION = 60.0  # s, of a trial

@@ -21,9 +21,8 @@ from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import labels_of
 from icmj.simulation.recording import driven, kept
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, start_states
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import start_states
 from icmj.simulation.taps import expect_no_observer
 
 

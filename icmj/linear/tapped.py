@@ -24,9 +24,8 @@ from icmj.simulation.gaussian import at_points, points_between, points_of
 from icmj.simulation.labels import labels_of
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.recording import driven
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, plant_start
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import plant_start
 from icmj.simulation.taps import (
     POWERS,
     begun,

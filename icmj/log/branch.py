@@ -19,8 +19,7 @@ import rerun.blueprint as rrb
 from icmj.base.array import Array
 from icmj.base.files import whole
 from icmj.base.text import one_line
-from icmj.cycle.branch import Branch
-from icmj.cycle.storage import packed, unpacked
+from icmj.cycle.branch import Branch, packed, unpacked
 from icmj.errors import IcmjError, LogError
 from icmj.log import palette
 from icmj.log.blueprint import BACKGROUND, arranged

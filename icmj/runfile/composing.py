@@ -10,9 +10,9 @@ import numpy as np
 
 from icmj.controller.controller import Controller
 from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.keys import to_toml
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
-from icmj.runfile.writing import to_toml
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Source
 

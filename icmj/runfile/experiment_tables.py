@@ -19,16 +19,15 @@ from icmj.runfile.stimulus_tables import (
     PerturbedStanceTable,
     QuietStandingTable,
 )
-from icmj.runfile.table import Interval, Line, TomlTable
+from icmj.runfile.table import Interval, Line, Name, TomlTable
 
 MOST_TRIALS = 100_000
-_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
 
 
 class ExperimentTable(TomlTable):
     """Name of the experiment, plants and repetitions."""
 
-    name: _Name
+    name: Name
     """Name of the experiment and of its folder."""
     title: Line = ""
     """Title in tables and figures (default: the name)."""
@@ -45,7 +44,7 @@ class CaseTable(TomlTable):
 
     run: str
     """Run file, relative to the experiment file, or the name of a shipped case."""
-    name: _Name | None = None
+    name: Name | None = None
     """Name of the case in results (default: that of the run file)."""
     title: Line = ""
     """Title in tables and figures (default: the name, or the title of the run file)."""

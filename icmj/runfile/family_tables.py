@@ -12,18 +12,16 @@ from icmj.errors import RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import FAMILIES
-from icmj.runfile.table import MOST, Finite, Line, Positive, TomlTable
+from icmj.runfile.table import MOST, Finite, Line, Name, Positive, TomlTable
 
 PRESSURE = "pressure.torque."
 """Begins a key that is a weight of the centre of pressure and none of the run file."""
-
-_Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
 
 
 class FamilyTable(TomlTable):
     """Name of the family, and the run file from which its members are made."""
 
-    name: _Name
+    name: Name
     """Name of the family."""
     title: Line = ""
     """Title in tables and figures (default: the name)."""
@@ -79,7 +77,7 @@ class PriorTable(TomlTable):
 class ParameterTable(TomlTable):
     """One unknown parameter."""
 
-    name: _Name
+    name: Name
     """Name of the parameter in tables, figures and files."""
     unit: Line = ""
     """Unit of the parameter."""

@@ -19,7 +19,7 @@ from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.kept import Kept
-from icmj.runfile.keys import put
+from icmj.runfile.keys import put, to_toml
 from icmj.runfile.law_tables import AnyController, Channelled, DelayedPIDTable, OwnController, Predictor, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
@@ -32,7 +32,6 @@ from icmj.runfile.table import (
     Positive,
     TomlTable,
 )
-from icmj.runfile.writing import to_toml
 from icmj.work.own_code import Code
 
 

@@ -22,6 +22,7 @@ Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
 Reference = Annotated[str, Field(pattern=REFERENCE, max_length=200)]
 Whole = Annotated[int, Field(ge=-int(LARGEST), le=int(LARGEST), strict=True)]
 Parameters = dict[str, bool | Whole | Finite | str | Numbers | Matrix]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
 Line = Annotated[str, Field(max_length=1000, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
 
 

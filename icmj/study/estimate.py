@@ -23,9 +23,8 @@ from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import acting_on
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, start_states
 from icmj.simulation.sources import Gridded
-from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most

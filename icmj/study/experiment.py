@@ -31,13 +31,12 @@ from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_exper
 from icmj.runfile.schema import RunFile
 from icmj.series.reading import read_series
 from icmj.study.double_step import DoubleStepKind
-from icmj.study.experiment_page import write_results
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Experiment, Kind, Told
 from icmj.study.multisine import MultisineKind
 from icmj.study.perturbed_stance import PerturbedStanceKind
 from icmj.study.quiet_standing import QuietStandingKind
-from icmj.study.trials import Folder, no_folder, opened
+from icmj.study.trials import Folder, no_folder, opened, write_results
 from icmj.work.workers import Task, Workers
 
 KIND_OF: dict[str, type[Kind]] = {

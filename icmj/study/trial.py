@@ -60,7 +60,7 @@ def startable_trial(trial: Trial, plant: PlantKind) -> None:
     from icmj.engine.plant import MujocoPlant
     from icmj.engine.stepping import stepping_of
     from icmj.engine.tapped import close_tapped
-    from icmj.simulation.start import plant_start
+    from icmj.simulation.settings import plant_start
     from icmj.simulation.taps import expect_no_observer, expect_tapped
 
     settings, actual = trial.settings, trial.actual

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from icmj.base.files import regular
 from icmj.base.text import one_line
 from icmj.errors import SweepError
-from icmj.runfile.sweep_facts import Facts, parse_facts
+from icmj.runfile.sweep_tables import Facts, parse_facts
 from icmj.sweeps.columns import TYPES, columns
 
 MOST_BYTES = 50_000_000  # of what a folder says that it is of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cycle_cases import branch
 
-from icmj.cycle.storage import read_branch, write_branch
+from icmj.cycle.branch import read_branch, write_branch
 from icmj.errors import LogError
 
 

@@ -12,9 +12,8 @@ from icmj.errors import SimulationError
 from icmj.runfile.simulation_tables import SimulationTable
 from icmj.runfile.source_tables import BiasTable, ImpulseTable, NoiseTable, StepTable
 from icmj.simulation import ending
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, start_states
 from icmj.simulation.sources import Bias, Impulse, Noise, Step
-from icmj.simulation.start import start_states
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,8 @@
 from icmj.report.sections.figures import figures, law
 from icmj.report.sections.first import caption, headline
 from icmj.report.sections.noise import noise
-from icmj.report.sections.plants import designs, matrix
 from icmj.report.sections.section import DrawnPanel, Picture, Section
-from icmj.report.sections.settings import rule_fact, settings
+from icmj.report.sections.settings import designs, matrix, rule_fact, settings
 from icmj.report.sections.statements import statements
 from icmj.report.sections.summary import abstract, agrees_with_paper, summary
 from icmj.report.sections.sweeps import attractors, branches, numbered, sweeps
