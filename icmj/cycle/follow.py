@@ -65,7 +65,7 @@ def follow(
         case = prepare(run)
         family = Family(run, of, plant, case)
         guess = _guess(case, family.at(first), start)
-    curve = _curve(family, over, guess)
+    curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
     curve.longest = LONGEST * guess.longest
     loop = curve.loop(0.0)
     try:
@@ -164,10 +164,6 @@ def _guess(case: Case, loop: ReturnMap, start: Start) -> Guess:
 
 def _size(family: Family, value: float) -> float:
     return float(getattr(family.at(value).controller.trigger, "size", 1.0))
-
-
-def _curve(family: Family, over: Range, guess: Guess) -> Curve:
-    return Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
 
 
 def _branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
