@@ -16,7 +16,6 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from icmj.base.array import Array
-from icmj.simulation.native.waves import turn
 
 ROUNDING = 1e-15  # of a sinusoid of one: less than the rounding of its angle
 _TURN = 8.0  # of the fastest sinusoid on either side of a stride's middle [rad]
@@ -90,6 +89,8 @@ class Waves:
         Returns:
             shape (2, half, S, number).
         """
+        from icmj.simulation.native.waves import turn
+
         if self._turns.shape[2] < number:
             angle = np.outer(self._omega, np.arange(number) * self.stride)
             self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((2, *angle.shape))
