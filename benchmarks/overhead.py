@@ -13,7 +13,7 @@ from benchmarks.task import three_link
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.adaptive_loop import AdaptiveLoop
 from icmj.engine.native.neighbours import neighbours_of, rates_at
-from icmj.engine.recording import Status, recording
+from icmj.engine.schedule import Status, recording
 from icmj.simulation.settings import Settings
 
 DURATION, RECORD_INTERVAL = 15.0, 0.01

@@ -14,7 +14,7 @@ from benchmarks.task import three_link
 from icmj.engine.callbacks import installed
 from icmj.engine.native.callbacks import callbacks
 from icmj.engine.native.loop import FixedLoop
-from icmj.engine.recording import Status, recording
+from icmj.engine.schedule import Status, recording
 from icmj.simulation.settings import Settings
 
 STEPS = 2000

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.cycle.family import Family
+from icmj.cycle.parameter import Family
 from icmj.cycle.return_map import Lost, ReturnMap, Turn
 from icmj.errors import CycleError
 

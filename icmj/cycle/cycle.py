@@ -13,11 +13,9 @@ from icmj.base.array import SAME, Array
 from icmj.base.environment import single_threaded
 from icmj.case.case import Case
 from icmj.case.plants import linear_plant
-from icmj.cycle.guess import Guess, from_prediction, from_simulation
-from icmj.cycle.jacobian import jacobian, multipliers
-from icmj.cycle.newton import CLOSED, Closed, newton, shortest
+from icmj.cycle.jacobian import fast_jacobian, jacobian, multipliers
+from icmj.cycle.newton import CLOSED, Closed, Guess, from_prediction, from_simulation, newton, shortest
 from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
-from icmj.cycle.variation import fast_jacobian
 from icmj.errors import CycleError
 
 Start = Literal["auto", "prediction", "simulation"]

@@ -14,12 +14,11 @@ from icmj.cycle.continuation import Walk, walk
 from icmj.cycle.crossing import direction
 from icmj.cycle.curve import Curve, Missed, Range, correct
 from icmj.cycle.cycle import LONGEST, Start, closed_cycle
-from icmj.cycle.family import Family
-from icmj.cycle.guess import Guess, from_prediction, from_simulation
-from icmj.cycle.parameter import parameter
+from icmj.cycle.jacobian import fast_jacobian
+from icmj.cycle.newton import Guess, from_prediction, from_simulation
+from icmj.cycle.parameter import Family, parameter
 from icmj.cycle.point import point
 from icmj.cycle.return_map import PlantKind, ReturnMap
-from icmj.cycle.variation import fast_jacobian
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
 

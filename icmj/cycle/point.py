@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from icmj.base.array import Array, falling
 from icmj.cycle.curve import Corrected, Curve
 from icmj.cycle.cycle import extent
+from icmj.cycle.jacobian import courses_of, fast_jacobian
 from icmj.cycle.return_map import ReturnMap
-from icmj.cycle.variation import courses_of, fast_jacobian
 from icmj.simulation.interval import Sample
 
 NODES = 97  # at which an interval is kept

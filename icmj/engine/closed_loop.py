@@ -21,8 +21,7 @@ from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.model import state_names
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.recording import States, Status, recording
-from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.schedule import Schedule, States, Status, phases_of, recording
 from icmj.engine.tableau import fastest_rate, is_stiff
 from icmj.engine.units import state_units
 from icmj.simulation import ending

@@ -13,8 +13,7 @@ from icmj.controller.controller import Controller, layout_of, realise, start_sta
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
 from icmj.engine.fault import EngineFault, can_fault
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.recording import Recording, Status, recording
-from icmj.engine.schedule import Schedule
+from icmj.engine.schedule import Recording, Schedule, Status, recording
 from icmj.engine.stepping import schedule_of
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.interval import OpenLoopInterval, Sample, one_in_flight

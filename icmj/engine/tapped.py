@@ -25,8 +25,7 @@ from icmj.engine.composition import compose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.recording import Status, recording
-from icmj.engine.schedule import Schedule, phases_of
+from icmj.engine.schedule import Schedule, Status, phases_of, recording
 from icmj.engine.tableau import fastest_rate, is_stiff
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on

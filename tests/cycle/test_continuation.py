@@ -11,11 +11,10 @@ from scipy.optimize import brentq, root
 import icmj
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.cycle import find_cycle
-from icmj.cycle.family import Family
 from icmj.cycle.follow import branch_off, follow
-from icmj.cycle.guess import Guess
 from icmj.cycle.jacobian import jacobian
-from icmj.cycle.parameter import parameter
+from icmj.cycle.newton import Guess
+from icmj.cycle.parameter import Family, parameter
 from icmj.errors import CycleError, RunFileError
 from icmj.runfile.reading import load_run
 

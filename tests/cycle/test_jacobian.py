@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from cycle_cases import case, return_map
 
-from icmj.cycle.guess import from_prediction
 from icmj.cycle.jacobian import jacobian, multipliers
+from icmj.cycle.newton import from_prediction
 from icmj.theory.return_map import jacobian as in_theory
 
 

@@ -14,10 +14,9 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventTrigger
-from icmj.cycle.guess import from_prediction
-from icmj.cycle.jacobian import jacobian
+from icmj.cycle.jacobian import course, derivative, fast_jacobian, jacobian
+from icmj.cycle.newton import from_prediction
 from icmj.cycle.return_map import ReturnMap
-from icmj.cycle.variation import course, derivative, fast_jacobian
 from icmj.engine.plant import load_plant
 from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant

@@ -17,9 +17,8 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous
-from icmj.cycle.jacobian import jacobian
+from icmj.cycle.jacobian import course, derivative, jacobian
 from icmj.cycle.return_map import ReturnMap
-from icmj.cycle.variation import course, derivative
 from icmj.engine.block import block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop

@@ -4,10 +4,9 @@ Each rule is a module here: a frozen dataclass that inherits from :class:`EventR
 """
 
 from icmj.controller.trigger.box import BoxTrigger
-from icmj.controller.trigger.faces import Faces
 from icmj.controller.trigger.quadratic import EventTrigger, as_weight, output_weight
 from icmj.controller.trigger.recorded import RecordedRule, recorded
-from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Trigger, expect_rule
+from icmj.controller.trigger.trigger import ClockTrigger, Continuous, EventRule, Faces, Trigger, expect_rule
 
 TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous, RecordedRule)
 """Every kind of trigger, as logs and command line know them."""

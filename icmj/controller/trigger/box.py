@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.trigger.faces import Faces
-from icmj.controller.trigger.trigger import EventRule, checked_delta_min
+from icmj.controller.trigger.trigger import EventRule, Faces, checked_delta_min
 from icmj.errors import AnalysisError
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, real
-from icmj.controller.trigger.faces import Faces
-from icmj.controller.trigger.trigger import EventRule, checked_delta_min
+from icmj.controller.trigger.trigger import EventRule, Faces, checked_delta_min
 from icmj.errors import AnalysisError
 
 if TYPE_CHECKING:

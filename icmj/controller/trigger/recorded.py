@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.trigger.faces import Faces
-from icmj.controller.trigger.trigger import EventRule, Trigger
+from icmj.controller.trigger.trigger import EventRule, Faces, Trigger
 from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ class RecordedRule(EventRule):
     """The faces of a rule, without its code.
 
     Attributes:
-        R, cuts, unit: its faces for the design that it had; see :class:`icmj.controller.trigger.faces.Faces`.
+        R, cuts, unit: its faces for the design that it had; see :class:`icmj.controller.trigger.trigger.Faces`.
         threshold: its size.
         delta_min: shortest open-loop interval Δ_min [s].
         reference: ``module:name`` of its class.

@@ -1,4 +1,14 @@
-"""Triggers, which decide when the controller takes new feedback: event rules, clocks, and continuous control."""
+"""Triggers, which decide when the controller takes new feedback: event rules, clocks, and continuous control.
+
+Every event rule says that an event is due when the hold error e_hp = x_h − x_o leaves a region about zero whose
+boundary consists of *faces* |R_j e| = 1. So the event function is
+
+    E(e) = unit · max_j E_j,      E_j(e) = |R_j e|² − 1
+
+The paper's rule (eq. ED_e) is one face with RᵀR = Q_t/q_t² and unit q_t². Where several faces meet, E has a kink: what
+needs derivatives asks for the active face, the one whose E_j is largest. All faces are even in e, because the loop is
+odd: the mirror image of a motion is a motion.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from icmj.controller.trigger.faces import Faces, no_faces
+from icmj.base.array import Array
 from icmj.errors import AnalysisError
 
 if TYPE_CHECKING:
@@ -124,3 +134,74 @@ def expect_rule(trigger: object) -> None:
     """
     if not isinstance(trigger, EventRule):
         raise AnalysisError(f"the rule is a {type(trigger).__name__}; expected an event rule, such as EventTrigger")
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """The F faces of an event rule; F is 0 if there is no event function.
+
+    Attributes:
+        R: the rows of all R_j, one below the other, shape (r, n̂).
+        cuts: R_j consists of the rows cuts[j] … cuts[j + 1] − 1; increasing from 0 to r, shape (F + 1,), integer.
+        unit: factor of E, E = unit · max_j E_j; positive.
+    """
+
+    R: Array
+    cuts: np.ndarray
+    unit: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.cuts) - 1
+
+    def squares(self, components: Array) -> Array:
+        """|R_j e|² from the components R e, shape (..., r) → (..., F)."""
+        return np.add.reduceat(components**2, self.cuts[:-1], axis=-1)
+
+    def levels(self, e: Array) -> Array:
+        """E_j(e) of every face, shape (..., n̂) → (..., F)."""
+        return self.squares(e @ self.R.T) - 1
+
+    def E(self, e: Array) -> Array:
+        """The event function, shape (..., n̂) → (...); NaN if there is no face."""
+        if not len(self):
+            return np.full(e.shape[:-1], np.nan)
+        return np.asarray(self.unit * self.levels(e).max(axis=-1))
+
+    def rates(self, e: Array, e_rate: Array) -> Array:
+        """dE_j/dt of every face if e changes at the rate ``e_rate``; shapes (..., n̂), (..., n̂) → (..., F)."""
+        return 2 * np.add.reduceat((e @ self.R.T) * (e_rate @ self.R.T), self.cuts[:-1], axis=-1)
+
+    def active(self, e: Array) -> int:
+        """The face whose E_j is largest at e, shape (n̂,)."""
+        return int(np.argmax(self.levels(e)))
+
+    def rows(self, face: int) -> slice:
+        """The rows of R_j in R."""
+        return slice(int(self.cuts[face]), int(self.cuts[face + 1]))
+
+    def gradient(self, e: Array) -> Array:
+        """dE/de on the active face, shape (n̂,) → (n̂,)."""
+        R = self.R[self.rows(self.active(e))]
+        return np.asarray(2 * self.unit * (R @ e) @ R)
+
+    def polynomials(self, components: Array) -> Array:
+        """The polynomials E_j(s) along a motion whose components R e(s) are polynomials in s; they are exact.
+
+        Args:
+            components: power coefficients of R e, by increasing power, shape (d + 1, ..., r).
+
+        Returns:
+            Power coefficients of every E_j, shape (2d + 1, ..., F).
+        """
+        d, shape = len(components) - 1, components.shape[1:-1]
+        levels = np.zeros((2 * d + 1, *shape, len(self)))
+        for i in range(d + 1):
+            products = components[i] * components
+            levels[i : i + d + 1] += np.add.reduceat(products, self.cuts[:-1], axis=-1)
+        levels[0] -= 1
+        return levels
+
+
+def no_faces(n_hat: int) -> Faces:
+    """No event function at all."""
+    return Faces(np.zeros((0, n_hat)), np.zeros(1, dtype=int))

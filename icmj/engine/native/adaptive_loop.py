@@ -32,8 +32,7 @@ from icmj.engine.native.loop import FixedLoop
 from icmj.engine.native.memory import bare
 from icmj.engine.native.roots import event_in, roots
 from icmj.engine.native.search import active, evaluate, reached
-from icmj.engine.recording import Recording, Status
-from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status
 
 # constants that compiled code freezes
 _RUNNING, _COLLAPSED = int(Status.RUNNING), int(Status.COLLAPSED)

@@ -13,7 +13,7 @@ from icmj.engine.block import Slot
 from icmj.engine.native.compilation import engine_function, exact, inlined
 from icmj.engine.native.field import forward
 from icmj.engine.native.memory import address
-from icmj.engine.recording import Status
+from icmj.engine.schedule import Status
 
 _differentiate_pos = engine_function("mj_differentiatePos", "void(intp, intp, float64, intp, intp)")
 

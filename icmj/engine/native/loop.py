@@ -25,8 +25,7 @@ from icmj.engine.native.memory import bare
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
 from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, revise, rule_of
 from icmj.engine.native.step import refresh, save, step
-from icmj.engine.recording import Recording, Status
-from icmj.engine.schedule import Schedule
+from icmj.engine.schedule import Recording, Schedule, Status
 from icmj.errors import ModelError
 
 _RUNNING = int(Status.RUNNING)
