@@ -21,6 +21,7 @@ IDENTIFIED = 0.5
 """Contraction from which a number is called identified: the posterior's variance is at most half of the prior's."""
 MASS = 0.9
 _REFUSED = 0.01  # p-value, for each number: rather one too many is refused
+_BELIEVED = 0.05  # how far from 90 % the coverage of an identified number may be
 _LEAST = 20  # people
 
 
@@ -66,8 +67,8 @@ class Calibration:
 def calibrate(z: ArrayLike, draws: ArrayLike, names: Sequence[str], spread: ArrayLike = 1.0) -> Calibration:
     """Compare posteriors with the truth.
 
-    A number is ``not calibrated`` if its p-value is below 1 %, else ``identified`` if its contraction is at least
-    ``IDENTIFIED``, else ``not identified``.
+    A number is ``not calibrated`` if its p-value is below 1 %; else ``not identified`` if its contraction is below
+    ``IDENTIFIED``; else ``identified`` if its coverage is between 85 and 95 %, and ``not calibrated`` if it is not.
 
     Args:
         z: true numbers of n people, shape (n, p).
@@ -95,9 +96,12 @@ def calibrate(z: ArrayLike, draws: ArrayLike, names: Sequence[str], spread: Arra
     p_values = np.minimum(2 * np.minimum(uneven, np.minimum(2 * tails, 1.0)), 1.0)
     mean, deviation = drawn.mean(axis=1), drawn.std(axis=1)
     contraction = 1 - (deviation**2).mean(axis=0) / np.broadcast_to(np.square(spread), p)
+    believed = np.abs(held / n - MASS) <= _BELIEVED + 1e-9  # a share that is 95 % but for rounding is
     verdicts = tuple(
-        "not calibrated" if worth < _REFUSED else "identified" if told >= IDENTIFIED else "not identified"
-        for worth, told in zip(p_values, contraction, strict=True)
+        "not calibrated"
+        if worth < _REFUSED or (told >= IDENTIFIED and not close)
+        else ("identified" if told >= IDENTIFIED else "not identified")
+        for worth, told, close in zip(p_values, contraction, believed, strict=True)
     )
     return Calibration(
         tuple(names),

@@ -88,6 +88,10 @@ class Network:
         latent, _ = self._net(np.float32(targets), conditions=np.float32(conditions), density=True)
         return replace(self, temperature=float(np.sqrt(np.mean(np.asarray(latent, dtype=float) ** 2))))
 
+    def scaled(self, factor: float) -> Network:
+        """A flow with its temperature times ``factor``."""
+        return replace(self, temperature=factor * self.temperature)
+
     def logits(self, conditions: Array) -> Array:
         """The logits of a classifier for conditions (n, c), shape (n, p)."""
         found = self._net(xz=None, conditions=np.float32(conditions))

@@ -1,7 +1,7 @@
 """Families that were simulated and trained, once for all people; what is finished is found again.
 
-FOLDER/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on, and others to calibrate with
-FOLDER/NAME-FINGERPRINT/flow-*.npz, FOLDER/choice-*.npz   networks
+FOLDER/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on; others to set the width, to calibrate
+FOLDER/NAME-FINGERPRINT/flow-*.npz, posterior-*.npz, FOLDER/choice-*.npz   networks
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def train_family(
         folder: of banks and networks.
         simulations: draws to train on.
         seed: of everything random.
-        check: people who stand to calibrate with.
+        check: people who stand to set the posterior's width with, and as many others to calibrate with.
         trials: of each synthetic person that calibration is shown, 1 to 3.
         jobs, dask: processes, or the address of a Dask scheduler.
         progress: called with what is under way and the fraction done.
@@ -83,9 +83,10 @@ def train_family(
     bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
     stood = bank.stood
     share = max(len(stood) / len(bank), 0.1)
-    apart = simulated("check", math.ceil(1.1 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
-    truth, shown = apart.z[:check], apart.summaries[:check]  # as many stood, but for bad luck
-    members = []
+    apart = simulated("check", math.ceil(1.1 * 2 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
+    half = min(check, len(apart) // 2)  # as many stood, but for bad luck
+    truth, shown = apart.z[half : half + check], apart.summaries[half : half + check]
+    members, joined = [], home / f"posterior-{simulations}-{seed}.npz"
     for member in range(MEMBERS):
         path = home / f"flow-{simulations}-{seed}-{member}.npz"
         if not path.exists():
@@ -98,7 +99,9 @@ def train_family(
             )
             made.save(path)
         members.append(Posterior.load(path))
-    posterior = Posterior.mixture(members)
+    if not joined.exists():
+        Posterior.mixture(members).rescaled(apart.z[:half], apart.summaries[:half], seed).save(joined)
+    posterior = Posterior.load(joined)
     if not 1 <= trials <= posterior.seen.trials:
         raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
     drawn = posterior.sample_all(shown[:, :trials], 499, seed)

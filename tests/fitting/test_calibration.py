@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from icmj.errors import FitError
 from icmj.fitting.calibration import calibrate
@@ -43,6 +44,18 @@ def test_wrong_posteriors_are_found_out(wide: float, aside: float) -> None:
     assert found.verdicts[0] == "not calibrated"
     assert found.p_values.max() < 1e-3
     assert "sharp" not in found.identified
+
+
+@pytest.mark.parametrize(("held", "verdict"), [(190, "identified"), (191, "not calibrated")])
+def test_an_identified_number_has_a_coverage_of_85_to_95_percent(held: int, verdict: str) -> None:
+    drawn = np.broadcast_to(0.3 * norm.ppf((np.arange(999) + 0.5) / 999)[None, :, None], (200, 999, 1))
+    ranks = 0.5 + 0.45 * np.linspace(-1, 1, held + 1)[:held] + 0.45 / held
+    outside = np.linspace(0.005, 0.045, 200 - held)
+    z = 0.3 * norm.ppf(np.concatenate([ranks, np.where(np.arange(200 - held) % 2, outside, 1 - outside)]))
+    found = calibrate(z[:, None], drawn, ("sharp",))
+    assert found.coverage[0] == held / 200
+    assert found.p_values[0] > 0.01
+    assert found.verdicts == (verdict,)
 
 
 def test_too_few_people_or_draws_are_refused() -> None:

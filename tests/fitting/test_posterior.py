@@ -3,8 +3,11 @@
 The third number does not enter the summaries.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from icmj.errors import FitError
@@ -125,6 +128,34 @@ class Normal:
 
     def log_density(self, z, _):
         return norm.logpdf(z - self.mean).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class Wide:
+    """Stands for a flow that knows nothing but how wide it is."""
+
+    temperature: float
+
+    def inverted(self, normal, _):
+        return self.temperature * normal
+
+    def scaled(self, factor):
+        return Wide(factor * self.temperature)
+
+
+@pytest.mark.parametrize("wide", [(0.6, 0.6), (1.4, 1.4), (0.7, 1.5)])
+def test_a_posterior_rescaled_holds_nine_of_ten(wide: tuple[float, float]) -> None:
+    z, S = np.random.default_rng(3).normal(size=(3000, 3)), np.zeros((3000, 2, 5))
+    found = Posterior(NAMES, Seen.of(people(40, 1)[1], SUMMARIES), tuple(map(Wide, wide)), 40).rescaled(z, S, 1)
+    share = mixed(found.networks[0].temperature, found.networks[1].temperature)
+    assert share == pytest.approx(0.9, abs=3 * np.sqrt(0.09 / 9000) + 0.004)  # and of 299 draws
+    assert found.networks[1].temperature / found.networks[0].temperature == pytest.approx(wide[1] / wide[0])
+
+
+def mixed(a: float, b: float) -> float:
+    """The share of a standard normal variable between the quantiles 5 and 95 % of two normal distributions' mixture."""
+    edge = brentq(lambda x: norm.cdf(x / a) + norm.cdf(x / b) - 1.9, 0, 20)
+    return float(2 * norm.cdf(edge) - 1)
 
 
 def test_the_posterior_is_the_mixture_of_its_flows() -> None:

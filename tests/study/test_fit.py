@@ -1,7 +1,7 @@
 """The fit as a whole, of toy families that sway as filtered noise: what is found, resumed, and left in the folder."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import SimpleNamespace
 
@@ -56,7 +56,7 @@ class Toy:
 
 def toy_bank(family: Toy, n: int, seed: int, *, folder, **_) -> Bank:
     folder.mkdir(parents=True, exist_ok=True)
-    return simulated_toy(family, min(n, 40) if seed % 2 else n, seed)
+    return simulated_toy(family, min(n, 80) if seed % 2 else n, seed)
 
 
 @cache
@@ -99,6 +99,9 @@ class Regression:
 
     def tempered(self, *_):
         return self
+
+    def scaled(self, factor):
+        return replace(self, spread=factor * self.spread)
 
     def logits(self, conditions):
         return conditions @ self.weights
@@ -226,6 +229,9 @@ def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkey
 
         def mixture(self) -> "Known":
             return Known()
+
+        def rescaled(self, *_) -> "Known":
+            return self
 
         def sample_all(self, S, draws, seed):
             return np.random.default_rng(seed).normal(size=(len(S), draws, 3))
