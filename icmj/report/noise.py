@@ -46,14 +46,7 @@ def draw_histogram(axes: Axes, case: CaseRuns) -> None:
 
 def spectrum_figure(case: CaseRuns) -> Figure:
     """Power spectrum of every output on each plant, one axes for each."""
-    count = case.first.actual.n_y
-    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
-    for i, axes in enumerate(stack):
-        draw_spectrum(axes, case, i)
-        axes.set_xlabel("frequency (Hz)" if axes is stack[-1] else "")
-    figure.align_ylabels(stack)
-    style.legend(figure, stack[0])
-    return figure
+    return style.each_output(case.first.actual.n_y, lambda axes, i: draw_spectrum(axes, case, i), "frequency (Hz)")
 
 
 def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:

@@ -19,6 +19,7 @@ if a result does not contain what is to be drawn.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from icmj.errors import ReportError
@@ -87,8 +88,7 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
 
 def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(a) Largest |λ| of φ(Δ_ol) for the actual plant and for an exact model; points: growth measured under a clock."""
-    eigenvalues.draw_modulus(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(eigenvalues.draw_modulus, axes, results, legend)
 
 
 def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
@@ -109,44 +109,37 @@ def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = T
 
 def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(d) Velocity against position of every output, last part of the run, and the predicted orbit; circles: events."""
-    draw_phase(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(draw_phase, axes, results, legend)
 
 
 def intervals(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(e) Open-loop intervals against the time of the event that ends them; dotted: Δ_crit."""
-    time.draw_intervals(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(time.draw_intervals, axes, results, legend)
 
 
 def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), upper part: the critical mode χ_k1 during the last intervals; dotted: events and ±γ."""
-    modes.draw_critical(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(modes.draw_critical, axes, results, legend)
 
 
 def other_modes(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), lower part: the norm of the other modes during the last intervals; on a cycle it is zero at events."""
-    modes.draw_others(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(modes.draw_others, axes, results, legend)
 
 
 def interval_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(e), strip: relative error of each open-loop interval with respect to Δ_crit, on a logarithmic axis."""
-    time.draw_interval_errors(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(time.draw_interval_errors, axes, results, legend)
 
 
 def mode_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), strip: relative error of |χ_k1| at the last events with respect to γ, on a logarithmic axis."""
-    modes.draw_mode_errors(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(modes.draw_mode_errors, axes, results, legend)
 
 
 def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """The norm of x̄ on a logarithmic scale; panel (f) shows it if there is no Δ_crit and therefore no χ."""
-    modes.draw_norm(axes, _case(results))
-    return _legend(axes, legend)
+    return _panel(modes.draw_norm, axes, results, legend)
 
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
@@ -254,6 +247,11 @@ def _case(results: tuple[Result, ...]) -> CaseRuns:
         names = ", ".join(case.name for case in cases)
         raise ReportError(f"results of different cases in one picture ({names}); draw each into axes of its own")
     return cases[0]
+
+
+def _panel(draw: Callable[[Axes, CaseRuns], object], axes: Axes, results: tuple[Result, ...], legend: bool) -> Axes:
+    draw(axes, _case(results))
+    return _legend(axes, legend)
 
 
 def _under_noise(case: CaseRuns) -> CaseRuns:

@@ -5,7 +5,7 @@ For a journal: width of a column, sizes of its fonts, embedded TrueType fonts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
@@ -140,6 +140,17 @@ def new_figure(
         if row < len(parts) - 1:
             axes[-1].tick_params(labelbottom=False)
     return figure, axes
+
+
+def each_output(count: int, draw: Callable[[Axes, int], object], abscissa: str) -> Figure:
+    """A figure with one axes for each output, one above the other, and one legend above them all."""
+    figure, stack = new_figure(TALL if count > 1 else HEIGHT, count)
+    for i, axes in enumerate(stack):
+        draw(axes, i)
+        axes.set_xlabel(abscissa if axes is stack[-1] else "")
+    figure.align_ylabels(stack)
+    legend(figure, stack[0])
+    return figure
 
 
 def letter(figure: Figure, text: str) -> None:

@@ -25,9 +25,9 @@ from icmj.errors import SweepError
 from icmj.result.swept import Swept
 from icmj.sweeps.chunk import Computed
 from icmj.sweeps.columns import meanings, schema
-from icmj.sweeps.plan import Plan, versions
+from icmj.sweeps.plan import PACKAGES, Plan
 from icmj.sweeps.validation import Facts, chunk_files, read_chunk, read_facts
-from icmj.work.provenance import provenance
+from icmj.work.provenance import provenance, versions
 
 FACTS, POINTS, TIMING = "sweep.json", "points", "timing.csv"
 
@@ -146,7 +146,7 @@ def _begin(folder: Path, plan: Plan) -> Facts:
             **({"code": dict(plan.code)} if plan.code else {}),
             "measures": list(plan.measures),
             "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
-            "versions": versions(),
+            "versions": versions(PACKAGES),
             "provenance": provenance(plan.file.path.parent),
             "sweep": plan.file.text,
             "run": plan.file.base.text,
@@ -160,7 +160,7 @@ def _begin(folder: Path, plan: Plan) -> Facts:
             f"{folder}: holds another sweep ({known.name}, of another sweep file, run file, model or code); choose "
             "another --out"
         )
-    before, now = known.versions, versions()
+    before, now = known.versions, versions(PACKAGES)
     other = [f"{name} {before.get(name)} (now {now[name]})" for name in now if before.get(name) != now[name]]
     if other:
         raise SweepError(

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.sweeps.points import Points, Value
 from icmj.work.own_code import REFERENCE
+from icmj.work.provenance import versions
 
 FORMAT = 1
 PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
@@ -130,7 +130,7 @@ class Plan:
             "icmj.run": self.file.base.text,
             "icmj.points": str(len(self)),
             "icmj.chunk": str(self.chunk),
-            "icmj.versions": json.dumps(versions()),
+            "icmj.versions": json.dumps(versions(PACKAGES)),
         }
 
     def _check_values(self) -> None:
@@ -157,17 +157,6 @@ def _named(file: SweepFile) -> Iterator[tuple[str, str]]:
             found += value
         elif isinstance(value, str) and re.fullmatch(REFERENCE, value) and (digest := file.base.code.digest(value)):
             yield value, digest
-
-
-def versions() -> dict[str, str]:
-    """Versions of all that computes."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def _thinned(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:

@@ -56,30 +56,6 @@ _DROWNED = 1e8
 _MOST_PANELS = 2000
 
 
-def crossings(
-    system: ErrorSystem,
-    delta_max: float,
-    *,
-    delta_start: float = 0.0,
-    resolution: float = 1e-6,
-    prepared: Flow | None = None,
-) -> tuple[Crossing, ...]:
-    """All unit-circle crossings of φ(Δ) for ``delta_start`` < Δ ≤ ``delta_max``, by rising Δ.
-
-    Args:
-        system: the error system.
-        delta_max: end of the search [s].
-        delta_start: start of the search [s]; the departure from φ(0) = I is never a crossing.
-        resolution: distance below which two crossings of one kind count as a tangency [s].
-        prepared: the flow of ``system``, if at hand.
-
-    Raises:
-        AnalysisError: if the interval is empty or not finite, the resolution is not positive, or the system is beyond
-            what can be analysed.
-    """
-    return search(system, delta_max, delta_start=delta_start, resolution=resolution, prepared=prepared).crossings
-
-
 def check_range(system: ErrorSystem, delta_max: float, delta_start: float = 0.0) -> None:
     """Refuse a range without an interval in it, before anything is computed at its ends.
 
@@ -102,12 +78,22 @@ def search(
     reduced: Reduction | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Search:
-    """The same as :func:`crossings`, with the range of Δ in which eigenvalues exceed rounding errors.
+    """All unit-circle crossings of φ(Δ) for ``delta_start`` < Δ ≤ ``delta_max``, by rising Δ.
+
+    With them comes the range of Δ in which eigenvalues exceed rounding errors.
 
     Args:
-        system, delta_max, delta_start, resolution, prepared: as there.
+        system: the error system.
+        delta_max: end of the search [s].
+        delta_start: start of the search [s]; the departure from φ(0) = I is never a crossing.
+        resolution: distance below which two crossings of one kind count as a tangency [s].
+        prepared: the flow of ``system``, if at hand.
         reduced: the system without its neutral directions, if at hand.
         progress: called repeatedly with the completed fraction, 0–1.
+
+    Raises:
+        AnalysisError: if the interval is empty or not finite, the resolution is not positive, or the system is beyond
+            what can be analysed.
     """
     check_range(system, delta_max, delta_start)
     if not resolution > 0:

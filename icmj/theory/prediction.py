@@ -30,7 +30,6 @@ from icmj.theory.outlook import Outlook, outlook
 from icmj.theory.reduction import Reduction, reduction, stable_modulo_neutral
 from icmj.theory.return_map import is_stable, jacobian, multipliers
 
-FEEDBACK = ("state feedback", "observer feedback")
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
 _SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import subprocess
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -15,21 +16,24 @@ PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
 
 def provenance(folder: Path) -> dict[str, str]:
     """Facts that let someone repeat a run; ``folder`` is where the run file lies, its git state is taken."""
-    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION}
-    for package in PACKAGES:
-        try:
-            facts[package] = _version(package)
-        except PackageNotFoundError:
-            facts[package] = "not installed"
+    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION} | versions(PACKAGES)
     facts["python"] = platform.python_version()
     facts["platform"] = f"{platform.system()} {platform.machine()}"
     facts["git"] = git_state(folder)
     return facts
 
 
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Version of each package, or ``not installed``."""
+    return {package: _version(package) for package in packages}
+
+
 def _version(package: str) -> str:
     """From the head of its metadata, most of which is a readme that Python would parse as a letter."""
-    found = distribution(package)
+    try:
+        found = distribution(package)
+    except PackageNotFoundError:
+        return "not installed"
     head = (found.read_text("METADATA") or "").partition("\n\n")[0]
     stated = [line.partition(":")[2].strip() for line in head.splitlines() if line.startswith("Version:")]
     return stated[0] if stated else found.version

@@ -9,7 +9,7 @@ from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped, visiting
 
 from icmj.errors import AnalysisError
-from icmj.theory.crossings import crossings, search
+from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem
 
 GRID = 1e-4
@@ -74,7 +74,7 @@ def eigenvalue(delta, q, c, r):
 @pytest.mark.parametrize("excess", [1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 2e-11])
 def test_pairs_of_crossings_closer_than_any_grid_are_told_apart(excess):
     system, at = dip(1 + excess)
-    found = crossings(system, 3.0)
+    found = search(system, 3.0).crossings
     assert [c.direction for c in found] == ["rising", "falling"]
     assert {c.kind for c in found} == {"-1"}
     assert found[1].delta - found[0].delta == pytest.approx(at[1] - at[0], rel=1e-2)
@@ -82,11 +82,11 @@ def test_pairs_of_crossings_closer_than_any_grid_are_told_apart(excess):
 
 
 def test_a_touch_is_a_tangency_and_a_near_miss_is_nothing():
-    found = crossings(dip(1.0)[0], 3.0)
+    found = search(dip(1.0)[0], 3.0).crossings
     assert [(c.kind, c.direction) for c in found] == [("-1", "tangent")]
     assert found[0].largest_other == pytest.approx(np.exp(-found[0].delta), rel=1e-6)
     for short in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
-        assert crossings(dip(1 - short)[0], 3.0) == ()
+        assert search(dip(1 - short)[0], 3.0).crossings == ()
 
 
 @pytest.mark.parametrize("excess", [1e-1, 1e-3, 1e-5, 1e-7, 1e-9])
@@ -106,7 +106,7 @@ def test_a_complex_pair_that_comes_out_and_goes_back(excess):
 
     size = brentq(lambda s: largest(s)[0] - 1 - excess, 0.5, 20, xtol=1e-14)
     r = complex(size * np.exp(2.2j))
-    found = [x for x in crossings(pair_of_holds(q, c, r), 4.0) if abs(x.delta - largest(size)[1]) < 0.6]
+    found = [x for x in search(pair_of_holds(q, c, r), 4.0).crossings if abs(x.delta - largest(size)[1]) < 0.6]
     assert [(x.kind, x.direction) for x in found] == [("complex", "rising"), ("complex", "falling")]
     for x in found:
         lam = eigenvalue(x.delta, q, c, r)
@@ -114,7 +114,7 @@ def test_a_complex_pair_that_comes_out_and_goes_back(excess):
         assert x.eigenvalue == pytest.approx(complex(lam.real, abs(lam.imag)), abs=1e-9)
     missed = complex(brentq(lambda s: largest(s)[0] - 1 + excess, 0.5, 20, xtol=1e-14) * np.exp(2.2j))
     assert [
-        x for x in crossings(pair_of_holds(q, c, missed), 4.0) if abs(x.delta - largest(abs(missed))[1]) < 0.6
+        x for x in search(pair_of_holds(q, c, missed), 4.0).crossings if abs(x.delta - largest(abs(missed))[1]) < 0.6
     ] == []
 
 
@@ -130,7 +130,7 @@ def test_a_complex_pair_that_comes_out_and_goes_back(excess):
     ],
 )
 def test_published_crossings(case, delta, eigenvalue, largest_other):
-    first = crossings(shipped(case), 4.0)[0]
+    first = search(shipped(case), 4.0).crossings[0]
     assert first.delta == pytest.approx(delta, abs=6e-4 if delta > 1 else 6e-5)
     assert first.eigenvalue == eigenvalue
     assert first.direction == "rising"
@@ -138,7 +138,7 @@ def test_published_crossings(case, delta, eigenvalue, largest_other):
 
 
 def test_the_published_failure_is_a_complex_pair_first():
-    pair, minus = crossings(shipped("b=1.7"), 4.0)
+    pair, minus = search(shipped("b=1.7"), 4.0).crossings
     assert (pair.kind, pair.direction) == ("complex", "rising")
     assert pair.delta == pytest.approx(0.476, abs=5e-4)
     assert (minus.kind, minus.eigenvalue) == ("-1", -1)
@@ -152,25 +152,27 @@ def test_shipped_cases_agree_with_a_brute_force_scan(case):
 
 
 def test_the_exact_model_has_none():
-    assert crossings(shipped("exact"), 10.0) == ()
+    assert search(shipped("exact"), 10.0).crossings == ()
 
 
 def test_a_mode_that_stays_on_the_circle_crosses_nothing():
     system = pair_of_holds(-1.0, -3.0, 0.3)
     stuck = ErrorSystem(system.A_C * (np.arange(3) > 0), system.T_hat, system.actual, system.design)  # λ = 1 throughout
-    assert crossings(stuck, 3.0) == ()
+    assert search(stuck, 3.0).crossings == ()
     dipping = dip(1.5)[0]
     stuck = ErrorSystem(dipping.A_C * (np.arange(3) > 0), dipping.T_hat, dipping.actual, dipping.design)
-    assert [c.direction for c in crossings(stuck, 3.0)] == ["rising", "falling"]
+    assert [c.direction for c in search(stuck, 3.0).crossings] == ["rising", "falling"]
 
 
 def test_the_end_of_the_search_does_not_matter():
-    whole = crossings(shipped("b=1.7"), 4.0)
+    whole = search(shipped("b=1.7"), 4.0).crossings
     for end in (0.5, 1.0, 1.2, 2.7, 4.0):
         np.testing.assert_allclose(
-            [c.delta for c in crossings(shipped("b=1.7"), end)], [c.delta for c in whole if c.delta <= end], rtol=1e-10
+            [c.delta for c in search(shipped("b=1.7"), end).crossings],
+            [c.delta for c in whole if c.delta <= end],
+            rtol=1e-10,
         )
-    assert crossings(shipped("b=1.7"), 4.0, delta_start=0.5)[0].kind == "-1"
+    assert search(shipped("b=1.7"), 4.0, delta_start=0.5).crossings[0].kind == "-1"
 
 
 def test_the_search_stops_where_rounding_drowns_the_circle():
@@ -182,13 +184,13 @@ def test_the_search_stops_where_rounding_drowns_the_circle():
 @pytest.mark.parametrize(("start", "end"), [(0.0, 0.0), (0.0, np.inf), (2.0, 1.0), (-1.0, 1.0)])
 def test_an_empty_interval_is_refused(start, end):
     with pytest.raises(AnalysisError, match="start < end"):
-        crossings(shipped("b=0.8"), end, delta_start=start)
+        search(shipped("b=0.8"), end, delta_start=start)
 
 
 def test_a_short_visit_among_many_eigenvalues_is_not_missed():
     """A plant of 19 states in which a pair turns real, leaves through −1 and is back within 2 ms."""
     system = visiting()
-    found = [c for c in crossings(system, 0.3) if 0.1577 < c.delta < 0.161]
+    found = [c for c in search(system, 0.3).crossings if 0.1577 < c.delta < 0.161]
     assert [(c.kind, c.direction) for c in found] == [("-1", "rising"), ("-1", "falling")]
     inside, visit = ((np.abs(np.linalg.eigvals(system.phi(d))) > 1).sum() for d in (0.157, 0.159))
     assert visit == inside + 1

@@ -11,7 +11,7 @@ from icmj.controller.hold import system_matched, zero_order
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import deviated
-from icmj.theory.crossings import crossings
+from icmj.theory.crossings import search
 from icmj.theory.error_system import error_system
 
 
@@ -98,7 +98,7 @@ def test_jump_and_projections_do_what_their_names_say():
 
 
 def found(system, end=2.5):
-    return np.array([[c.delta, c.eigenvalue.real, c.largest_other] for c in crossings(system, end)])
+    return np.array([[c.delta, c.eigenvalue.real, c.largest_other] for c in search(system, end).crossings])
 
 
 def test_crossings_do_not_depend_on_T_hat():

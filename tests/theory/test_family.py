@@ -23,7 +23,7 @@ from icmj.controller.trigger import EventTrigger
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
-from icmj.theory.crossings import crossings, search
+from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.family import mixtures, modulo
 from icmj.theory.prediction import predict
@@ -105,7 +105,7 @@ def test_close_pairs_of_repeated_crossings_are_told_apart(excess):
     A_C = np.kron(system.A_C, np.eye(2))
     one = LinearPlant(-np.eye(2), np.eye(2), np.eye(2))
     whole = ErrorSystem(A_C, np.zeros((2, 2)), one, Design(one, np.zeros((2, 2)), np.zeros((2, 2))))
-    found = crossings(whole, 3.0)
+    found = search(whole, 3.0).crossings
     assert [(c.direction, c.multiplicity) for c in found] == [("rising", 2), ("falling", 2)]
     np.testing.assert_allclose([c.delta for c in found], at, atol=1e-7)
 
@@ -120,7 +120,7 @@ def test_a_rising_and_a_falling_branch_that_cross_together_are_two_crossings():
         A[i::2, i::2] = part
     one = LinearPlant(-np.eye(2), np.eye(2), np.eye(2))
     whole = ErrorSystem(A, np.zeros((2, 2)), one, Design(one, np.zeros((2, 2)), np.zeros((2, 2))))
-    found = crossings(whole, 3.0)
+    found = search(whole, 3.0).crossings
     ratio = at[1] / at[0]
     expected = sorted([(at[0] / ratio, "rising"), (at[0], "falling"), (at[0], "rising"), (at[1], "falling")])
     assert [(pytest.approx(d, rel=1e-6), w) for d, w in expected] == sorted(
@@ -138,7 +138,7 @@ def test_one_pendulum_driving_another_has_a_defective_crossing_and_no_cycle():
         return LinearPlant(A, block_diag(pendulum(b).B, pendulum(b).B), block_diag(pendulum().C, pendulum().C))
 
     system = error_system(pair(gain), Design(pair(1.0), block_diag(plain.k, plain.k), block_diag(plain.L, plain.L)))
-    first = crossings(system, 3.0)[0]
+    first = search(system, 3.0).crossings[0]
     assert first.delta == pytest.approx(1.8065, abs=1e-3)
     assert (first.kind, first.multiplicity, first.dimension) == ("+1", 2, 1)
     assert not predict(system, EventTrigger(np.eye(4), 0.01)).cycle
@@ -210,12 +210,12 @@ def test_what_is_left_modulo_a_family_is_the_quotient():
 def test_a_complex_pair_repeated():
     q, c, r = -0.5 + 3j, -2 + 1j, 4 * np.exp(2.2j)
     alone = pair_of_holds(q, c, complex(r))
-    expected = [x for x in crossings(alone, 4.0) if x.kind == "complex"]
+    expected = [x for x in search(alone, 4.0).crossings if x.kind == "complex"]
     A = np.kron(alone.A_C, np.eye(2))
     plant = LinearPlant(-np.eye(2), np.eye(2), np.eye(2))
     model = LinearPlant(-np.eye(4), np.ones((4, 2)), np.ones((2, 4)))
     whole = ErrorSystem(A, np.zeros((4, 2)), plant, Design(model, np.zeros((2, 4)), np.zeros((4, 2))))
-    found = [x for x in crossings(whole, 4.0) if x.kind == "complex"]
+    found = [x for x in search(whole, 4.0).crossings if x.kind == "complex"]
     assert len(found) == len(expected) > 0
     for a, b in zip(found, expected, strict=True):
         assert (a.multiplicity, a.direction) == (2, b.direction)

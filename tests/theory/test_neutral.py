@@ -193,7 +193,7 @@ def test_the_shipped_cases_have_none(case):
 
 def test_random_plants_beside_unseen_modes_in_mixed_states():
     """Crossings of a random plant do not change when hidden modes are added and all states are mixed."""
-    from icmj.theory.crossings import crossings
+    from icmj.theory.crossings import search
 
     rng = np.random.default_rng(8)
     for system in random_systems(41, 25):
@@ -214,7 +214,7 @@ def test_random_plants_beside_unseen_modes_in_mixed_states():
             mixing[1].T @ np.vstack([system.design.L, rng.normal(size=(h, system.actual.n_y))]),
         )
         whole = error_system(wide(system.actual, mixing[0]), design)
-        found, expected = crossings(whole, 2.0), crossings(system, 2.0)
+        found, expected = search(whole, 2.0).crossings, search(system, 2.0).crossings
         assert [(c.kind, c.direction) for c in found] == [(c.kind, c.direction) for c in expected]
         np.testing.assert_allclose([c.delta for c in found], [c.delta for c in expected], rtol=1e-6)
         assert sum(len(mode.rates) for mode in reduction(whole).modes) == 2 * h

@@ -12,7 +12,7 @@ from theory_cases import SHIPPED, random_systems, shipped
 from icmj.base.bernstein import maxima
 from icmj.controller.trigger import EventTrigger
 from icmj.errors import AnalysisError
-from icmj.theory.crossings import crossings
+from icmj.theory.crossings import search
 from icmj.theory.orbit import orbit
 from icmj.theory.prediction import critical_crossing
 
@@ -20,7 +20,7 @@ WITH_ORBIT = [c for c in SHIPPED if c != "exact"]
 
 
 def critical(system, end=4.0):
-    crossing, _ = critical_crossing(crossings(system, end))
+    crossing, _ = critical_crossing(search(system, end).crossings)
     assert crossing is not None
     return crossing.delta, int(crossing.kind)
 
@@ -137,7 +137,7 @@ def test_admissibility_agrees_with_a_fine_grid_for_any_semidefinite_weight():
     rng = np.random.default_rng(8)
     verdicts = []
     for system in random_systems(17, 160):
-        crossing, _ = critical_crossing(crossings(system, 2.0))
+        crossing, _ = critical_crossing(search(system, 2.0).crossings)
         if crossing is None:
             continue
         w = rng.normal(size=(1, system.n_hat))

@@ -7,7 +7,7 @@ import pytest
 from theory_cases import random_systems, shipped
 
 from icmj.controller.trigger import EventTrigger
-from icmj.theory.crossings import crossings
+from icmj.theory.crossings import search
 from icmj.theory.prediction import predict
 
 
@@ -20,7 +20,7 @@ def prediction(case, end):
     ("case", "end"), [("b=0.8", 1.5), ("b=1.2", 0.5), ("b=0.9 three-link", 0.7), ("zeta=0.1", 3.0)]
 )
 def test_a_crossing_just_beyond_the_range_is_found_by_a_quick_look(case, end):
-    found, whole = prediction(case, end), crossings(shipped(case), 4.0)[0]
+    found, whole = prediction(case, end), search(shipped(case), 4.0).crossings[0]
     assert (found.crossings, found.delta_crit, found.delta_max) == ((), None, end)
     assert found.beyond is not None
     assert found.beyond.delta == pytest.approx(whole.delta, rel=1e-10)
@@ -46,7 +46,7 @@ def test_nothing_lies_beyond_the_exact_model_and_nothing_is_looked_for_where_a_c
 def test_the_look_agrees_with_a_search_of_the_longer_range():
     agreed = 0
     for system in random_systems(71, 60):
-        whole = crossings(system, 1.2)
+        whole = search(system, 1.2).crossings
         if not whole or whole[0].delta < 0.31:
             continue
         found = predict(system, EventTrigger(np.eye(system.n_hat), 0.01), delta_max=0.3)

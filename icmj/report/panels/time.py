@@ -22,14 +22,8 @@ LEAST = 1e-16  # relative error that is drawn of what agrees to the last digit
 
 def _draw_outputs(case: CaseRuns) -> Figure:
     """(c) Outputs under the intermittent and the continuous controller against time, with events dotted."""
-    count = case.last.actual.n_y
-    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
-    for i, axes in enumerate(stack):
-        draw_output(axes, case, i)
-        axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
-    figure.align_ylabels(stack)
-    style.link("time", *stack)
-    style.legend(figure, stack[0])
+    figure = style.each_output(case.last.actual.n_y, lambda axes, i: draw_output(axes, case, i), "$t$ (s)")
+    style.link("time", *figure.axes)
     return figure
 
 
