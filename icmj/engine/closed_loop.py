@@ -19,7 +19,7 @@ from icmj.engine.callbacks import installed
 from icmj.engine.composition import compose, repack, standing
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
-from icmj.engine.model import state_names
+from icmj.engine.model import depart, state_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule, States, Status, phases_of, recording
 from icmj.engine.tableau import fastest_rate, is_stiff
@@ -112,14 +112,10 @@ class ComposedLoop:
 
     def place(self, data: mujoco.MjData, x: Array, a: Array, t: float = 0.0) -> None:
         """Set the plant's deviation from the operating point and the controller's state."""
-        point, nv, block = self.plant.linearisation.point, self.model.nv, self.block
-        x = self.plant.linearisation.ports.whole(x)
+        here = self.plant.linearisation
         data.time = t
-        data.qpos[:] = point.qpos
-        mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(x[:nv]), 1.0)
-        data.qvel[:] = point.qvel + x[nv : 2 * nv]
-        data.act[: block.act.start] = point.act + x[2 * nv :]
-        data.act[block.act] = a
+        depart(self.model, data, here.point, here.ports.whole(x))
+        data.act[self.block.act] = a
 
     @property
     def acting(self) -> Acting:

@@ -16,7 +16,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.engine.actuator import activation_rates, clamped, second_order_lag
 from icmj.engine.callbacks import installed
-from icmj.engine.plant import MujocoPlant
+from icmj.engine.plant import MujocoPlant, place
 from icmj.simulation.labels import loop_signals, plain_names
 
 if TYPE_CHECKING:
@@ -51,13 +51,8 @@ class Dynamics:
     def forward(self, x: Array, u: Array) -> None:
         """Run a forward pass at x and u, which leaves its results in ``data``."""
         model, data = self.model, self.data
-        point, ports = self.plant.linearisation.point, self.plant.linearisation.ports
-        whole, nv = ports.whole(np.asarray(x, float)), model.nv
-        data.qpos[:] = point.qpos
-        mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(whole[:nv]), 1.0)
-        data.qvel[:], data.act[:] = point.qvel + whole[nv : 2 * nv], clamped(model, point.act + whole[2 * nv :])
-        data.ctrl[:] = point.ctrl
-        data.ctrl[ports.actuators] += ports.b * u
+        place(self.plant, data, self.plant.linearisation.ports.whole(np.asarray(x, float)), u)
+        data.act[:] = clamped(model, data.act)
         with installed(act_dyn=second_order_lag) if self.lags else nullcontext():
             mujoco.mj_forward(model, data)
 

@@ -13,6 +13,7 @@ from icmj.engine.callbacks import installed
 from icmj.engine.model import (
     OperatingPoint,
     data_at,
+    depart,
     input_names,
     model_name,
     operating_point,
@@ -146,10 +147,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
 
     def evaluate(z: Array) -> Array:
         """d/dt of the state, and the sensors, at a departure of state and control."""
-        data.qpos[:] = point.qpos
-        mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
-        data.qvel[:] = point.qvel + z[nv : 2 * nv]
-        data.act[:] = point.act + z[2 * nv : n]
+        depart(model, data, point, z[:n])
         data.ctrl[:] = point.ctrl + z[n:]
         mujoco.mj_forward(model, data)
         return np.concatenate([data.qvel, data.qacc, activation_rates(model, data), data.sensordata])

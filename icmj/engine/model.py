@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.actuator import activate, muscles_of
@@ -97,6 +98,17 @@ def data_at(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjData:
     data.act[: len(point.act)], data.ctrl[: len(point.ctrl)] = point.act, point.ctrl
     data.mocap_pos[:], data.mocap_quat[:] = point.mpos, point.mquat
     return data
+
+
+def depart(
+    model: mujoco.MjModel, data: mujoco.MjData, point: OperatingPoint, z: Array, qpos: Array | None = None
+) -> None:
+    """Put ``data`` where positions, velocities and activations are z off an operating point, or at positions qpos."""
+    nv = len(point.qvel)
+    data.qpos[:] = point.qpos if qpos is None else qpos
+    if qpos is None:
+        mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
+    data.qvel[:], data.act[: len(point.act)] = point.qvel + z[nv : 2 * nv], point.act + z[2 * nv :]
 
 
 def compiled(spec: mujoco.MjSpec, point: OperatingPoint) -> mujoco.MjModel:

@@ -21,6 +21,7 @@ from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import (
     OperatingPoint,
     compiled,
+    depart,
     forget,
     input_names,
     load_spec,
@@ -204,6 +205,17 @@ def shaped(path: Path, person: Person) -> str:
     """
     with sound(path):
         return load_spec(path, person=person).to_xml()
+
+
+def place(plant: MujocoPlant, data: mujoco.MjData, x: Array, u: Array, qpos: Array | None = None) -> None:
+    """Put ``data`` at a state and commands, all states (:mod:`icmj.engine.ports`) as departures from the point at rest.
+
+    Positions are ``qpos`` instead, if given.
+    """
+    point, ports = plant.linearisation.point, plant.linearisation.ports
+    depart(plant.model, data, point, x, qpos)
+    data.ctrl[:] = point.ctrl
+    data.ctrl[ports.actuators] += ports.b * u
 
 
 def _told_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[OperatingPoint]:

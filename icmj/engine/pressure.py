@@ -18,7 +18,7 @@ from icmj.controller.law import Law
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import hushed, installed
 from icmj.engine.model import solved_to_the_end
-from icmj.engine.plant import MujocoPlant
+from icmj.engine.plant import MujocoPlant, place
 from icmj.engine.pushing import forces, on_bodies, places
 from icmj.errors import ModelError
 from icmj.simulation.pressure import Pressure
@@ -112,19 +112,11 @@ class _Ground:
         (:mod:`icmj.engine.pushing`) and their sizes, shape (N, K).
         """
         model, data = self.model, self.data
-        point, ports = self.plant.linearisation.point, self.plant.linearisation.ports
-        nv, states = model.nv, ports.whole(x)
+        states = self.plant.linearisation.ports.whole(x)
         centre, load = np.full((len(x), 2), np.nan), np.zeros((len(x), model.ngeom))
         with installed(act_dyn=second_order_lag), solved_to_the_end(model), hushed():
             for i, row in enumerate(states):
-                if qpos is not None and qpos.size:
-                    data.qpos[:] = qpos[i]
-                else:
-                    data.qpos[:] = point.qpos
-                    mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(row[:nv]), 1.0)
-                data.qvel[:], data.act[:] = point.qvel + row[nv : 2 * nv], point.act + row[2 * nv :]
-                data.ctrl[:] = point.ctrl
-                data.ctrl[ports.actuators] += ports.b * u[i]
+                place(self.plant, data, row, u[i], None if qpos is None or not qpos.size else qpos[i])
                 try:
                     if pushes is not None and len(pushes[0]):
                         mujoco.mj_fwdPosition(model, data)

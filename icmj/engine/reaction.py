@@ -16,7 +16,7 @@ from icmj.base.array import Array
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import hushed, installed
 from icmj.engine.model import solved_to_the_end
-from icmj.engine.plant import MujocoPlant
+from icmj.engine.plant import MujocoPlant, place
 from icmj.errors import ModelError
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
@@ -124,16 +124,10 @@ class _Ground:
     def forces(self, x: Array, u: Array, qpos: Array | None = None) -> tuple[Array, Array]:
         """Force (N, 3) and centre of pressure (N, 2) in states (N, n), or at positions (N, nq), under what acts."""
         model, data = self.model, self.data
-        point, ports, nv = self.plant.linearisation.point, self.plant.linearisation.ports, self.model.nv
         force, p = np.zeros((len(x), 3)), np.zeros((len(x), 2))
         with installed(act_dyn=second_order_lag), solved_to_the_end(model), hushed():
-            for i, row in enumerate(ports.whole(x)):
-                data.qpos[:] = qpos[i] if qpos is not None and qpos.size else point.qpos
-                if qpos is None or not qpos.size:
-                    mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(row[:nv]), 1.0)
-                data.qvel[:], data.act[:] = point.qvel + row[nv : 2 * nv], point.act + row[2 * nv :]
-                data.ctrl[:] = point.ctrl
-                data.ctrl[ports.actuators] += ports.b * u[i]
+            for i, row in enumerate(self.plant.linearisation.ports.whole(x)):
+                place(self.plant, data, row, u[i], None if qpos is None or not qpos.size else qpos[i])
                 mujoco.mj_forward(model, data)
                 mujoco.mj_rnePostConstraint(model, data)
                 force[i], p[i] = self._wrench()

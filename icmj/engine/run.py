@@ -121,13 +121,8 @@ def simulate_tapped(
     """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
 
     Args:
-        plant: the actual plant.
-        law: the controller.
-        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
-        x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
-        progress: called repeatedly with the completed fraction, 0–1.
-        error_estimate: measure the error by repeating the last seconds at half the timestep, or a hundredth of the
-            tolerance.
+        plant, law, settings, x0, progress: as ``plant``, ``controller`` … of :func:`icmj.engine.run.simulate`.
+        error_estimate: as there, repeating the last seconds.
 
     Returns:
         The run, as of :func:`icmj.engine.run.simulate`. Switches are events; there are no observer, no hold and no

@@ -19,6 +19,7 @@ from icmj.view.motion import output_rate
 from icmj.view.quantity import in_brackets, quantities, shared_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 RATE, FASTEST = 100.0, 10.0  # Hz: of the samples, and drawn
@@ -73,10 +74,9 @@ def _rival(run: Result | Tried) -> Rival | None:
 
 def spectra_figure(group: Sequence[Rival]) -> Figure:
     """Power spectrum of every output under each controller."""
-    first = group[0]
-    count = len(first.sway.coordinates)
-    figure, stack = style.new_figure(style.TALL if count > 1 else style.HEIGHT, count)
-    for i, axes in enumerate(stack):
+    coordinates = group[0].sway.coordinates
+
+    def draw(axes: Axes, i: int) -> None:
         largest = 0.0
         for n, rival in enumerate(group):
             found = rival.sway.spectrum
@@ -84,20 +84,18 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
             power = found.power[drawn, i]
             largest = max(largest, float(power.max(initial=0.0)))
             axes.loglog(found.frequency[drawn], power, color=COLOURS[n % len(COLOURS)], linewidth=1.2, label=str(n + 1))
-        c = first.sway.coordinates[i]
+        c = coordinates[i]
         axes.set_ylim(bottom=LOWEST * (largest or 1.0))
         axes.set_ylabel(f"{style.words(c.name)}{f' ({c.unit}²/Hz)' if c.unit else ''}")
-    stack[-1].set_xlabel("frequency (Hz)")
-    figure.align_ylabels(stack)
-    style.legend(figure, stack[0], 6)
-    return figure
+
+    return style.each_output(len(coordinates), draw, "frequency (Hz)", 6)
 
 
 def paths_figure(group: Sequence[Rival]) -> Figure:
     """Rate against value of every output under each controller, over the last seconds."""
     plant = group[0].run.actual
-    figure, stack = style.new_figure(style.TALL if plant.n_y > 1 else style.HEIGHT, plant.n_y)
-    for i, axes in enumerate(stack):
+
+    def draw(axes: Axes, i: int) -> None:
         shown = quantities(plant)[i]
         for n, rival in enumerate(group):
             simulation = rival.run.simulation
@@ -106,10 +104,8 @@ def paths_figure(group: Sequence[Rival]) -> Figure:
             y = shown.factor * simulation.y[late, i]
             axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=str(n + 1))
         axes.set_ylabel(shown.label(style.words(plant.outputs[i]), "/s"))
-    stack[-1].set_xlabel(quantities(plant)[-1].label("value"))
-    figure.align_ylabels(stack)
-    style.legend(figure, stack[0], 6)
-    return figure
+
+    return style.each_output(plant.n_y, draw, quantities(plant)[-1].label("value"), 6)
 
 
 def trial_figure(runs: Sequence[Tried]) -> Figure:

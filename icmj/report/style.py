@@ -142,14 +142,14 @@ def new_figure(
     return figure, axes
 
 
-def each_output(count: int, draw: Callable[[Axes, int], object], abscissa: str) -> Figure:
+def each_output(count: int, draw: Callable[[Axes, int], object], abscissa: str, columns: int = 4) -> Figure:
     """A figure with one axes for each output, one above the other, and one legend above them all."""
     figure, stack = new_figure(TALL if count > 1 else HEIGHT, count)
     for i, axes in enumerate(stack):
         draw(axes, i)
         axes.set_xlabel(abscissa if axes is stack[-1] else "")
     figure.align_ylabels(stack)
-    legend(figure, stack[0])
+    legend(figure, stack[0], columns)
     return figure
 
 
