@@ -7,7 +7,7 @@ exact (no round-off of x leaks into d), so that the interval can grow without bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,6 @@ from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
-from icmj.simulation.sources import Gridded
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,30 +101,14 @@ def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class Forcing:
-    """The exogenous input on z: K sinusoids a cos(ωt + φ), each in a window, in S signals.
+class Forcing(Disturbance):
+    """The exogenous input on z: a disturbance whose inputs are S signals, and whose terms are ordered by them.
 
     Attributes:
         D: what each signal does to ż, shape (m, S).
-        signal: which one a sinusoid belongs to, rising, shape (K,).
-        amplitude, omega, phase, start, end: of each; see :class:`icmj.simulation.disturbance.Disturbance`.
-        gaussian: Gaussian noises beside them, each with its signal.
     """
 
-    D: Array
-    signal: np.ndarray
-    amplitude: Array
-    omega: Array
-    phase: Array
-    start: Array
-    end: Array
-    gaussian: tuple[tuple[int, Gridded], ...] = ()
-
-    @property
-    def edges(self) -> Array:
-        """Times at which a term begins or ends to act, rising, positive and finite [s]."""
-        times = np.unique(np.concatenate([self.start, self.end, [noise.start for _, noise in self.gaussian]]))
-        return times[np.isfinite(times) & (times > 0)]
+    D: Array = field(kw_only=True)
 
 
 def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
@@ -150,4 +133,5 @@ def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pus
         np.concatenate([getattr(of, name) for of in acting])[order] for name in terms
     )
     gaussian = tuple((int(np.searchsorted(used, port)), noise) for port, noise in drawn)
-    return Forcing(np.ascontiguousarray(effects[:, used]), signal[order], amplitude, omega, phase, start, end, gaussian)
+    D = np.ascontiguousarray(effects[:, used])
+    return Forcing(len(used), signal[order], amplitude, omega, phase, start, end, gaussian, D=D)

@@ -47,7 +47,7 @@ class Response:
         )  # fmt: skip
         if not signals:
             return
-        self._waves = Waves(F.signal, F.amplitude, F.omega, F.phase, signals, _STRIDE * T.step)
+        self._waves = Waves(F.input, F.amplitude, F.omega, F.phase, signals, _STRIDE * T.step)
         self._to_steps = _interpolation(self._waves.count, T.powers)
         self._to_z = np.vstack([T.W[:m, m:], *T.R[1:]]).T
         self._known = min((T.coarse + 1) * signals, T.powers * signals)
@@ -86,7 +86,7 @@ class Response:
         if edge != self._edge:
             F, T = self._forcing, self._tables
             terms = np.abs(F.amplitude) * acting * (F.omega * T.step) ** np.arange(T.powers)[:, None]
-            self._size, self._edge = terms @ (F.signal[:, None] == np.arange(self._signals)), edge
+            self._size, self._edge = terms @ (F.input[:, None] == np.arange(self._signals)), edge
         return self._size
 
     def _room(self, name: str, *shape: int) -> Array:

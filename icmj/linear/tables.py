@@ -128,7 +128,7 @@ def _jumps(acting: Forcing) -> Array:
         return np.zeros((0, 0))
     jumps = np.zeros((len(acting.edges), len(acting.D)))
     at = np.searchsorted(acting.edges, acting.start[impulses])
-    np.add.at(jumps, at, (acting.D[:, acting.signal[impulses]] * acting.amplitude[impulses]).T)
+    np.add.at(jumps, at, (acting.D[:, acting.input[impulses]] * acting.amplitude[impulses]).T)
     return jumps
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.errors import ReportError
 from icmj.result.swept import Swept
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST = 20_000_000  # cells of a map
 
@@ -30,6 +34,19 @@ class Grid:
     def lay(self, values: Array) -> Array:
         """A column on the grid, NaN where no point is finished; shape (n, m)."""
         return np.where(self.row >= 0, np.append(values, np.nan)[self.row], np.nan)
+
+    @property
+    def cells(self) -> tuple[Array, Array]:
+        """Edges of the cells around x and y, shapes (m + 1,) and (n + 1,)."""
+        return edges(self.x, even(self.x)), edges(self.y, even(self.y))
+
+    def frame(self, axes: Axes, x: str, y: str) -> None:
+        """Fit limits, labels and scales of axes to the cells."""
+        (left, *_, right), (low, *_, high) = self.cells
+        axes.set(xlim=(left, right), ylim=(low, high), xlabel=label(x), ylabel=label(y))
+        for way, values in ((axes.set_xscale, self.x), (axes.set_yscale, self.y)):
+            if even(values):
+                way("log")
 
 
 def grid(swept: Swept, x: str, y: str) -> Grid:

@@ -11,7 +11,7 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import ReportError
 from icmj.report import style
-from icmj.report.maps.grid import Grid, edges, even, grid, label
+from icmj.report.maps.grid import Grid, edges, grid, label
 from icmj.result.swept import Swept
 
 if TYPE_CHECKING:
@@ -44,8 +44,7 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
     what = regions(swept, laid, plant)
     error = np.abs(laid.lay(swept.numbers(f"{plant}_error")))
     error[(what != "cycle")] = np.nan
-    logarithmic = even(laid.x), even(laid.y)
-    cells = edges(laid.x, logarithmic[0]), edges(laid.y, logarithmic[1])
+    cells = laid.cells
     with np.errstate(divide="ignore"):
         size = np.log10(np.where(error > 0, error, np.nan))
     axes.set_facecolor("white")
@@ -57,10 +56,7 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
             hatch(axes, cells, inside, pattern)
             handles.append(Patch(facecolor="white", edgecolor="#777777", hatch=pattern, linewidth=0.4, label=words))
     _contours(axes, laid, size)
-    axes.set(xlim=(cells[0][0], cells[0][-1]), ylim=(cells[1][0], cells[1][-1]), xlabel=label(x), ylabel=label(y))
-    for way, scaled in zip((axes.set_xscale, axes.set_yscale), logarithmic, strict=True):
-        if scaled:
-            way("log")
+    laid.frame(axes, x, y)
     if handles:
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False)
     return mesh
@@ -122,8 +118,7 @@ def draw_sway(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -
     fell = np.array([outcome in ("fell", "diverged") for outcome in swept.texts(f"{plant}_outcome")] + [False])[
         laid.row
     ]
-    logarithmic = even(laid.x), even(laid.y)
-    cells = edges(laid.x, logarithmic[0]), edges(laid.y, logarithmic[1])
+    cells = laid.cells
     axes.set_facecolor("white")
     with np.errstate(divide="ignore"):
         shown = np.log10(np.where((size > 0) & ~fell, size, np.nan))
@@ -135,10 +130,7 @@ def draw_sway(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -
     if (root > 0).any() and (root < 0).any():
         axes.contour(laid.x, laid.y, np.ma.masked_invalid(root), levels=[0.0], colors="#d55e00", linewidths=1.4)
         handles.append(Line2D([], [], color="#d55e00", linewidth=1.4, label="limit of stability, feedback always on"))
-    for way, scaled in zip((axes.set_xscale, axes.set_yscale), logarithmic, strict=True):
-        if scaled:
-            way("log")
-    axes.set(xlim=(cells[0][0], cells[0][-1]), ylim=(cells[1][0], cells[1][-1]), xlabel=label(x), ylabel=label(y))
+    laid.frame(axes, x, y)
     if handles:
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False)
     return mesh
