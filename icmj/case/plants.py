@@ -85,7 +85,7 @@ def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
     actual = load(selection)
     _check_ports(run, assumed.linearisation.plant, actual.linearisation.plant)
     if selection.states is None and not selection.drop:
-        dropped = set(_idle(actual.linearisation.plant, _left_out(run, assumed)))
+        dropped = set(_idle(actual.linearisation.plant, _left_out(assumed)))
         if dropped:
             actual = load(replace(selection, drop=tuple(dropped)))
     return actual
@@ -128,7 +128,7 @@ def _outputs(run: RunFile, assumed: AnyPlant) -> tuple[str, ...]:
     return tuple(name.removesuffix("_position") if name not in joints else name for name in outputs)
 
 
-def _left_out(run: RunFile, assumed: AnyPlant) -> list[str]:
+def _left_out(assumed: AnyPlant) -> list[str]:
     """States that the assumed model has and the assumed plant has not."""
     kept = assumed.linearisation.plant.states
     return [name for name in assumed.states if name not in kept]

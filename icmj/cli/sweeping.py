@@ -40,7 +40,7 @@ def carry_out(command: Sweep, out: Terminal, err: Terminal) -> None:
         except BaseException:
             _left(plan, folder, err)
             raise
-    _show(plan, folder, done, out)
+    _show(folder, done, out)
 
 
 def _cost(plan: Plan, out: Terminal) -> None:
@@ -61,7 +61,7 @@ def _left(plan: Plan, folder: Path, err: Terminal) -> None:
         err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on", wrap=False)
 
 
-def _show(plan: Plan, folder: Path, done: Progress, out: Terminal) -> None:
+def _show(folder: Path, done: Progress, out: Terminal) -> None:
     from icmj.sweeps.dataset import statuses
 
     found: Counter[str] = statuses(folder)

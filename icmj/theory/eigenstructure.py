@@ -58,13 +58,13 @@ def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
         V_inv = np.linalg.inv(V)
         diagonal = True
     else:
-        V_inv = _complement(phi, sign, v).astype(complex)
+        V_inv = _complement(phi, v).astype(complex)
         diagonal = False
     V_inv[0] = critical
     return Eigenstructure(V_inv, condition, diagonal)
 
 
-def _complement(phi: Array, sign: int, v: Array) -> Array:
+def _complement(phi: Array, v: Array) -> Array:
     """Orthonormal rows with v first, the others those of a real Schur form of φ on what is left."""
     from scipy.linalg import schur
 

@@ -80,7 +80,7 @@ def check(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         )
 
 
-def _layout(fields: Any, prefix: str = "") -> tuple[dict[str, int], int, int]:
+def _layout(fields: Any) -> tuple[dict[str, int], int, int]:
     """(offsets, size, alignment) of a struct's fields; stops at the first field of unknown size, with size −1."""
     found: dict[str, int] = {}
     at, alignment = 0, 1
