@@ -8,9 +8,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from icmj.log.chart import GROWTH, LAW, charts
+from icmj.log.chart import GROWTH, LAW, WIDE, charts
 from icmj.log.figure import eye
-from icmj.log.phase import WIDE
 from icmj.log.sink import TIMELINE
 from icmj.result.result import Result
 from icmj.result.tried import Tried

@@ -20,9 +20,8 @@ from icmj.comparison.comparison import compare
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary, tried
 from icmj.log.blueprint import blueprint
-from icmj.log.chart import write_charts
+from icmj.log.chart import write_charts, write_phase_plane
 from icmj.log.figure import write_figures
-from icmj.log.phase import write_phase_plane
 from icmj.log.sink import in_memory, time_column
 from icmj.result.result import Result
 from icmj.result.tried import Tried
