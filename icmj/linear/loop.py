@@ -7,7 +7,7 @@ exact (no round-off of x leaks into d), so that the interval can grow without bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -100,7 +100,7 @@ def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
     return LinearLoop(compose(plant, controller, CHAIN))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Forcing(Disturbance):
     """The exogenous input on z: a disturbance whose inputs are S signals, and whose terms are ordered by them.
 
@@ -108,7 +108,7 @@ class Forcing(Disturbance):
         D: what each signal does to ż, shape (m, S).
     """
 
-    D: Array = field(kw_only=True)
+    D: Array
 
 
 def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
