@@ -163,39 +163,37 @@ def test_the_engine_s_own_step_tends_to_the_exponential_of_the_linearisation(pac
     assert np.abs(whole).max() < 10 * h * np.abs(A @ A).max() + 2e-5 * size
 
 
-POSE = """
+POSES = """
 import importlib.util
 from pathlib import Path
 from icmj.case.plants import assumed_plant
 from icmj.runfile.reading import parse_run
-file = Path(importlib.util.find_spec({package!r}).origin).parent / {folder!r} / "run.toml"
-text = '''case = {{ name = "foreign", title = "A model of others" }}
-assumed = {{ model = "{name}", outputs = "joints" }}
-controller = {{ q_t = 1e-4 }}
-simulation = {{ timestep = 0.001 }}'''
-plant = assumed_plant(parse_run(text, file))
-print(*plant.quality.merits, *plant.linearisation.plant.states)
-print(*plant.linearisation.point.qpos)
+for package, folder, name in {models!r}:
+    file = Path(importlib.util.find_spec(package).origin).parent / folder / "run.toml"
+    text = f'''case = {{{{ name = "foreign", title = "A model of others" }}}}
+assumed = {{{{ model = "{{name}}", outputs = "joints" }}}}
+controller = {{{{ q_t = 1e-4 }}}}
+simulation = {{{{ timestep = 0.001 }}}}'''
+    plant = assumed_plant(parse_run(text, file))
+    print(*plant.quality.merits, *plant.linearisation.plant.states)
+    print(*plant.linearisation.point.qpos)
 """
-FOUND = [
-    ("gymnasium", "walker2d_v5.xml"),
-    ("gymnasium", "hopper.xml"),
-    ("dm_control", "walker.xml"),
-    ("gymnasium", "humanoid.xml"),
-    ("dm_control", "humanoid.xml"),
-]
+WALKERS = [("gymnasium", "walker2d_v5.xml"), ("gymnasium", "hopper.xml"), ("dm_control", "walker.xml")]
+HUMANOIDS = [("gymnasium", "humanoid.xml"), ("dm_control", "humanoid.xml")]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("package", "name"), FOUND)
-def test_the_pose_found_is_the_same_whatever_the_processor_and_its_threads(package, name):
+@pytest.mark.parametrize("models", [WALKERS, HUMANOIDS], ids=["walkers", "humanoids"])
+def test_the_poses_found_are_the_same_whatever_the_processor_and_its_threads(models):
     """To rounding times what stiff contacts make of it; before, the last bit decided between poses."""
-    pytest.importorskip(package)
-    program = POSE.format(package=package, folder=FOLDERS[package], name=name)
-    known = kernels() if "humanoid" not in name else (kernels()[0], kernels()[-1])  # each search takes its time
+    there = [(package, FOLDERS[package], name) for package, name in models if importlib.util.find_spec(package)]
+    known = kernels() if models is WALKERS else (kernels()[0], kernels()[-1])  # each search takes its time
     ways = [(kernel, 1) for kernel in known] + [(known[-1], 2)]
-    (verdict, pose), *others = (computed(program, *way).splitlines() for way in ways)
-    assert verdict.startswith("True True True True True ")
-    for said, other in others:
-        assert said == verdict
-        np.testing.assert_allclose(np.array(other.split(), float), np.array(pose.split(), float), atol=1e-5)
+    first, *others = (computed(POSES.format(models=there), *way).splitlines() for way in ways)
+    assert len(first) == 2 * len(there) > 0
+    for verdict in first[::2]:
+        assert verdict.startswith("True True True True True ")
+    for other in others:
+        assert other[::2] == first[::2]
+        for pose, expected in zip(other[1::2], first[1::2], strict=True):
+            np.testing.assert_allclose(np.array(pose.split(), float), np.array(expected.split(), float), atol=1e-5)
