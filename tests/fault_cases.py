@@ -90,14 +90,16 @@ def says(process: subprocess.Popen[str], words: str) -> None:
 
 
 def end(process: subprocess.Popen[str], signum: int, after: float) -> End:
-    """Signal a process ``after`` so many seconds from when it can take one, as a terminal would signal Ctrl-C."""
+    """Signal a process ``after`` so many seconds from when it can take one, as a terminal would signal Ctrl-C.
+
+    One that has ended by then is not waited for.
+    """
     _handles_signals(process)
-    time.sleep(after)
-    session = process.pid
-    if signum == signal.SIGINT:
-        os.killpg(session, signum)
-    else:
-        process.send_signal(signum)
+    session, due = process.pid, time.monotonic() + after
+    while process.poll() is None and (left := due - time.monotonic()) > 0:
+        time.sleep(min(left, 0.02))
+    if process.poll() is None:
+        (os.killpg if signum == signal.SIGINT else os.kill)(session, signum)
     begin = time.monotonic()
     try:
         out, err = process.communicate(timeout=60)  # until every holder of the streams is gone
