@@ -358,6 +358,10 @@ def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]
         found |= {"size": abs(found["size"]) or 0.1, "seed": rng.choice((0, 1, 2**63 - 1))}
         keys = {"corner": lambda: positive(rng, 1.0, 0.1), "interval": lambda: positive(rng, 0.01, duration / 100)}
         found |= _some(rng, 0.5, keys)
+        if (on_input and rng.random() < 0.5) or rng.random() < 0.05:
+            found |= {"share": positive(rng, 0.1, 1.0, 1e6)}
+            if rng.random() < 0.9:
+                del found["size"]
     return found
 
 

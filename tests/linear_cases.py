@@ -127,11 +127,14 @@ def ivp_events(plant, controller, duration, x, x_o, torque=None, max_step=0.02, 
     return np.array(times), np.array(states)
 
 
-def ivp_run(plant, controller, duration, x, x_o, x_h=None, *, torque=None, reading=None, max_step=0.02):
+def ivp_run(
+    plant, controller, duration, x, x_o, x_h=None, *, torque=None, reading=None, share=None, bends=(), max_step=0.02
+):
     """A run by SciPy's DOP853, restarted wherever something is due, straight from the words of the paper.
 
     An event is taken up at once, or with a delay acts later by a prediction: the model, run by the matrix exponential
-    through the resets that are still to come. Returns event times, (x, x_o, x_h) just before each, and the last state.
+    through the resets that are still to come. Noise is ``share`` times the command, bent at times ``bends``.
+    Returns event times, (x, x_o, x_h) just before each, and the last state.
     """
     M, trigger, delay = loop_matrix(plant, controller), controller.trigger, controller.delay
     n, m, d = plant.n, controller.design.plant.n, controller.design
@@ -143,6 +146,7 @@ def ivp_run(plant, controller, duration, x, x_o, x_h=None, *, torque=None, readi
     def rhs(t, z):
         rate = M @ z
         rate = rate if torque is None else rate + drive @ torque(t)
+        rate = rate if share is None else rate - drive @ (share(t) * (d.k @ z[n + m :]))
         return rate if reading is None else rate + heard @ reading(t)
 
     def E(t, z):
@@ -171,7 +175,8 @@ def ivp_run(plant, controller, duration, x, x_o, x_h=None, *, torque=None, readi
     while t < duration - 1e-12:
         clock = tick * trigger.clock
         act = under_way[0][0] if under_way else np.inf
-        stop = min(duration, clock, act, np.inf if t >= ready - 1e-12 or not len(faces) else ready)
+        bend = min((at for at in bends if at > t + 1e-12), default=np.inf)
+        stop = min(duration, clock, act, bend, np.inf if t >= ready - 1e-12 or not len(faces) else ready)
         fired = bool(len(faces)) and t >= ready - 1e-12 and E(t, z) >= 0
         if not fired and stop > t + 1e-13:
             watched = {"events": E} if len(faces) and t >= ready - 1e-12 else {}

@@ -24,6 +24,7 @@ from icmj.errors import RunFileError, SimulationError, named
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
+from icmj.simulation.disturbance import expect_held
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots
@@ -60,6 +61,7 @@ def prepare_trial(run: RunFile) -> Trial:
         RunFileError: if the controller of the run file is intermittent, or the run file names something that its
             models do not have.
         ModelError, AnalysisError: if a plant or the controller fails.
+        SimulationError: if a disturbance needs another controller.
     """
     run.rival  # noqa: B018, nothing is loaded for the intermittent one
     run = run.drawn()
@@ -68,8 +70,8 @@ def prepare_trial(run: RunFile) -> Trial:
     check_names(run, assumed.linearisation.plant, actual)
     told = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     with named(run.path):
-        law = rival(run, assumed.linearisation.plant)
-    settings = run.simulation.settings()
+        law, settings = rival(run, assumed.linearisation.plant), run.simulation.settings()
+        expect_held(law, settings)
     return Trial(run, assumed, actual, law, settings, (*told, *slow_noise(settings)))
 
 

@@ -158,9 +158,13 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
     return np.asarray(realise(controller).J @ a)
 
 
-def continuous_limit(controller: Controller) -> Trigger:
-    """The trigger of continuous control, used for comparison; with a delay, a clock of a twentieth of it."""
-    return ClockTrigger(controller.delay.t_d / 20) if controller.delay else Continuous()
+def continuous_limit(controller: Controller, clock: float = 0.0) -> Trigger:
+    """The trigger of continuous control, used for comparison; with a delay, a clock of a twentieth of it.
+
+    ``clock`` is the interval of one [s] where there must be a hold; 0 elsewhere.
+    """
+    clock = controller.delay.t_d / 20 or clock
+    return ClockTrigger(clock) if clock else Continuous()
 
 
 def realise(controller: Controller) -> Realisation:

@@ -42,7 +42,7 @@ from icmj.simulation.disturbance import Disturbance
 from icmj.simulation.sources import Gridded
 
 MAGIC = 20170508228.0
-VERSION = 8.0
+VERSION = 9.0
 
 
 class Slot(IntEnum):
@@ -78,7 +78,7 @@ class Slot(IntEnum):
     AT_PUSHES = 27
     SIZES = 28  # terms of how large it is there
     AT_SIZES = 29
-    SIGNALS = 30  # sums of the terms that act in one place at one time: first beside commands, then errors, then sizes
+    SIGNALS = 30  # sums of the terms that act in one place at one time: beside commands, errors, sizes, shares
     AT_SIGNALS = 31
     COMMANDED = 32  # of the signals, those that act beside commands
     READ = 33  # those that are errors of outputs
@@ -92,9 +92,10 @@ class Slot(IntEnum):
     N_V = 41  # readings of the controller: the outputs, then signals that it is given
     VALUES = 42  # of Gaussian noises
     AT_VALUES = 43
+    SHARES = 44  # of the signals, the last, whose size is a share of a command
 
 
-HEADER = 44
+HEADER = 45
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -126,7 +127,7 @@ class Block:
     """The controller in a model: writable views of the data of its numeric.
 
     Attributes:
-        header: by :class:`Slot`, shape (44,).
+        header: by :class:`Slot`, shape (45,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_v); y − y_0 is zero beyond the n_y outputs.
         K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
@@ -192,7 +193,7 @@ def pack(
     act: int,
     stage: int,
     powers: int = 0,
-    drawn: Sequence[Sequence[tuple[int, float, Gridded]]] = ((), (), ()),
+    drawn: Sequence[Sequence[tuple[int, float, Gridded]]] = ((), (), (), ()),
     duration: float = 0.0,
 ) -> Array:
     """The numeric's data.
@@ -207,11 +208,13 @@ def pack(
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
         powers: coefficients of a command that is known ahead.
-        drawn: Gaussian noises beside commands, of outputs, and of how large pushes are: place, factor and noise.
+        drawn: Gaussian noises beside commands, of outputs, of how large pushes are, and those whose size is a share of
+            a command: place, factor and noise.
         duration: of the run, for which they are drawn [s].
     """
     tables = [sorted_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
     signals = [signals_of(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
+    signals.append(signals_of(tables[0][:0], 0))
     values = [np.zeros(0)]
     for i, noises in enumerate(drawn):
         rows, found = drawn_of(noises, sum(map(len, values)), duration)
@@ -241,6 +244,7 @@ def pack(
     header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(tables[0]), len(tables[1])
     header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(tables[2]), len(waves)
     header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
+    header[Slot.SHARES] = len(signals[3])
     header[[Slot.POWERS, Slot.UNIT, Slot.VALUES]] = powers, 1.0, len(parts["values"])
     at = HEADER
     for slot, name, _ in PARTS:

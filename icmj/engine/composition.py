@@ -173,6 +173,7 @@ def _packed(
         [(int(ports.actuators[i]), float(ports.b[i]), noise) for i, noise in disturbance.gaussian],
         [(int(entries[i]), 1 / float(g[i]), noise) for i, noise in errors.gaussian],
         [(i, 1.0, noise) for i, noise in pushes.size.gaussian],
+        [(int(ports.actuators[i]), 1.0, noise) for i, noise in disturbance.shares],
     )
     return pack(
         scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, powers, drawn, duration

@@ -40,7 +40,7 @@ def applied(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array)
         u: commands, shape (N, n_u).
     """
     model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
-    wanted = u + disturbance(rows[:, 0])
+    wanted = u + disturbance.beside(rows[:, 0], u)
     if not limited(model):
         return wanted, np.zeros(wanted.shape, dtype=bool)
     ctrl = np.tile(point.ctrl, (len(rows), 1))

@@ -3,11 +3,16 @@
 d = x_o − T̂x is the observer's error and e = x_h − x_o the hold error; p are predictions under way. With e as a state
 the reset x_h := x_o is e := 0, and E = eᵀQ_t e − q_t² is free of cancellation; with d as a state an exact model stays
 exact (no round-off of x leaks into d), so that the interval can grow without bound as it should.
+
+Noise d = ξ(t) u whose size is a share of the command u = −k̂ x_h is exact, too, because the hold moves by itself and ξ
+is straight between the points of its grid: p = ξ x_h and q = ξ' x_h, the *products*, follow ṗ = A_h p + q and q̇ = A_h q
+from values that are set anew at every point and after every jump of the hold. They are states of the loop.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +20,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
 from icmj.controller.controller import Controller
+from icmj.controller.layout import Layout
 from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
@@ -26,7 +32,8 @@ class LinearLoop:
     """A composed loop, with views of its state; Z holds the moving part z = (x, d, e) of w in its last axis.
 
     Attributes:
-        composed: in the coordinates of :data:`icmj.controller.closed_loop.CHAIN`.
+        composed: in the coordinates of :data:`icmj.controller.closed_loop.CHAIN`, with the products of noises and
+            hold, p and q of the first and so on, as a segment ``products`` if there are any.
     """
 
     composed: ClosedLoop
@@ -59,7 +66,18 @@ class LinearLoop:
 
     def state(self, x: Array, a: Array) -> Array:
         """w from the states of plant and controller."""
-        return self.composed.coordinates.of_states(np.concatenate([x, a]))
+        states = np.concatenate([x, a])
+        if "products" in self.composed.layout.names:  # they are set where the motion goes on
+            there = self.composed.layout["products"]
+            states = np.insert(states, there.start, np.zeros(there.stop - there.start))
+        return self.composed.coordinates.of_states(states)
+
+    @property
+    def held(self) -> Array:
+        """x_h from z, shape (n̂, m)."""
+        there = self.composed.layout["x_h"]
+        rows = np.eye(self.composed.layout.size)[there]
+        return np.ascontiguousarray(self.composed.coordinates.on_w(rows)[:, : self.moving])
 
     def x(self, Z: Array) -> Array:
         """Plant state, last axis; any leading shape."""
@@ -85,8 +103,10 @@ def positions_of(plant: LinearPlant) -> np.ndarray:
     return np.array([i for i in moving if f"{states[i]}_rate" in states] or moving, dtype=int)
 
 
-def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
+def linear_loop(plant: LinearPlant, controller: Controller, shares: Sequence[int] = ()) -> LinearLoop:
     """The closed loop of ``plant`` under ``controller``; their orders may differ.
+
+    ``shares`` are the inputs of noises whose size is a share of the command.
 
     Raises:
         SimulationError: if inputs or outputs of plant and assumed plant differ in number.
@@ -97,7 +117,33 @@ def linear_loop(plant: LinearPlant, controller: Controller) -> LinearLoop:
             f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
             f"{assumed.n_u} and {assumed.n_y}; they must agree"
         )
-    return LinearLoop(compose(plant, controller, CHAIN))
+    composed = compose(plant, controller, CHAIN)
+    return LinearLoop(_with_products(composed, shares) if len(shares) else composed)
+
+
+def _with_products(loop: ClosedLoop, shares: Sequence[int]) -> ClosedLoop:
+    """The loop with the products of these noises, each on the input of this number, behind the moving part."""
+    design, hold = loop.controller.model
+    n, layout = len(hold.A_h), loop.layout
+    first = layout["pending"].start if "pending" in layout.names else layout.size
+    more, place = 2 * n * len(shares), layout.names.index("pending") if "pending" in layout.names else len(layout.names)
+    at = np.r_[:first, first + more : layout.size + more]  # of what has been there before
+    names, sizes = ((*of[:place], new, *of[place:]) for of, new in ((layout.names, "products"), (layout.sizes, more)))
+    square = np.ix_(at, at)
+    F, J, G = np.zeros((layout.size + more,) * 2), np.eye(layout.size + more), np.eye(layout.size + more)
+    F[square], J[square], G[square] = loop.F, loop.J, loop.G
+    D, E = np.zeros((len(F), loop.D.shape[1])), np.zeros((len(F), loop.E.shape[1]))
+    D[at], E[at] = loop.D, loop.E
+    K, R = np.zeros((len(loop.K), len(F))), np.zeros((len(loop.R), len(F)))
+    K[:, at], R[:, at] = loop.K, loop.R
+    for number, index in enumerate(shares):
+        p = slice(first + 2 * n * number, first + 2 * n * number + n)
+        q = slice(p.stop, p.stop + n)
+        F[:, p] = -np.outer(D[:, index], design.k[index])
+        F[p, p] = F[q, q] = hold.A_h
+        F[p, q] = np.eye(n)
+    coordinates = replace(loop.coordinates, layout=Layout(names, sizes))
+    return replace(loop, coordinates=coordinates, F=F, D=D, E=E, K=K, J=J, G=G, R=R)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

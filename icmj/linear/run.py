@@ -67,6 +67,7 @@ def simulate(
         loop.x(found.Z),
         *(kept(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
     )
+    beside = simulator.disturbance
     return Simulation(
         plant="linear",
         control=controller.trigger.kind,
@@ -85,7 +86,7 @@ def simulate(
             y_max=found.y_max,
             y_min=found.y_min,
         ),
-        applied=rows.u + simulator.disturbance(found.t) if len(simulator.disturbance) else np.zeros((0, 0)),
+        applied=rows.u + beside.beside(found.t, rows.u) if len(beside) else np.zeros((0, 0)),
         outcome=outcome,
         precision={
             "integrator": "matrix exponential",

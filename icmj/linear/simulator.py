@@ -69,12 +69,13 @@ class Simulator:
         from icmj.linear.native.simulator import simulator
 
         self._simulate, self._call = simulator(), called
-        self.loop = loop = linear_loop(plant, controller)
         self.disturbance, _, self.pushes = parts = acting_on(plant, settings, controller)
+        shares = self.disturbance.shares
+        self.loop = loop = linear_loop(plant, controller, [index for index, _ in shares])
         acting = forcing(loop, *parts)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
         self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
-        self.tables = T = tables(loop, acting, self.duration, self.limits, interval)
+        self.tables = T = tables(loop, acting, self.duration, self.limits, interval, [of for _, of in shares])
         self._response = Response(T, acting)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
@@ -107,6 +108,7 @@ class Simulator:
         run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
         counts[:] = 0
         counts[Count.NEXT], counts[Count.AGE], counts[[Count.CELL, Count.ENDED]] = 1, FRESH, -1
+        counts[Count.STRETCH] = np.searchsorted(T.points, t, side="right")
         if np.isfinite(clock):
             counts[Count.TICK] = int(np.floor(t / clock * (1 + 1e-12))) + 1
             counts[Count.ACTED] = counts[Count.TICK] - 1

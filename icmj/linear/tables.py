@@ -10,6 +10,7 @@ its control points, and a bound of the rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
 from math import comb, factorial
@@ -21,6 +22,8 @@ from icmj.base.bernstein import economised, from_powers
 from icmj.linear.exponential import exponential
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.state import Tables
+from icmj.simulation.gaussian import lines
+from icmj.simulation.sources import Gaussian
 from icmj.simulation.waves import enough
 
 _LONGEST_STEP = 1e3  # s
@@ -37,7 +40,14 @@ _EIGHTHS = 8
 _HARDLY = 1.25
 
 
-def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, interval: float) -> Tables:
+def tables(
+    loop: LinearLoop,
+    acting: Forcing,
+    duration: float,
+    limits: Array,
+    interval: float,
+    shares: Sequence[Gaussian] = (),
+) -> Tables:
     """All precomputed matrices of a run.
 
     Args:
@@ -46,15 +56,18 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         duration: of the run [s].
         limits: the run has fallen when a position departs further than its own; infinite where it has none.
         interval: between two recorded rows [s]; infinite if none are asked for.
+        shares: noises whose size is a share of the command, in the order of the loop's products.
     """
     M, m, controller = loop.M, loop.moving, loop.controller
     fastest, signals = float(acting.omega.max(initial=0.0)), acting.D.shape[1]
     h = _step(M, fastest)
     if signals:
         h = _round(h)
-    grid = min((noise.interval for _, noise in acting.gaussian), default=np.inf)
-    if np.isfinite(grid):  # straight lines bend where steps end
-        h = grid / np.ceil(grid / h * (1 - 1e-9))
+    drawn = [noise for _, noise in acting.gaussian]
+    bends = min((noise.interval for noise in (*drawn, *shares)), default=np.inf)
+    if np.isfinite(bends):  # straight lines bend where steps end
+        h = bends / np.ceil(bends / h * (1 - 1e-9))
+    grid = min((noise.interval for noise in drawn), default=np.inf)
     G, D = M * h, acting.D * h
 
     faces, limited = loop.composed.R[:, :m], np.flatnonzero(np.isfinite(limits))
@@ -118,7 +131,16 @@ def tables(loop: LinearLoop, acting: Forcing, duration: float, limits: Array, in
         cuts=loop.composed.cuts.astype(np.int64),
         edges=np.append(acting.edges, np.inf),
         jumps=_jumps(acting),
+        **_products(loop, shares, duration),
     )
+
+
+def _products(loop: LinearLoop, shares: Sequence[Gaussian], duration: float) -> dict[str, Array]:
+    """The parts of the tables that set products; no lines without any."""
+    if not shares:
+        return {"H": np.zeros((0, 0)), "points": np.zeros(0), "begins": np.zeros(0), "lines": np.zeros((0, 0, 2))}
+    points, found = lines(shares, duration)
+    return {"H": loop.held, "points": points, "begins": np.append(0.0, points[:-1]), "lines": found}
 
 
 def _jumps(acting: Forcing) -> Array:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from icmj.errors import RunFileError
+from icmj.errors import RunFileError, SimulationError
 from icmj.runfile.messages import short
 from icmj.runfile.periodic_tables import SinesTable, TernaryTable
 from icmj.runfile.place_table import PlaceTable
@@ -116,6 +116,10 @@ class GaussianTable(PlaceTable):
     """Kind of the disturbance."""
     size: Positive | None = None
     """Standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1)."""
+    share: Positive | None = None
+    """Instead of ``size``, for an ``input``: standard deviation as a share of the controller's command to it, as in
+    signal-dependent motor noise. The noise is this share times the command times noise of variance one. Needs a
+    controller whose command follows from a hold between events."""
     corner: Positive | None = None
     """Frequency at which a low-pass spectrum has fallen to half [Hz]. By default, the noise is white."""
     interval: Positive = GRID
@@ -131,7 +135,10 @@ class GaussianTable(PlaceTable):
     def source(self) -> Source:
         """The source that it stands for."""
         keys = ("input", "output", "corner", "interval", "seed", "start")
-        return Gaussian(size=self.sized(self.size), **{key: getattr(self, key) for key in keys}, **self.placed)
+        if self.share is not None and self.size is not None:
+            raise SimulationError("gaussian noise: give size or share, not both")
+        how: dict[str, Any] = {"share": self.share} if self.share else {"size": self.sized(self.size)}
+        return Gaussian(**how, **{key: getattr(self, key) for key in keys}, **self.placed)
 
 
 class BiasTable(TomlTable):

@@ -10,7 +10,7 @@ timestep nor on the integrator, and a linear simulation can integrate it exactly
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.simulation.gaussian import at_times
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Gridded, Impulse, Noise, Placed, Sinusoids, Source
+from icmj.simulation.sources import Bias, Gaussian, Gridded, Impulse, Noise, Placed, Sinusoids, Source
 from icmj.simulation.waves import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
@@ -49,6 +49,7 @@ class Disturbance:
         phase: φ [rad], shape (M,).
         start, end: window [s], shape (M,); ``end`` may be infinite.
         gaussian: Gaussian noises and sampled disturbances beside the terms, each with the index of its input.
+        shares: noises whose size is a share of the command, in the same form.
     """
 
     n_u: int
@@ -59,22 +60,34 @@ class Disturbance:
     start: Array
     end: Array
     gaussian: tuple[tuple[int, Gridded], ...] = ()
+    shares: tuple[tuple[int, Gaussian], ...] = ()
 
     def __len__(self) -> int:
-        return len(self.input) + len(self.gaussian)
+        return len(self.input) + len(self.gaussian) + len(self.shares)
 
     @property
     def edges(self) -> Array:
         """Times at which d(t) may jump, rising, positive and finite; a fixed-step integrator must land on them."""
-        times = np.unique(np.concatenate([self.start, self.end, [noise.start for _, noise in self.gaussian]]))
+        drawn = [noise.start for _, noise in (*self.gaussian, *self.shares)]
+        times = np.unique(np.concatenate([self.start, self.end, drawn]))
         return times[np.isfinite(times) & (times > 0)]
 
     def __call__(self, t: ArrayLike) -> Array:
-        """d(t), shape (..., n_u) for ``t`` of shape (...); at an edge the value from there on."""
+        """d(t), shape (..., n_u) for ``t`` of shape (...); at an edge the value from there on.
+
+        Noises whose size is a share of the command are left out; :meth:`beside` has them.
+        """
         t = np.asarray(t, dtype=float)
         found = self._of_terms(t)
         for index, noise in self.gaussian:
             found[..., index] += at_times(noise, t)
+        return found
+
+    def beside(self, t: Array, u: Array) -> Array:
+        """All of d(t) beside the commands ``u`` at these times, shapes (N,), (N, n_u) → (N, n_u)."""
+        found = self(t)
+        for index, noise in self.shares:
+            found[:, index] += at_times(noise, t) * u[:, index]
         return found
 
     def _of_terms(self, t: Array) -> Array:
@@ -151,7 +164,8 @@ class Acting(NamedTuple):
     @property
     def gaussian(self) -> tuple[Gridded, ...]:
         """All Gaussian noises and sampled disturbances."""
-        return tuple(noise for of in (self.disturbance, self.errors, self.pushes.size) for _, noise in of.gaussian)
+        parts = self.disturbance, self.errors, self.pushes.size
+        return tuple(noise for of in parts for _, noise in (*of.gaussian, *of.shares))
 
     @property
     def omega(self) -> Array:
@@ -163,9 +177,12 @@ def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = N
     """The exogenous inputs that the settings define, for a plant with these inputs and outputs.
 
     Raises:
-        SimulationError: if a source names an input or output that the plant does not have.
+        SimulationError: if a source names an input or output that the plant does not have, or is a share of commands
+            that the controller does not hold (:func:`expect_held`).
     """
     sources = settings.disturbance
+    if controller is not None:
+        expect_held(controller, settings)
     errors = reading_error_of(sources, plant.outputs)
     if controller is not None and len(signals := controller.realisation.signals):
         known = [errors.input, errors.amplitude, errors.omega, errors.phase, errors.start, errors.end]
@@ -173,6 +190,20 @@ def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = N
         terms = np.vstack([np.column_stack(known), own])
         errors = _from_terms(controller.realisation.N.shape[1], terms, errors.gaussian)
     return Acting(disturbance_of(sources, plant.inputs), errors, pushes_of(settings))
+
+
+def expect_held(law: Law, settings: Settings) -> None:
+    """Refuse noise whose size is a share of the command, if the command does not follow from a hold between events.
+
+    Raises:
+        SimulationError: if there is such noise and the command depends on what the controller reads.
+    """
+    real, shares = law.realisation, [of.share for of in settings.disturbance if isinstance(of, Gaussian) and of.share]
+    if shares and (real.tapped or real.N[real.K.any(axis=0)].any()):
+        raise SimulationError(
+            f"gaussian noise with share = {shares[0]:g} needs commands that follow from a hold between events, not "
+            f"from readings as under a {law.kind} controller; give size instead of share, or an event or clock trigger"
+        )
 
 
 def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
@@ -240,7 +271,9 @@ def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], wha
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
         terms += [(names.index(name), *term) for term in terms_of(source)]
         gaussian += [(names.index(name), source)] if isinstance(source, Gridded) else []
-    return _from_terms(len(names), terms, gaussian)
+    shares = tuple((at, noise) for at, noise in gaussian if isinstance(noise, Gaussian) and noise.share)
+    alone = [(at, noise) for at, noise in gaussian if not (isinstance(noise, Gaussian) and noise.share)]
+    return replace(_from_terms(len(names), terms, alone), shares=shares)
 
 
 def terms_of(source: Source) -> list[tuple[float, ...]]:

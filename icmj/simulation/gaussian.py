@@ -20,13 +20,14 @@ _BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whateve
 
 
 def at_points(source: Gridded, first: int, last: int) -> Array:
-    """The values at points ``first`` to ``last`` − 1 of its grid, which is counted from zero [its unit]."""
+    """The values at points ``first`` to ``last`` − 1 of its grid, counted from zero [its unit, or of a command: 1]."""
     if isinstance(source, Sampled):
         held = source.at_points
         return np.asarray(held[np.minimum(np.arange(first, last), len(held) - 1)])
     assert isinstance(source, Gaussian)
     count = -(-last // (_BLOCK * _BLOCKS))
-    return source.size * _drawn(source.seed, _memory(source), 1 << max(count - 1, 0).bit_length())[first:last]
+    values = _drawn(source.seed, _memory(source), 1 << max(count - 1, 0).bit_length())[first:last]
+    return (source.share or source.size) * values
 
 
 def at_times(source: Gridded, t: Array) -> Array:
@@ -38,6 +39,27 @@ def at_times(source: Gridded, t: Array) -> Array:
     values = at_points(source, 0, int(point.max()) + 2)
     between = values[point] + (place - point) * (values[point + 1] - values[point])
     return np.asarray(np.where(t >= source.start, between, 0.0))
+
+
+def lines(sources: Sequence[Gridded], duration: float) -> tuple[Array, Array]:
+    """Disturbances in a run of ``duration`` [s] as straight lines, on stretches that all share.
+
+    Returns:
+        where each stretch but the first begins [s], and infinity, shape (K,); the value at its begin and the slope of
+        each source there, shape (K, S, 2).
+    """
+    starts = np.unique([source.start for source in sources if 0 < source.start < duration])
+    begins = np.append(0.0, points_between(starts, sources, duration))
+    after = begins[-1] + 1e-3 * min(source.interval for source in sources)  # in the same interval as the last begin
+    middle, found = begins + np.diff(begins, append=after) / 2, np.zeros((len(begins), len(sources), 2))
+    for number, source in enumerate(sources):
+        point = np.floor(middle / source.interval).astype(int)
+        values = at_points(source, 0, int(point.max(initial=0)) + 2)
+        slope = np.where(middle >= source.start, np.diff(values)[point] / source.interval, 0.0)
+        found[:, number, 1] = slope
+        there = np.where(middle >= source.start, values[point], 0.0)
+        found[:, number, 0] = there + slope * (begins - point * source.interval)
+    return np.append(begins[1:], np.inf), found
 
 
 def _memory(source: Gaussian) -> float:

@@ -67,6 +67,12 @@ class Settings:
         """Whether noise acts, so that a run is described by its statistics."""
         return any(isinstance(source, Noise | Gaussian | Sinusoids) for source in self.disturbance)
 
+    @property
+    def share_interval(self) -> float:
+        """Shortest interval of noises whose size is a share of the command [s]; 0 if there are none."""
+        noises = (source for source in self.disturbance if isinstance(source, Gaussian) and source.share)
+        return min((noise.interval for noise in noises), default=0.0)
+
     def __post_init__(self) -> None:
         named = self.limit if isinstance(self.limit, Mapping) else {"limit": self.limit}
         limits = {name if name == "limit" else f"limit.{name}": value for name, value in named.items()}

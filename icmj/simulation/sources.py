@@ -225,11 +225,16 @@ class Gaussian(Gridded):
         interval: distance between the points of the grid [s].
         seed: seed of the values.
         start: time at which it begins [s].
+        share: instead of a size, for an ``input``: the standard deviation as a share of the controller's command u(t)
+            to it (signal-dependent noise). The noise is share · u(t) · ξ(t), where ξ has the variance one at the points
+            of the grid; u is the command's departure from the operating point as it acts, after the controller's delay
+            and before gain, gear and dynamics of the actuator. 0 for noise of constant size.
     """
 
     size: float = 1.0
     corner: float | None = None
     seed: int = 0
+    share: float = 0.0
     on: On = "command"
 
     def __post_init__(self) -> None:
@@ -239,6 +244,11 @@ class Gaussian(Gridded):
         require(self.size > 0, f"{where}: size {self.size} must be positive")
         require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
+        require(0 <= self.share < np.inf, f"{where}: share {self.share} must be positive and finite")
+        if self.share:
+            require(self.size == 1, f"{where}: give size or share, not both")
+            commanded = self.input is not None and self.on == "command"
+            require(commanded, f"{where}: a share is of a command; give input, and on = 'command' or no on")
 
 
 @dataclass(frozen=True, kw_only=True)

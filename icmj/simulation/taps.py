@@ -17,7 +17,7 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.disturbance import Acting
+from icmj.simulation.disturbance import Acting, expect_held
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings
@@ -211,11 +211,12 @@ def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
 
 
 def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
-    """Refuse initial values ``given`` for states that the controller does not have.
+    """Refuse initial values ``given`` for states that the controller does not have, and shares of its command.
 
     Raises:
         SimulationError: if there is one, or the settings name one.
     """
+    expect_held(law, settings)
     if settings.observer or any(start is not None for start in given):
         raise SimulationError(f"a {law.kind} controller has neither observer nor hold; leave out where they start")
 

@@ -156,7 +156,7 @@ class Condition:
     def trigger(self, case: Case) -> Trigger | None:
         """The trigger that replaces that of the case."""
         if self.table.control == "continuous":
-            return continuous_limit(case.controller)
+            return continuous_limit(case.controller, case.settings.share_interval)
         return None if self.table.interval is None else ClockTrigger(self.table.interval)
 
 

@@ -174,8 +174,9 @@ def _model(case: Case | Trial) -> MujocoPlant:
 
 
 def _signal(source: Source, signals: Sequence[str]) -> int | None:
-    """The index of the loop's signal that is a noise; ``None`` if there is no such signal."""
-    if not isinstance(source, Noise | Gaussian) or source.push is not None:
+    """The index of the loop's signal that is a noise of constant size; ``None`` if there is no such signal."""
+    shared = isinstance(source, Gaussian) and source.share
+    if not isinstance(source, Noise | Gaussian) or source.push is not None or shared:
         return None
     name = f"d.{source.input}" if source.input is not None else f"n.{source.output}"
     return signals.index(name) if name in signals else None

@@ -108,7 +108,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     continuous = simulate(
         case,
         plant,
-        trigger=continuous_limit(case.controller),
+        trigger=continuous_limit(case.controller, case.settings.share_interval),
         duration=_continuous_duration(case, simulation),
         progress=lambda done: report(0.5 + 0.1 * done),
     )

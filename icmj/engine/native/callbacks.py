@@ -83,6 +83,15 @@ def _block(m, of):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def shares(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
+    """Add noises whose size is a share of the command −K a to ``ctrl``."""
+    size, at_K, last = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.SIGNALS])
+    for k in range(last - int(b[Slot.SHARES]), last):
+        i = int(b[int(b[Slot.AT_SIGNALS]) + _SIGNAL * k])
+        ctrl[i] -= waves[k] * dot(b[at_K + i * size : at_K + (i + 1) * size], a[:size])
+
+
+@compiled
 def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     """ctrl = ctrl_0 − K a + d(t), or with the course of the command instead of −K a; ``waves`` are of this time."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
@@ -94,6 +103,8 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
     for k in range(int(b[Slot.COMMANDED])):
         ctrl[int(b[at])] += waves[k]
         at += _SIGNAL
+    if b[Slot.SHARES] > 0:
+        shares(b, a, ctrl, waves)
     powers = int(b[Slot.POWERS])
     if powers > 0:
         theta, at = (waves[int(b[Slot.SIGNALS])] - b[Slot.SINCE]) / b[Slot.UNIT], int(b[Slot.AT_COURSE])

@@ -200,7 +200,9 @@ def _verify(data: mujoco.MjData, block: Block) -> None:
     commanded, read = (int(block.header[slot]) for slot in (Slot.COMMANDED, Slot.READ))
     a, y = data.act[block.act], data.sensordata[: len(block.y_0)]
     beside = waves(block.terms, block.signals[:commanded], len(block.ctrl_0))
-    command = block.ctrl_0 - block.K @ a + beside
+    shared = block.signals[len(block.signals) - int(block.header[Slot.SHARES]) :]
+    shares = waves(block.terms[:0], shared, len(block.ctrl_0))
+    command = block.ctrl_0 - block.K @ a * (1 + shares) + beside
     v = waves(block.errors, block.signals[commanded : commanded + read], block.N.shape[1])
     v[: len(y)] += y - block.y_0
     rates = block.M @ a + block.N @ v

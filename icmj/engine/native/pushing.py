@@ -32,7 +32,7 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
     force, torque, there = vectors[:3], vectors[3:6], vectors[6:9]
     first = int(b[Slot.COMMANDED]) + int(b[Slot.READ])
     at = int(b[Slot.AT_SIGNALS]) + _SIGNAL * first
-    for k in range(first, int(b[Slot.SIGNALS])):
+    for k in range(first, int(b[Slot.SIGNALS]) - int(b[Slot.SHARES])):
         size, row = waves[k], int(b[Slot.AT_PUSHES]) + _WIDTH * int(b[at])
         at += _SIGNAL
         if size == 0:

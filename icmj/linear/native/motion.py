@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.compilation import compiled, fused, summing
+from icmj.linear.native.state import FRESH, Count, Now
 
 
 @summing
@@ -131,6 +132,24 @@ def unfold(T, s, m, theta, series, f):  # type: ignore[no-untyped-def]
     for j in range(powers, count):
         times(T.M, series[j, :m], series[j + 1, :m])
     return count + 1
+
+
+@compiled
+def multiply(T, run):  # type: ignore[no-untyped-def]
+    """Set the products of noises and the hold where a piece begins, which ends at the next of their points."""
+    now, counts, t, m = run.now, run.counts, run.now[Now.TIME], len(run.row)
+    while T.points[counts[Count.STRETCH]] <= t:
+        counts[Count.STRETCH] += 1
+    k, n, noises = counts[Count.STRETCH], len(T.H), T.lines.shape[1]
+    now[Now.STOP] = min(now[Now.STOP], T.points[k])
+    x_h = run.s[:n]  # room: it is filled with w after this
+    times(T.H, run.w[:m], x_h)
+    for j in range(noises):
+        slope = T.lines[k, j, 1]
+        value, p = T.lines[k, j, 0] + slope * (t - T.begins[k]), m - 2 * n * (noises - j)
+        for i in range(n):
+            run.w[p + i], run.w[p + n + i] = value * x_h[i], slope * x_h[i]
+    counts[Count.AGE] = FRESH  # rows do not go on from the last one
 
 
 @fused

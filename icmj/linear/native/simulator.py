@@ -23,7 +23,7 @@ import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
 from icmj.base.roots import DEEPEST
-from icmj.linear.native.motion import add, at, backward, close, combine, copy, forward, look_up, times, unfold
+from icmj.linear.native.motion import add, at, backward, close, combine, copy, forward, look_up, multiply, times, unfold
 from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extend, extremes, first_end, settle
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
@@ -99,6 +99,8 @@ def _open(T, run):  # type: ignore[no-untyped-def]
     now[Now.STOP] = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE], T.end)
     counts[Count.CELL] = 0
     now[Now.ORIGIN], now[Now.OFFSET] = t, 0.0
+    if len(T.lines) > 0:
+        multiply(T, run)
     copy(run.w, run.s[: len(run.row)])
     if T.powers > 0:
         place = t / T.step

@@ -65,6 +65,10 @@ class Tables(NamedTuple):
         cuts: first row of each face of the event rule, and the number of rows.
         edges: when terms begin or end to act, rising, the last infinite [s].
         jumps: what impulses do to z at each of these, shape (…, m); (0, 0) without any.
+        H: x_h from z, where S noises are shares of commands (:mod:`icmj.linear.loop`), shape (n̂, m).
+        points: where the second and each further stretch of these begins, rising, the last infinite [s]; (0,) without.
+        begins: where each stretch begins [s].
+        lines: value and slope of each noise where a stretch begins, shape (stretches, S, 2); (0, 0, 2) without.
     """
 
     step: float
@@ -99,6 +103,10 @@ class Tables(NamedTuple):
     cuts: np.ndarray
     edges: Array
     jumps: Array
+    H: Array
+    points: Array
+    begins: Array
+    lines: Array
 
 
 class Acting(NamedTuple):
@@ -190,6 +198,8 @@ class Count(IntEnum):
     """Number of the step that the piece under way is in; −1 where none is under way."""
     ENDED = auto()
     """Number of the step that the last piece ended in; −1 where that tells nothing of the next."""
+    STRETCH = auto()
+    """Number of the stretch of the noises that are shares of commands."""
 
 
 class Work(NamedTuple):
