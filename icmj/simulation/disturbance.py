@@ -75,7 +75,7 @@ class Disturbance:
     def __call__(self, t: ArrayLike) -> Array:
         """d(t), shape (..., n_u) for ``t`` of shape (...); at an edge the value from there on.
 
-        Noises whose size is a share of the command are left out; :meth:`beside` has them.
+        Noises whose size is a share of the command are left out; ``beside`` has them.
         """
         t = np.asarray(t, dtype=float)
         found = self._of_terms(t)
@@ -178,7 +178,7 @@ def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = N
 
     Raises:
         SimulationError: if a source names an input or output that the plant does not have, or is a share of commands
-            that the controller does not hold (:func:`expect_held`).
+            that the controller does not hold (``expect_held``).
     """
     sources = settings.disturbance
     if controller is not None:
