@@ -193,7 +193,7 @@ def ternary(size: float, interval: float, start: float, end: float) -> Array:
     v = size / np.ptp(path) * np.tile(velocity, max(int(np.ceil((end - start) / interval / len(velocity))), 1))
     cuts = np.flatnonzero(np.diff(v, prepend=np.nan, append=np.nan) != 0)
     parts = [(v[i], 0.0, 0.0, start + i * interval, start + j * interval) for i, j in pairwise(cuts)]
-    return np.array([part for part in parts if part[0] != 0 and part[3] < end])
+    return np.array([part for part in parts if part[0] != 0 and part[3] < end]).reshape(-1, 5)
 
 
 def _row(plant: LinearPlant, target: Target) -> tuple[Array, str, str]:

@@ -61,6 +61,8 @@ class TernaryTable(PlaceTable):
     def source(self) -> Source:
         highest = 0.5 / self.interval if self.bandwidth is None else self.bandwidth
         terms = ternary_lines(self.size, self.interval, highest)
+        if not len(terms) and abs(self.size) < np.finfo(float).tiny:
+            raise SimulationError(f"ternary: nothing is left of a size of {self.size:g}; leave the disturbance out")
         if not len(terms):
             raise SimulationError(
                 f"ternary: no line up to {highest:g} Hz; the first is at {1 / 242 / self.interval:g} Hz"

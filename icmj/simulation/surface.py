@@ -13,6 +13,8 @@ from icmj.plant.push import Vector
 from icmj.simulation.disturbance import terms_of
 from icmj.simulation.sources import Noise, Sinusoids, Source
 
+_MOST_LINES = 20000
+
 
 def tilted(
     source: Source, vertical: Mapping[str, float], rate: Mapping[str, float], point: Vector | None = None
@@ -61,8 +63,16 @@ def ternary_lines(size: float, interval: float, highest: float) -> Array:
 
     Returns:
         (a, ω, φ) of each a cos(ωt + φ) that is not zero, shape (L, 3).
+
+    Raises:
+        SimulationError: if there are too many lines.
     """
     period = TERNARY_INTERVALS * interval
+    if not highest * period <= _MOST_LINES:
+        raise SimulationError(
+            f"ternary: {highest * period:.3g} lines up to {highest:g} Hz; expected at most {_MOST_LINES}; give a lower "
+            "bandwidth or a shorter interval"
+        )
     slopes = ternary(size, interval, 0.0, period)
     k = np.arange(1, int(np.floor(highest * period * (1 + 1e-12))) + 1)
     omega = 2 * np.pi * k / period

@@ -173,6 +173,8 @@ def test_a_sequence_of_full_length_is_the_sum_of_its_lines():
         ({"kind": "step", "surface": "translation", "size": 0.1, "axis": [0, 0, 0]}, "no direction"),
         ({"kind": "sines", "surface": "tilt", "size": [1, 2, 3], "frequencies": [0.1, 0.2]}, "one size or as many"),
         ({"kind": "ternary", "surface": "tilt", "size": 0.1, "bandwidth": 0.001}, "no line up to"),
+        ({"kind": "ternary", "surface": "tilt", "size": 0.0}, "nothing is left of a size of 0"),
+        ({"kind": "ternary", "input": "ankle_torque", "size": 1.0, "interval": 1e9, "bandwidth": 2.0}, "at most 20000"),
     ],
 )
 def test_what_cannot_be_is_one_line(table, words):
