@@ -38,7 +38,8 @@ def library() -> Any:
     quiet, root = logging.NullHandler(), logging.getLogger()
     root.addHandler(quiet)  # or bayesflow sets logging up for the whole process
     try:
-        import bayesflow
+        with _put_back():
+            import bayesflow
     except ImportError as error:
         raise FitError(f"fitting needs bayesflow ({error}); install it with pip install 'icmj[fit]'") from error
     finally:
@@ -99,7 +100,8 @@ class Network:
 
     @cached_property
     def _net(self) -> Any:
-        approximator = _built(self.kind, self.targets, self.conditions, self.depth)
+        with _put_back():
+            approximator = _built(self.kind, self.targets, self.conditions, self.depth)
         approximator.set_weights(list(self.weights))
         return approximator.inference_network
 
@@ -220,9 +222,16 @@ def _seeded(seed: int) -> Iterator[None]:
     """Keras' own seed, and with it those of Python and NumPy, which are put back."""
     import keras
 
+    with _put_back():
+        keras.utils.set_random_seed(seed)
+        yield
+
+
+@contextmanager
+def _put_back() -> Iterator[None]:
+    """Leave the random numbers of Python and NumPy as they are: Keras draws from them, even when it is imported."""
     python, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002 (Keras seeds it)
     try:
-        keras.utils.set_random_seed(seed)
         yield
     finally:
         random.setstate(python)

@@ -3,6 +3,9 @@
 The third number does not enter the summaries.
 """
 
+import random
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,6 +118,18 @@ def test_same_seed_same_network_and_the_callers_random_numbers_stay() -> None:
     (first,), (second,) = one.networks, other.networks
     assert all(np.array_equal(a, b) for a, b in zip(first.weights, second.weights, strict=True))
     assert np.array_equal(np.random.get_state()[1], here)  # noqa: NPY002
+
+
+@pytest.mark.slow
+def test_the_library_is_imported_without_drawing_the_callers_random_numbers() -> None:
+    script = (
+        "import random, numpy as np; random.seed(1); np.random.seed(1)\n"
+        "from icmj.fitting.network import library; library()\n"
+        "print(random.random(), np.random.random())"
+    )
+    told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=300)
+    drawn = random.Random(1).random(), np.random.RandomState(1).random()
+    assert tuple(map(float, told.stdout.split())) == drawn
 
 
 class Normal:
