@@ -46,6 +46,7 @@ def test_shipped_models(root, tmp_path, name):
     assert "foot_x" not in case.actual.linearisation.plant.states
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("package", "file"), FOREIGN)
 def test_models_of_others(tmp_path, package, file):
     spec = importlib.util.find_spec(package)

@@ -282,6 +282,7 @@ def test_an_object_is_taken_by_the_api(own: Path) -> None:
     assert digest_of(case.rule) == digest_of(Code(own.parent, True).named("rules:Diamond"))
 
 
+@pytest.mark.slow
 def test_summary_has_what_measures_say(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = own.parent / "study"
     assert main(["study", str(own), "--out", str(out), "--allow-code", "--jobs", "2"]) == 0

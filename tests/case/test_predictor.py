@@ -70,6 +70,7 @@ def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, pl
     np.testing.assert_array_equal(again.x, result.simulation.x)
 
 
+@pytest.mark.slow
 def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = run_path.parent / "out"
     assert main(["study", str(run_path), "--out", str(out), "--jobs", "1"]) == 0

@@ -85,6 +85,7 @@ def test_what_is_of_theory_knows_nothing_of_it(case, root):
     assert open_loop(case, "linear")(*start).length == open_loop(bare, "linear")(*start).length
 
 
+@pytest.mark.slow
 def test_who_asks_is_told_that_theory_knows_nothing_of_it(case, root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "follows.toml"

@@ -120,6 +120,7 @@ def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, pl
         read_log(log)
 
 
+@pytest.mark.slow
 def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = run_path.parent / "out"
     assert main(["study", str(run_path), "--out", str(out), "--jobs", "2"]) == 0
@@ -162,6 +163,7 @@ def test_what_makes_no_sense_is_one_line(
     assert words in said[0]
 
 
+@pytest.mark.slow
 def test_its_cycle_is_found_and_followed(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["cycle", str(run_path), "--plant", "linear", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

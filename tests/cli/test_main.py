@@ -207,6 +207,7 @@ def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, 
     assert unseen.missing == "the event rule does not see this orbit"
 
 
+@pytest.mark.slow
 def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, capsys):
     noise = '[[simulation.disturbance]]\nkind = "noise"\ninput = "torque"\nsize = 0.002\nseed = 5\nbandwidth = {}\n'
     text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8").replace("../models", str(root / "models"))

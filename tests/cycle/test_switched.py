@@ -69,6 +69,8 @@ def test_a_mirrored_cycle_is_told_by_its_half() -> None:
     assert doubled.period == pytest.approx(found.period, rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_a_branch_changes_its_stability_where_a_multiplier_is_one() -> None:
     branch = follow_switched(BODY, SWITCHING, "P", 0.242 * MGH, points=4)
     assert branch.value[-1] == 0.242 * MGH
@@ -78,6 +80,8 @@ def test_a_branch_changes_its_stability_where_a_multiplier_is_one() -> None:
     assert there.multipliers[0] == pytest.approx(-1, abs=1e-4)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_a_branch_in_the_share_is_one_in_the_slope() -> None:
     by_share = follow_switched(BODY, SWITCHING, "share", 0.63, points=2)
     by_slope = follow_switched(BODY, SWITCHING, "slope", -float(np.tan(np.pi * 0.13)), points=2)

@@ -197,6 +197,8 @@ FORMS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", FORMS)
 def test_the_predicted_orbit_is_held_against_every_limit(tmp_path: Path, name: str) -> None:
     *parts, of_u, kind = FORMS[name]

@@ -77,13 +77,14 @@ def test_mujoco_says_nothing_where_it_is_run(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("<worldbody>", '<size nkey="2000000000"/><worldbody>', "nkey|GB"),
+        pytest.param("<worldbody>", '<size nkey="2000000000"/><worldbody>', "nkey|GB", marks=pytest.mark.slow),
         ("<worldbody>", '<size nuser_body="2000000000"/><worldbody>', "nuser|GB"),
         ("<worldbody>", '<size memory="900G"/><worldbody>', "GB|usable"),
-        (
+        pytest.param(
             '<body name="rod">',
             '<replicate count="1000000000"><body name="x"/></replicate><body name="rod">',
             "10 s or 4",
+            marks=pytest.mark.slow,
         ),
         (
             '<jointpos name="angle" joint="hinge"/>',
@@ -146,6 +147,7 @@ def circular(folder: Path, way: str) -> Path:
     return folder / f"{way}.xml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["self", "one", "included"])
 @pytest.mark.parametrize("command", [["linearise"], ["new"], ["person", "--height", "1.8", "--mass", "80"]])
 def test_a_model_that_attaches_itself_ends_no_more_than_its_rehearsal(

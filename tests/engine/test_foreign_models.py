@@ -108,6 +108,8 @@ def test_a_model_of_others_does_what_is_predicted(package, name, assumed, power)
     assert np.log10(large / small) == pytest.approx(power, abs=0.15)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize(("package", "name", "assumed", "reason"), REFUSED)
 def test_a_model_of_others_stops_with_one_line_that_names_the_reason(package, name, assumed, reason):
     with pytest.raises(IcmjError, match=reason) as caught:
@@ -148,6 +150,8 @@ def transition(plant: MujocoPlant, timestep: float) -> np.ndarray:
     return A[np.ix_(kept, kept)]
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize(("package", "name", "assumed", "power"), RUNNING)
 def test_the_engine_s_own_step_tends_to_the_exponential_of_the_linearisation(package, name, assumed, power):
     """(A_d − e^{Ah})/h vanishes with h: to first order for one step, and beyond it when two are extrapolated."""

@@ -109,7 +109,8 @@ def condition(case: Drawn) -> float:
     return abs(other - one) / one * 1e6
 
 
-@pytest.mark.parametrize("least", [20, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("least", [pytest.param(20, marks=pytest.mark.kernels), 200])
 def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Path, least: int) -> None:
     compared = 0
     for seed in range(CHAINS):

@@ -117,6 +117,7 @@ def test_pressure_in_sway_is_what_newton_and_euler_ask_for():
     assert len(found.t_after) == len(run.events) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "threshold"), [(0.9, 0.0250), (1.1, 0.0173)])
 def test_the_foot_lifts_at_the_threshold_that_small_sway_tells(gain, threshold):
     case = standing(gain)

@@ -273,6 +273,7 @@ def test_runs_are_bit_identical_repeated_and_in_two_threads() -> None:
     assert not same(*alone)
 
 
+@pytest.mark.slow
 def test_threads_that_share_a_plant_do_not_disturb_each_other() -> None:
     # one model compiled anew by each run failed in 3 % of them: in the compiler, or with another run's numbers
     actual, control = plant("three_link", 0.9), controller("three_link")

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numba
 import numpy as np
+import pytest
 from engine_cases import MODELS
 from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
 
@@ -84,6 +85,7 @@ def moved(data: mujoco.MjData, rng: np.random.Generator) -> None:
     data.qvel[:], data.act[:] = rng.normal(size=model.nv), 0.3 * rng.normal(size=model.na)
 
 
+@pytest.mark.slow
 def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     flow_of, one = compiled()

@@ -90,6 +90,7 @@ def test_it_is_what_the_method_of_steps_gives(law, steps) -> None:
     assert run.precision["output_error"] < 2e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [CONTINUOUS, replace(SWITCHING, dead_zone=0.04), pid(), two_taps()])
 @pytest.mark.parametrize(
     ("steps", "disturbed"),
@@ -164,6 +165,7 @@ def test_adapted_steps_keep_their_tolerance(law, tolerance: float) -> None:
     assert run.precision["output_error"] < tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [{"timestep": 5e-4, "integrator": "RK4"}, {"tolerance": 1e-9}])
 def test_fast_noise_of_torque_and_readings(steps) -> None:
     """Up to 40 Hz: polynomials of a stretch take in three radians of that."""

@@ -108,6 +108,8 @@ def test_what_is_left_of_a_departure_is_what_one_put_in_leaves() -> None:
     assert rounds_of(long).multiplier == pytest.approx(told_by_two, rel=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_on_the_command_line(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["cycle", "one-link-switching", "--plant", plant, "--json"]) == 0
@@ -119,6 +121,8 @@ def test_on_the_command_line(plant: str, capsys: pytest.CaptureFixture[str]) -> 
     assert "never switches has no cycle of its own" in line
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_shipped_persons_under_other_controllers_stand(root: Path) -> None:
     for path in sorted((root / "runs" / "rivals").glob("*.toml")):
         run = load_run(path)

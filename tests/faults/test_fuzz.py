@@ -72,6 +72,7 @@ def table(model: type[BaseModel]) -> st.SearchStrategy[dict[str, Any]]:
     return st.fixed_dictionaries({}, optional=keys | {"qt": anything})
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 @given(table(RunFile))
 def test_any_tables_are_read_or_refused_in_words_for_people(data: dict[str, Any]) -> None:

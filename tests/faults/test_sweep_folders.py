@@ -235,6 +235,7 @@ def test_a_whole_folder_may_be_a_link_and_goes_on(begun: tuple[Plan, Path], tmp_
     assert read_sweep(tmp_path / "out").table.num_rows == 10
 
 
+@pytest.mark.slow
 def test_the_commands_say_it_in_one_line(
     begun: tuple[Plan, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

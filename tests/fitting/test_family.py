@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import icmj
 from icmj.fitting.family import load_family
@@ -11,6 +12,7 @@ from icmj.simulation.sources import Noise
 TRIALS, BAND = 24, 20.0  # Hz
 
 
+@pytest.mark.slow
 def test_the_predictor_sways_as_lyapunov_says():
     """Noise that is flat far beyond the loop is white with half its power per hertz; the model is exact."""
     family = load_family("predictor")

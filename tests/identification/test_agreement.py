@@ -58,6 +58,8 @@ def test_a_sine_with_the_rhythm_of_a_cycle_is_none(period: float, size: float) -
     assert "the outputs are off by" in found.words
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_outputs_of_another_size_refuse_a_rhythm_and_a_sequence_of_events() -> None:
     for b in (0.8, 1.2, 1.0):
         seen = Observed.of_simulation(motion(b))
@@ -113,6 +115,8 @@ def test_errors_beyond_those_allowed_refuse_a_motion_and_larger_ones_allowed_tak
     assert 50 < (wide[1] - wide[0]) / (narrow[1] - narrow[0]) < 101
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_an_estimate_at_the_edge_of_the_range_says_so() -> None:
     seen = Observed.of_simulation(motion(0.8)).with_errors(0.01, None)
     for low, high, edge in ((0.7999, 1.2, 0.7999), (0.6, 0.8001, 0.8001), (0.6, 1.2, None)):
@@ -167,6 +171,7 @@ def test_under_noise_what_is_no_such_motion_is_refused_and_what_is_one_passes() 
     assert np.mean(probabilities) == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.slow
 def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     known = ["--run", str(PENDULUM.path), "--plant", "linear"]
     sine, true = tmp_path / "sine.csv", tmp_path / "true.csv"

@@ -85,6 +85,8 @@ def test_the_engine_s_own_cycle_takes_the_nonlinearity_out() -> None:
     assert exact.value == pytest.approx(0.85, rel=1e-8)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_motions_that_cannot_tell() -> None:
     sliding = identify(BLIND, Observed.of_times(np.arange(40) * 0.01))
     assert "every interval is the least one, 0.01 s" in sliding.words
@@ -118,6 +120,7 @@ def test_the_densest_set_holds_its_share_in_as_many_pieces_as_there_are() -> Non
     assert np.array(densest(grid, two)) == pytest.approx(np.array([[-3.196, -2.804], [2.804, 3.196]]), abs=0.01)
 
 
+@pytest.mark.slow
 def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = PENDULUM.with_(**{"actual.gain": 0.9, "study.attractor_starts": 0, "study.growth_points": 0})
     result = icmj.run_case(run, "linear")

@@ -92,6 +92,8 @@ def test_the_variance_solves_lyapunovs_equation(corner):
     assert np.sqrt(np.mean([rms.value**2 for rms in found])) == pytest.approx(exact, rel=0.04)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_motion_agrees_with_dop853_beside_all_else():
     acts = (
         Gaussian(input="torque", size=0.05, corner=3.0, interval=0.05, seed=1, start=0.32),

@@ -74,6 +74,8 @@ def disturbed(delay):
     return simulate(PENDULUM.scaled(0.9), controller, settings(1.5, disturbance=PUSHED), x0=[0.02, 0.0])
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("delay", [0.0, 0.08])
 def test_everything_that_can_disturb_at_once(delay):
     controller = replace(event_controller(pendulum_design(), q_t=0.004, delta_min=0.05), delay=Delay(delay))

@@ -123,6 +123,8 @@ GAUSSIAN = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("disturbed", [DISTURBED, GAUSSIAN])
 @pytest.mark.parametrize("law", [CONTINUOUS, SWITCHING, pid(), two_taps()])
 def test_what_disturbs_it_is_exact_too(law, disturbed) -> None:

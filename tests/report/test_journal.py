@@ -64,6 +64,7 @@ def test_a_figure_that_cannot_be_is_refused_in_one_line(wrong):
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["b0.8", "three-link", "exact"])
 def test_the_six_panels_are_one_figure_whose_legends_hide_no_axes(name, tmp_path):
     figure = PLOTS.panels(*(result(name, plant) for plant in ("linear", "mujoco")))

@@ -133,6 +133,7 @@ def test_what_a_noise_has_over_a_run_is_the_integral_of_its_sinusoids(spectrum: 
     assert realised(noise, end) == pytest.approx((mean, np.sqrt(square - mean**2)), rel=2e-3, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spectrum", [{"bandwidth": 0.01}, {"corner": 0.02}, {"corner": 0.2, "terms": 100}])
 def test_of_other_seeds_the_range_told_holds_ninety_five_in_a_hundred(spectrum: dict[str, float]) -> None:
     noise = Noise(input="u", size=2.0, **spectrum)

@@ -31,6 +31,7 @@ def file_of(text, tmp_path) -> ExperimentFile:
     return ExperimentFile.validated(parse_toml(text, tmp_path / "short.toml"), tmp_path / "short.toml", text)
 
 
+@pytest.mark.slow
 def test_an_event_rule_is_told_from_two_trials_and_again_from_their_recordings(tmp_path):
     done = icmj.run_experiment(file_of(TEXT, tmp_path), tmp_path / "out", jobs=1)
     found = done["simple-exact"].finding
@@ -120,6 +121,7 @@ def test_one_of_output_and_combination_says_what_follows(more, tmp_path):
         file_of(text, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["joystick-0", "joystick-1-unstable", "joystick-2", "joystick-2-unstable"])
 def test_a_joystick_is_refractory_for_what_its_file_says(name, tmp_path):
     text = TEXT.replace('"angle"', '"dot"').replace("size = 0.02", "size = 1.0").split("[[case]]")[0]

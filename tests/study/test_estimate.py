@@ -30,6 +30,7 @@ def test_the_shipped_cases_are_quick(root: Path) -> None:
         assert max(estimate(found, plant) for plant in ("linear", "mujoco")) < LONGEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "duration", "plant"),
     [
@@ -130,6 +131,7 @@ def test_pace_is_of_the_last_window() -> None:
     assert pace.stalled(*fast) == pytest.approx(slow / 100 * (WINDOW - 1))
 
 
+@pytest.mark.slow
 def test_the_command_line_asks_for_yes(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

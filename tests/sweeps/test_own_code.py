@@ -71,6 +71,7 @@ def folder(tmp_path: Path, root: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_two_processes_run_the_code_of_a_file(folder: Path) -> None:
     """A class that is the box in another file gives the rows of the box, and its measure what the runs say."""
     out = folder / "out"
@@ -88,6 +89,7 @@ def test_two_processes_run_the_code_of_a_file(folder: Path) -> None:
     assert "linear_measure_spread [s]" in told["columns"]
 
 
+@pytest.mark.slow
 def test_another_source_is_another_sweep(folder: Path) -> None:
     out, file = folder / "out", folder / "own-sweep.toml"
     plan = planned(file, allow_code=True)

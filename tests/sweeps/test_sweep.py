@@ -33,6 +33,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_one_process_gives_the_bytes_that_two_give(swept: Path) -> None:
     plan = planned(swept / "sweep.toml")
     assert {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)} == contents(
@@ -109,6 +110,7 @@ class _Crew:
                 yield points, compute(plan, points), ""
 
 
+@pytest.mark.slow
 def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -69,6 +69,8 @@ def assert_multiplied(whole: ErrorSystem, alone: ErrorSystem, k: int, end: float
     return len(found)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("k", [2, 3])
 def test_random_plants_beside_themselves_cross_k_fold(mixed, k):

@@ -51,6 +51,8 @@ def test_branches_that_cross_are_not_swapped():
     np.testing.assert_allclose(followed[:, start], truth, atol=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 def test_branches_agree_with_a_grid_so_fine_that_no_doubt_is_left():
     compared = 0
     for system in random_systems(31, 12):

@@ -35,6 +35,8 @@ def test_the_gains_of_asai() -> None:
     assert found.verdict[0] == "stands"
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize(("P", "D", "edge"), [(0.25, 10.0, LINE), (0.7, 60.0, AXIS)])
 def test_a_round_is_that_of_the_method_of_steps(P: float, D: float, edge: int) -> None:
     found = of(P * MGH, D)
