@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -65,14 +61,3 @@ def test_it_is_said_and_that_it_is_once(monkeypatch: pytest.MonkeyPatch) -> None
         time.sleep(0.2)
         compiling.end()
     assert file.getvalue() == "icmj: simple-0.8, 17 %: compiling, once, after 0 s\n"
-
-
-@pytest.mark.slow
-def test_a_first_run_says_that_it_compiles_and_a_second_does_not(tmp_path: Path) -> None:
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "-m", "icmj.cli", "run", "simple-0.8", "--plant", "linear", "--out", str(tmp_path)]
-    said = [
-        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stderr for _ in range(2)
-    ]
-    assert "icmj: simple-0.8, 10 %: compiling, once, after " in said[0]
-    assert "compiling" not in said[1]

@@ -146,10 +146,14 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from engine_cases import controller, plant
 from linear_cases import settings_from
+from icmj.cli.terminal import Terminal
+from icmj.cli.working import Working
 from icmj.engine.native import loop as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
-run = simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=2.0, timestep=0.002), x0=[0.1, 0.0])
+settings = Settings(duration=2.0, timestep=0.002)
+with Working("pendulum", Terminal(file=sys.stderr)):
+    run = simulate(plant("pendulum", 0.8), controller("pendulum"), settings, x0=[0.1, 0.0])
 stats = native_loop.fixed_loop().stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(float(run.events.t[-1])))
 """
@@ -157,14 +161,16 @@ print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(flo
 
 @pytest.mark.slow
 def test_second_process_starts_without_compiling(tmp_path: Path) -> None:
+    """And whoever compiles, or waits for a process that does, is told that it happens once."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
 
     def children(count: int) -> list[list[str]]:
-        """At the same time."""
+        """At the same time; the last word of each is what it said of compiling."""
         command = [sys.executable, "-c", CHILD, str(Path(__file__).parents[1])]
-        options = {"env": environment, "stdout": subprocess.PIPE, "text": True}
+        options = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         started = [subprocess.Popen(command, **options) for _ in range(count)]  # type: ignore[call-overload]
-        return sorted(process.communicate(timeout=300)[0].split() for process in started)
+        ended = [process.communicate(timeout=300) for process in started]
+        return sorted([*out.split(), err] for out, err in ended)
 
     # one compiles; the other waits for it
     compiled, waited = children(2)
@@ -175,3 +181,6 @@ def test_second_process_starts_without_compiling(tmp_path: Path) -> None:
     assert later[:2] == ["1", "0"]
     assert sorted(path.name for path in (tmp_path / "cache").rglob("*.nbc")) == written
     assert compiled[2] == waited[2] == later[2]
+    assert "icmj: pendulum: compiling, once, after " in compiled[3]
+    assert "icmj: pendulum: compiling, once, after " in waited[3]
+    assert "compiling" not in later[3]
