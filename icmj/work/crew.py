@@ -69,8 +69,7 @@ class Cluster:
             why = str(error)
         except Exception as error:
             why = one_line(f"{type(error).__name__}: {error}", 200)
-            # a closed connection is known before the client's status says so
-            gone = isinstance(error, ConnectionError) or type(error).__name__ == "CommClosedError"
+            gone = _closed(error)
             if self._client.status == "running" and not gone:
                 raise SweepError(f"the cluster cannot be asked to compute ({why})") from error
         if self._client.status != "running" or gone:
@@ -120,6 +119,11 @@ def _unsaid() -> Iterator[None]:
             logger.disabled = was
 
 
+def _closed(error: Exception) -> bool:
+    """Whether the connection to the scheduler is closed, which is known before the client's status says so."""
+    return isinstance(error, ConnectionError) or type(error).__name__ == "CommClosedError"
+
+
 def _outcome(future: Any) -> tuple[Any, str]:
     from concurrent.futures import CancelledError
 
@@ -129,7 +133,10 @@ def _outcome(future: Any) -> tuple[Any, str]:
         return future.result(), ""
     except (KilledWorker, CancelledError) as error:
         return None, one_line(error, 200)
-    except Exception as error:  # of a worker that cannot compute at all: no icmj, other versions
+    except Exception as error:
+        if _closed(error):  # what came of it was not fetched
+            raise
+        # of a worker that cannot compute at all: no icmj, other versions
         raise SweepError(
             f"a worker of the cluster cannot compute: {one_line(f'{type(error).__name__}: {error}', 300)}"
         ) from error

@@ -97,6 +97,31 @@ def test_a_scheduler_killed_midway_is_one_line(
     assert "chunks are finished" in lines[0]
 
 
+def test_a_result_that_cannot_be_fetched_is_not_the_workers_fault() -> None:
+    """The connection closes before the client knows that it has, once in some hundred times."""
+    from distributed.comm.core import CommClosedError
+
+    from icmj.work.crew import Cluster, _outcome
+
+    class Future:
+        def __init__(self, error: Exception) -> None:
+            self.error = error
+
+        def result(self) -> None:
+            raise self.error
+
+    class Running:
+        status = "running"
+
+    for error, words in (
+        (CommClosedError("in <TCP (closed) ConnectionPool.gather>"), "the scheduler of the cluster no longer answers"),
+        (ConnectionResetError(104, "Connection reset by peer"), "the scheduler of the cluster no longer answers"),
+        (ImportError("No module named icmj"), "a worker of the cluster cannot compute: ImportError: No module"),
+    ):
+        with pytest.raises(SweepError, match=words), Cluster(Running(), compute)._there():
+            _outcome(Future(error))
+
+
 @pytest.mark.slow
 def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[str]]]) -> None:
     address, workers = cluster
