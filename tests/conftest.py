@@ -30,6 +30,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--from-nothing", action="store_true", help="install the wheel with all it needs, run the whole study"
     )
+    group.addoption("--study", type=Path, default=None, help="folder of a study that icmj made; otherwise one is made")
     group.addoption("--all", action="store_true", help="run the long tests, too")
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
 

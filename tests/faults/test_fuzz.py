@@ -23,7 +23,7 @@ from icmj.errors import RunFileError
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 
-SECONDS = 8.0  # of each kind
+SECONDS = 5.0  # of each kind
 
 
 @pytest.mark.slow
