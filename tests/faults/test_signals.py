@@ -38,7 +38,7 @@ def test_a_study_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: py
     runs.mkdir()
     for name in ("one", "two"):
         short_run(runs, name)
-    for signum, after in moments(seed + 1, (pytestconfig.getoption("--kills") + 1) // 2, 12.0):
+    for signum, after in moments(seed + 1, (pytestconfig.getoption("--kills") + 2) // 3, 12.0):
         print(f"seed {seed}: study, signal {signum} after {after:.2f} s")
         check(end(start("study", runs, "--out", out, "--jobs", "2", cwd=tmp_path), signum, after), signum)
         check_folder(out)
