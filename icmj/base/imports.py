@@ -42,16 +42,20 @@ class _Later:
 
 
 class _Without:
-    """Hides a library from the thread that makes this."""
+    """Hides a library from the thread that makes this, until it is told to hide nothing any more.
+
+    It stays in ``sys.meta_path``: another thread that goes through the list as one is taken out misses the next finder,
+    and does not find a module that is there.
+    """
 
     def __init__(self, name: str) -> None:
-        self._name, self._thread = name, threading.get_ident()
+        self._name, self._thread, self.hides = name, threading.get_ident(), True
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Nothing, or an error of a module that is not there."""
-        if fullname == self._name and threading.get_ident() == self._thread:
+        if self.hides and fullname == self._name and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
         return None
 
@@ -97,7 +101,7 @@ def arrow_alone() -> None:
     try:
         import_module("pyarrow").array([0])  # it looks once, and remembers
     finally:
-        sys.meta_path.remove(hiding)
+        hiding.hides = False
 
 
 def meanwhile(name: str) -> None:

@@ -70,6 +70,27 @@ def test_what_is_imported_meanwhile_is_there_for_whoever_waits_for_it() -> None:
     assert told("from icmj.base.imports import meanwhile; meanwhile('no.such.module'); print('on')") == ["on"]
 
 
+def test_another_thread_s_import_meets_every_finder_while_arrow_is_loaded() -> None:
+    """One in some thousand runs ended with "No module named", of a module that is there."""
+    code = """
+import sys
+from icmj.base.imports import arrow_alone
+class Spy:
+    begun, met = None, []
+    def find_spec(self, fullname, path, target=None):
+        if fullname == "pyarrow":  # as another thread would that begins to look for a module just now
+            self.begun = iter(sys.meta_path)
+            self.met.append(next(self.begun))
+spy = Spy()
+sys.meta_path.insert(0, spy)
+before = list(sys.meta_path)
+arrow_alone()
+spy.met.extend(spy.begun)
+print(all(finder in spy.met for finder in before))
+"""
+    assert told(code) == ["True"]
+
+
 def test_icmj_in_a_program_of_ones_own_leaves_imports_alone() -> None:
     code = "import sys; before = list(sys.meta_path); import icmj, icmj.case.case; print(sys.meta_path == before)"
     assert told(code) == ["True"]
