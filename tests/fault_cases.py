@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+from patience import PATIENCE
 
 ROOT = Path(__file__).resolve().parent.parent
 GONE_WITHIN = 5.0  # s after a signal until no process and no open stream is left; workers notice within two
@@ -72,7 +73,7 @@ class End:
     took: float
 
 
-def seen(sign: Callable[[], bool], within: float = 120.0) -> None:
+def seen(sign: Callable[[], bool], within: float = PATIENCE) -> None:
     """Wait for a sign of what a process does."""
     deadline = time.monotonic() + within
     while not sign():
@@ -102,12 +103,12 @@ def end(process: subprocess.Popen[str], signum: int, after: float) -> End:
         (os.killpg if signum == signal.SIGINT else os.kill)(session, signum)
     begin = time.monotonic()
     try:
-        out, err = process.communicate(timeout=60)  # until every holder of the streams is gone
+        out, err = process.communicate(timeout=PATIENCE)  # until every holder of the streams is gone
     except subprocess.TimeoutExpired:
         os.killpg(session, signal.SIGKILL)
         raise
     took = time.monotonic() - begin
-    while members(session) and time.monotonic() - begin < 60:
+    while members(session) and time.monotonic() - begin < PATIENCE:
         time.sleep(0.05)
         took = time.monotonic() - begin
     return End(process.returncode, out, err, took)
@@ -162,7 +163,7 @@ def check_folder(folder: Path) -> None:
 def _handles_signals(process: subprocess.Popen[str]) -> None:
     """Wait until the handler for SIGTERM is there: before, it is the interpreter that starts and not icmj."""
     status = Path(f"/proc/{process.pid}/status")
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline and process.poll() is None:
         try:
             caught = next(line for line in status.read_text().splitlines() if line.startswith("SigCgt"))

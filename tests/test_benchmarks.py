@@ -5,13 +5,14 @@ import subprocess
 import sys
 
 import pytest
+from patience import PATIENCE
 
 
 @pytest.mark.slow
 def test_benchmarks_run_save_and_compare(root, tmp_path):
     def benchmarks(*words):
         command = [sys.executable, "-m", "benchmarks", *words]
-        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False, timeout=300)
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False, timeout=PATIENCE)
         assert "Traceback" not in done.stderr, done.stderr
         assert done.returncode in (0, 1)  # 1: a bound was missed, as it may be on a busy machine
         return done.stdout

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, sweep_file
 
 from icmj.engine.fault import library
@@ -59,7 +60,12 @@ def bare(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join(place for place in sys.path if place)
     environment = {**os.environ, "PYTHONPATH": path, "MPLCONFIGDIR": str(folder)}
     return subprocess.run(
-        [sys.executable, "-c", BARE + program], cwd=folder, env=environment, capture_output=True, text=True, timeout=600
+        [sys.executable, "-c", BARE + program],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
     )
 
 

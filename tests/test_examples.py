@@ -6,6 +6,7 @@ import sys
 import tomllib
 
 import pytest
+from patience import PATIENCE
 
 
 @pytest.mark.slow
@@ -33,7 +34,7 @@ def test_example_runs(root, command, words):
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=PATIENCE,
     )
     if "is not installed" in done.stderr:
         pytest.skip(done.stderr.strip())

@@ -18,7 +18,8 @@ from icmj.base.text import one_line
 from icmj.engine.fault import library
 from icmj.errors import ModelError
 
-SECONDS, PATIENCE, BYTES = 10, 30, 4 << 30  # of processor time, of the clock, of memory
+SECONDS, BYTES = 10, 4 << 30  # of processor time, of memory
+PATIENCE = 120  # s on the clock: twelve processes to a core, and a model is still not refused for what others compute
 REFUSED = 3  # the status where MuJoCo refuses the model in an orderly way
 STACK = 4 << 20  # bytes: half of what is usual, so that what just passes here passes where the stack is in use, too
 

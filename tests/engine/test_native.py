@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from engine_cases import controller, plant
 from engine_runs import ADAPTED, FIXED, OTHERS, RUNS
+from patience import PATIENCE
 
 from icmj.engine import block
 from icmj.engine.callbacks import installed
@@ -31,7 +32,7 @@ def interpreted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarra
     """All of ``engine_runs`` in a process where MuJoCo's structs are not declared and numba is not installed."""
     out, environment = tmp_path_factory.mktemp("interpreted") / "runs.npz", os.environ | {"ICMJ_INTERPRETED": "1"}
     command = [sys.executable, str(TESTS / "engine_runs.py"), str(out)]
-    subprocess.run(command, env=environment, check=True, timeout=600)
+    subprocess.run(command, env=environment, check=True, timeout=PATIENCE)
     with np.load(out) as held:
         return dict(held)
 
@@ -169,7 +170,7 @@ def test_second_process_starts_without_compiling(tmp_path: Path) -> None:
         command = [sys.executable, "-c", CHILD, str(Path(__file__).parents[1])]
         options = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         started = [subprocess.Popen(command, **options) for _ in range(count)]  # type: ignore[call-overload]
-        ended = [process.communicate(timeout=300) for process in started]
+        ended = [process.communicate(timeout=PATIENCE) for process in started]
         return sorted([*out.split(), err] for out, err in ended)
 
     # one compiles; the other waits for it

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import GONE_WITHIN, check_folder, short_run, start
+from patience import PATIENCE
 from terminal_cases import told
 
 from icmj.cli.main import main
@@ -32,7 +33,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def refused(*arguments: str | Path) -> str:
     """The one line of a command that is refused."""
     process = start(*arguments)
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2
     return the_line(err)
 
@@ -94,7 +95,7 @@ def test_two_studies_into_one_folder_do_not_harm_each_other(tmp_path: Path) -> N
     run, out = short_run(tmp_path), tmp_path / "out"
     both = [start("study", run, "--out", out, "--jobs", "1", cwd=tmp_path) for _ in range(2)]
     for process in both:
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, err
     check_folder(out)
     names = {"short.linear.rrd", "short.mujoco.rrd", "report.html", "report_figures", "summary.json"}

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 from fault_cases import short_run
+from patience import PATIENCE
 from sweep_cases import GRID, sweep_file
 from terminal_cases import told
 
@@ -53,7 +54,7 @@ def limited(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[st
         [sys.executable, "-m", "icmj.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (room, room)),
     )

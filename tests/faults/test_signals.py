@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import GONE_WITHIN, check, check_folder, end, members, moments, says, seen, short_run, start
+from patience import PATIENCE
 
 pytestmark = [
     pytest.mark.slow,
@@ -101,7 +102,7 @@ def test_a_run_interrupted_while_it_compiles_ends_at_once(tmp_path: Path, monkey
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     run = short_run(tmp_path, duration=10000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     process = start("study", run, "--out", tmp_path / "out", "--jobs", "2", "--yes", cwd=tmp_path)
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while len(members(process.pid)) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
     assert len(members(process.pid)) >= 3
@@ -112,13 +113,13 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
 def test_a_worker_that_dies_is_one_line(tmp_path: Path) -> None:
     run = short_run(tmp_path, duration=10000.0, more="timestep = 0.0005\nrecord_interval = 0.1")
     process = start("study", run, "--out", tmp_path / "out", "--jobs", "1", "--yes", cwd=tmp_path)
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     workers: list[int] = []
     while not workers and time.monotonic() < deadline:
         workers = [p.pid for p in members(process.pid) if "workers import serve" in " ".join(p.cmdline())]
         time.sleep(0.05)
     os.kill(workers[0], signal.SIGKILL)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2
     assert "its process died (signal 9)" in err.strip().splitlines()[-1]
     assert "Traceback" not in err

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import short_run
+from patience import PATIENCE
 from terminal_cases import told
 
 from icmj.cli.main import main
@@ -26,7 +27,7 @@ def icmj(where: str, *words: str | Path, cwd: Path, **environment: str) -> subpr
     """A command with its streams redirected as a shell does it."""
     command = ["/bin/sh", "-c", SHELL + where, sys.executable, *map(str, words)]
     env = os.environ | {"PYTHONPATH": str(ROOT)} | environment
-    return subprocess.run(command, capture_output=True, cwd=cwd, env=env, timeout=120, check=False)
+    return subprocess.run(command, capture_output=True, cwd=cwd, env=env, timeout=PATIENCE, check=False)
 
 
 COMMANDS = {
@@ -183,7 +184,7 @@ def test_a_bar_shows_a_label_as_it_is() -> None:
         patch.setattr(sys, "stderr", stream)
         with working.Working(f"study {HOSTILE}\x1b[2J", Drawn(stderr=True)):
             time.sleep(0.5)
-    listener.join(5)
+    listener.join(PATIENCE)
     os.close(ours)
     words = heard.decode(errors="replace")
     assert "study ab31m[/][red]:smile:[2J" in words

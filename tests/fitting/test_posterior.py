@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 from scipy.optimize import brentq
 from scipy.stats import norm
 
@@ -127,7 +128,7 @@ def test_the_library_is_imported_without_drawing_the_callers_random_numbers() ->
         "from icmj.fitting.network import library; library()\n"
         "print(random.random(), np.random.random())"
     )
-    told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=300)
+    told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=PATIENCE)
     drawn = random.Random(1).random(), np.random.RandomState(1).random()
     assert tuple(map(float, told.stdout.split())) == drawn
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, ivp_run, neglected, pendulum_design, random_loop, settings
+from patience import PATIENCE
 
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -95,7 +96,7 @@ def test_interpreted_it_is_the_same():
         "print(*map(float.hex, disturbed(0.08).events.t))"
     )
     told = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=300,
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=PATIENCE,
         env={**os.environ, "ICMJ_INTERPRETED": "1"}, cwd=Path(__file__).parents[2],
     )  # fmt: skip
     times = disturbed(0.08).events.t

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oracles.delay import of_law
+from patience import PATIENCE
 from tapped_cases import BODY, CONTINUOUS, DELAY, HOMOGENEOUS, MGH, SWITCHING, Tapped, pid, two_taps
 
 import icmj
@@ -293,7 +294,7 @@ def test_interpreted_it_is_the_same() -> None:
     )
     run = simulate_tapped(BODY, SWITCHING, Settings(duration=4.0, record_interval=1.0), x0=START)
     told = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=300,
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=PATIENCE,
         env={**os.environ, "ICMJ_INTERPRETED": "1"}, cwd=os.path.dirname(os.path.dirname(os.path.dirname(__file__))),
     )  # fmt: skip
     assert [float.fromhex(word) for word in told.stdout.split()] == pytest.approx(run.events.t, abs=1e-11)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from log_cases import assert_same, awkward, made_up, standing, with_scene
+from patience import PATIENCE
 
 from icmj.comparison.comparison import compare, to_json
 from icmj.errors import LogError
@@ -123,7 +124,7 @@ for path in sys.argv[1:]:
         print(error)
 """
     command = [sys.executable, "-c", script, *(str(tmp_path / f"{i}.rrd") for i in range(len(places)))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr[-500:]
     assert "a name in it has a zero byte" in done.stdout
 

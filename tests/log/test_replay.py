@@ -18,6 +18,7 @@ import psutil
 import pytest
 from log_cases import made_up, with_scene
 from matplotlib.image import imread
+from patience import PATIENCE
 
 from icmj.engine.run import simulate
 from icmj.errors import LogError
@@ -110,7 +111,7 @@ def test_no_view_reports_an_error(logs: dict[str, Path]) -> None:
     with _running(command) as (process, messages):
         _await_port(port, process, messages)
         client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE
         while not ((state := client.get_state()).views and not state.loading) and time.monotonic() < deadline:
             time.sleep(0.3)
         client.take_screenshot()
@@ -177,7 +178,7 @@ def test_the_web_page_is_on_the_loopback_address_only_and_ends_with_us(logs: dic
         line = ours.stderr.readline()
         address = re.search(r"http://127\.0\.0\.1:\d+/", line)
         assert address, line
-        with urllib.request.urlopen(address.group(), timeout=20) as page:
+        with urllib.request.urlopen(address.group(), timeout=PATIENCE) as page:
             assert page.status == 200
             assert b"rerun" in page.read().lower()
         (viewer,) = psutil.Process(ours.pid).children(recursive=True)
@@ -185,7 +186,7 @@ def test_the_web_page_is_on_the_loopback_address_only_and_ends_with_us(logs: dic
         assert len(listening) == 2
         assert set(listening) == {"127.0.0.1"}
         os.kill(ours.pid, signal.SIGTERM)
-        ours.wait(20)
+        ours.wait(PATIENCE)
         assert not viewer.is_running() or viewer.status() == psutil.STATUS_ZOMBIE
     finally:
         ours.kill()

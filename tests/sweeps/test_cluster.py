@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from fault_cases import start
+from patience import PATIENCE
 from sweep_cases import GRID, contents, sweep_file
 from terminal_cases import told
 
@@ -85,11 +86,11 @@ def test_a_scheduler_killed_midway_is_one_line(
     address, (scheduler, *_) = processes
     file, out = sweep_file(tmp_path, GRID.format(count=4000), chunk=2), tmp_path / "out"
     process = start("sweep", file, "--dask", address, "--out", out, cwd=tmp_path)
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + PATIENCE
     while len(list(out.glob("points/*"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
     scheduler.kill()
-    _, err = process.communicate(timeout=90)
+    _, err = process.communicate(timeout=PATIENCE)
     lines = told(err)
     assert process.returncode == 2
     assert lines[-1] == "icmj: the scheduler of the cluster no longer answers; finished results are kept"

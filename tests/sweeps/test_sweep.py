@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
 
 import icmj
@@ -183,7 +184,7 @@ def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig:
     for kill in range(KILLS):
         process = subprocess.Popen([*command, "12"[kill % 2]], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         # every fourth at any moment, loading or trying; the others while rows are written
-        deadline = time.monotonic() + (dice.uniform(0.1, 1.5) if kill % 4 == 0 else 60)
+        deadline = time.monotonic() + (dice.uniform(0.1, 1.5) if kill % 4 == 0 else PATIENCE)
         while time.monotonic() < deadline and finished() == done[-1] and process.poll() is None:
             time.sleep(0.002)
         time.sleep(dice.uniform(0, 0.1))
