@@ -41,8 +41,12 @@ def write(path: Path, script: str) -> None:
             "import sys; sys.exit('\\n\\x1b[31mmemory allocation of 9 bytes failed\\nstack')",
             "memory allocation of 9 bytes",
         ),
+        (
+            "import sys; print('0 files verified without error.', file=sys.stderr)",
+            "reading it takes more time or memory",
+        ),
     ],
-    ids=["spins", "dies", "eats", "says"],
+    ids=["spins", "dies", "eats", "says", "reads none"],
 )
 def test_a_program_that_does_not_end_well_says_why(
     script: str, reason: str, instead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
