@@ -8,6 +8,7 @@ time and memory; it hands the signals back as arrays.
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 import tempfile
@@ -22,8 +23,10 @@ from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.series import place
 
-LONGEST = 60.0  # s
+LONGEST = 120.0  # s on the clock
 GROUPS = ("centres of pressure", "forces", "points", "analog channels")
+# each more takes 40 MB of the addresses that the reader may use, on a machine of sixty processors all of them
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _READER = Path(__file__).parent / "c3d_reader.py"
 
 
@@ -63,6 +66,7 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 timeout=longest,
+                env={**os.environ, **_ONE_THREAD},
                 check=False,
             )
         except subprocess.TimeoutExpired as error:

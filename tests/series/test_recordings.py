@@ -156,6 +156,17 @@ def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monke
         c3d.groups_of(recording[0], longest=0.2)
 
 
+def test_the_reader_has_one_thread_of_blas(recording, tmp_path, monkeypatch):
+    """On a machine of sixty processors their threads take more addresses than the reader may use."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "64")
+    monkeypatch.setattr(c3d, "_READER", tmp_path / "reader.py")
+    c3d._READER.write_text(
+        "import os, sys; sys.stderr.write(os.environ['OPENBLAS_NUM_THREADS'] + ' thread'); sys.exit(3)"
+    )
+    with pytest.raises(DataError, match="1 thread"):
+        c3d.groups_of(recording[0])
+
+
 def test_without_ezc3d_one_line_says_so(tmp_path, monkeypatch):
     (tmp_path / "a.c3d").write_bytes(b"\0")
     monkeypatch.setattr(c3d.importlib.util, "find_spec", lambda name: None)
