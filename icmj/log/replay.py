@@ -25,7 +25,7 @@ from icmj.log.program import program, salvage
 from icmj.log.reader import DamagedLog, read_summary
 
 LOOPBACK = "127.0.0.1"
-PATIENCE = 60.0  # s; a software renderer on a busy machine is slow to start
+PATIENCE = 120.0  # s; a software renderer on a busy machine is slow to start
 PAUSE = 0.4  # s between two looks at the viewer
 NO_RENDERER = (
     "no graphics adapter; install a software renderer (Debian: apt-get install mesa-vulkan-drivers libvulkan1)"

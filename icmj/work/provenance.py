@@ -12,6 +12,7 @@ from pathlib import Path
 from icmj.base.version import VERSION
 
 PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
+_PATIENCE = 60.0  # s on the clock for one word of git
 
 
 def provenance(folder: Path) -> dict[str, str]:
@@ -42,13 +43,16 @@ def _version(package: str) -> str:
 def git_state(folder: Path) -> str:
     """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``.
 
-    A folder that the checkout ignores is none of it: an environment there holds a package from elsewhere.
+    Where git does not answer in time, as on a slow disk, the state is unknown, and this says so. A folder that the
+    checkout ignores is none of it: an environment there holds a package from elsewhere.
     """
     try:
         commit = _git(folder, "rev-parse", "HEAD")
         if _ignored(folder):
             return "no checkout"
         return commit + (" +changes" if _git(folder, "status", "--porcelain", "--untracked-files=no") else "")
+    except subprocess.TimeoutExpired:
+        return f"unknown: git did not answer within {_PATIENCE:g} s"
     except (OSError, subprocess.SubprocessError):
         return "no checkout"
 
@@ -62,4 +66,4 @@ def _ignored(folder: Path) -> bool:
 
 def _git(folder: Path, *words: str) -> str:
     command = ["git", "-C", str(folder), *words]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=10).stdout.strip()
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=_PATIENCE).stdout.strip()
