@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
@@ -189,10 +188,10 @@ def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
     from icmj.study.page import report as build
-    from icmj.work.workers import Workers
+    from icmj.work.workers import Workers, processors
 
     replaceable(command.out)
-    with Working("building the report", ERR), Workers(os.cpu_count() or 1) as workers:
+    with Working("building the report", ERR), Workers(processors()) as workers:
         folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
         if folders:

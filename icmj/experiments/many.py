@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +20,7 @@ from icmj.series.series import Series
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Gaussian, Noise
-from icmj.work.workers import Task, Workers
+from icmj.work.workers import Task, Workers, processors
 
 SIGNALS = ("x", "y", "u", "x_o", "x_h")
 NAMES = (*SIGNALS, "events", "sway")
@@ -125,7 +124,7 @@ def simulate_many(
     each = np.arange(n) if seeds is None else np.asarray(seeds, dtype=np.int64)
     if (each < 0).any():
         raise SimulationError(f"seeds: {each.min()} is negative")
-    jobs = min(jobs or os.cpu_count() or 1, -(-n // _ALONE))
+    jobs = min(jobs or processors(), -(-n // _ALONE))
     parts = [range(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE)]
     if jobs > 1:
         size = min(_AT_ONCE, -(-n // (2 * jobs)))

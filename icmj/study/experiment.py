@@ -12,7 +12,6 @@ What an experiment is, its kind says (:mod:`icmj.study.kind`). The trials of a f
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,7 +36,7 @@ from icmj.study.multisine import MultisineKind
 from icmj.study.perturbed_stance import PerturbedStanceKind
 from icmj.study.quiet_standing import QuietStandingKind
 from icmj.study.trials import Folder, no_folder, opened, write_results
-from icmj.work.workers import Task, Workers
+from icmj.work.workers import Task, Workers, processors
 
 KIND_OF: dict[str, type[Kind]] = {
     "double_step": DoubleStepKind,
@@ -195,7 +194,7 @@ def _trials(
     every = [(one, i) for one in conditions for i in range(count)]
     known = {(one, i): found for one, i in every if (found := folder.read(f"{one.case}.{one.plant}", i)) is not None}
     left = [each for each in every if each not in known]
-    jobs = min(jobs or os.cpu_count() or 1, max(len(left), 1))
+    jobs = min(jobs or processors(), max(len(left), 1))
 
     def keep(place: int, found: Recording) -> None:
         one, i = left[place]

@@ -6,7 +6,6 @@ See docs/sweeps.md for how to start a cluster.
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -14,10 +13,10 @@ from typing import Any, Protocol
 
 from icmj.base.text import one_line
 from icmj.errors import SweepError
-from icmj.work.workers import Task, Workers
+from icmj.work.workers import Task, Workers, processors
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
-_PATIENCE = 15.0  # s for the scheduler to answer
+_PATIENCE = 30.0  # s for the scheduler to answer, as long as Dask itself waits
 _FAREWELL = 2.0  # s for it to hear that it is no longer needed
 
 
@@ -187,5 +186,5 @@ def crew(function: Callable[..., Any], jobs: int | None = None, dask: str | None
         return
     if jobs is not None and jobs < 1:
         raise SweepError(f"{jobs} processes: expected at least 1")
-    with Workers(jobs or os.cpu_count() or 1) as workers:
+    with Workers(jobs or processors()) as workers:
         yield Local(workers, function)

@@ -94,6 +94,12 @@ class _Worker:
         self.ours.close()
 
 
+def processors() -> int:
+    """Processors that this process may use: a container or a cluster may allot it fewer than the machine has."""
+    allotted = getattr(os, "sched_getaffinity", None)  # macOS and Windows have none
+    return (os.cpu_count() or 1) if allotted is None else len(allotted(0))
+
+
 class Workers:
     """So many processes; a context manager, on leaving which they are gone."""
 

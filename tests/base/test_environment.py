@@ -10,9 +10,11 @@ from threading import Barrier, Thread
 import numpy.linalg  # noqa: F401
 import pytest
 import scipy.linalg  # noqa: F401
+from patience import PATIENCE
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from icmj.base.environment import one_thread, single_threaded
+from icmj.work.workers import processors
 
 
 def test_what_is_said_already_stays() -> None:
@@ -32,7 +34,7 @@ from threadpoolctl import threadpool_info
 print("threads", *{pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
 """
     bare = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    for more, threads in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, str(min(2, os.cpu_count() or 1)))):
+    for more, threads in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, str(min(2, processors())))):
         done = subprocess.run(
             [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={**bare, **more}
         )
@@ -66,13 +68,13 @@ def test_who_leaves_last_gives_back() -> None:
 
     def first() -> None:
         with single_threaded():
-            both.wait(10)
-        left.wait(10)
+            both.wait(PATIENCE)
+        left.wait(PATIENCE)
 
     def second() -> None:
         with single_threaded():
-            both.wait(10)
-            left.wait(10)
+            both.wait(PATIENCE)
+            left.wait(PATIENCE)
             found.append(blas())
 
     with threadpool_limits(3, "blas"):

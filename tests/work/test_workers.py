@@ -9,7 +9,7 @@ import time
 import pytest
 
 from icmj.errors import StudyError
-from icmj.work.workers import Task, Workers
+from icmj.work.workers import Task, Workers, processors
 
 
 def run(*tasks: Task, jobs: int = 2) -> list[object]:
@@ -84,3 +84,17 @@ def test_leaving_ends_them() -> None:
         os.kill(pid, 0)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     time.sleep(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system allots no processors to a process")
+def test_as_many_as_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a machine's many, a container or a cluster allots it a few."""
+    allotted = os.sched_getaffinity(0)
+    assert processors() == len(allotted)
+    try:
+        os.sched_setaffinity(0, {min(allotted)})
+        assert processors() == 1
+    finally:
+        os.sched_setaffinity(0, allotted)
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert processors() == (os.cpu_count() or 1)
