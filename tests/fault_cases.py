@@ -18,6 +18,12 @@ from patience import PATIENCE
 
 ROOT = Path(__file__).resolve().parent.parent
 GONE_WITHIN = 5.0  # s after a signal until no process and no open stream is left; workers notice within two
+COMMAND = ("-m", "icmj.cli")
+# says at once and ten times a second what it does, so that its moments can be met however fast the processor is
+TALKATIVE = (
+    "-c",
+    "from icmj.cli import main, working; working.FIRST = working.LEAST = 0.0; working.PAUSE = 0.1; main.entry()",
+)
 SHORT = """
 [case]
 name = "{name}"
@@ -49,10 +55,10 @@ def short_run(folder: Path, name: str = "short", duration: float = 60.0, more: s
     return path
 
 
-def start(*arguments: str | Path, **options: object) -> subprocess.Popen[str]:
+def start(*arguments: str | Path, program: tuple[str, str] = COMMAND, **options: object) -> subprocess.Popen[str]:
     """``icmj`` in a session of its own, ready to be signalled."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "icmj.cli", *map(str, arguments)],
+        [sys.executable, *program, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -30,7 +30,7 @@ from grammar_runs import grammar_run, grammar_sweep
 
 ROOT = Path(__file__).resolve().parent.parent
 SILENCE = 10.0  # s of work without a word that count as a hang; on a busy machine they are longer on the clock
-STANDSTILL = 90.0  # s on the clock without a word that count as a hang, worked or not
+STANDSTILL = 600.0  # s on the clock without a word that count as a hang, worked or not
 PATIENCE = 25.0  # s after which what still shows progress is ended, and counted as long
 MEMORY = 2e9  # bytes that no case may take, its processes together
 
@@ -568,7 +568,7 @@ class Bench:
     def _end(self) -> None:
         if self._process is not None:
             self._process.kill()
-            self._process.join(5)
+            self._process.join(PATIENCE)
             self._ours.close()
         self._process = None
 

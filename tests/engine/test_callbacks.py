@@ -6,6 +6,7 @@ import threading
 
 import mujoco
 import pytest
+from patience import PATIENCE
 
 from icmj.engine.callbacks import installed
 from icmj.engine.native.callbacks import callbacks
@@ -58,18 +59,18 @@ def test_threads_share_the_same_callbacks_until_the_last_leaves() -> None:
 
     def work(leave: threading.Event) -> None:
         with installed(*callbacks()):
-            inside.wait(10)
-            leave.wait(10)
+            inside.wait(PATIENCE)
+            leave.wait(PATIENCE)
 
     threads = [threading.Thread(target=work, args=(event,)) for event in (leave_first, leave_second)]
     for thread in threads:
         thread.start()
-    inside.wait(10)
+    inside.wait(PATIENCE)
     leave_first.set()
-    threads[0].join(10)
+    threads[0].join(PATIENCE)
     assert now()[0] is callbacks()[0]
     leave_second.set()
-    threads[1].join(10)
+    threads[1].join(PATIENCE)
     assert now() == (None, None)
 
 
@@ -80,12 +81,12 @@ def test_other_callbacks_wait_for_other_threads() -> None:
     def first() -> None:
         with installed(one):
             inside.set()
-            leave.wait(10)
+            leave.wait(PATIENCE)
             assert now()[0] is one
             order.append("first leaves")
 
     def second() -> None:
-        inside.wait(10)
+        inside.wait(PATIENCE)
         with installed(two):
             order.append("second enters")
             assert now()[0] is two
@@ -93,11 +94,11 @@ def test_other_callbacks_wait_for_other_threads() -> None:
     threads = [threading.Thread(target=work) for work in (first, second)]
     for thread in threads:
         thread.start()
-    inside.wait(10)
+    inside.wait(PATIENCE)
     threads[1].join(0.2)
     assert order == []
     leave.set()
     for thread in threads:
-        thread.join(10)
+        thread.join(PATIENCE)
     assert order == ["first leaves", "second enters"]
     assert now() == (None, None)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fault_cases import GONE_WITHIN, check_folder, short_run, start
+from fault_cases import check_folder, short_run, start
 from patience import PATIENCE
 from terminal_cases import told
 
@@ -117,4 +117,3 @@ def test_standard_output_that_is_full_or_gone(tmp_path: Path, arguments: tuple[s
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, told(done.stderr)) == (0, [])
-    assert GONE_WITHIN > 0

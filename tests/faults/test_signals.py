@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fault_cases import GONE_WITHIN, check, check_folder, end, members, moments, says, seen, short_run, start
+from fault_cases import GONE_WITHIN, TALKATIVE, check, check_folder, end, members, moments, says, seen, short_run, start
 from patience import PATIENCE
 
 pytestmark = [
@@ -47,7 +47,7 @@ def test_a_study_ended_at_any_moment(tmp_path: Path, seed: int, pytestconfig: py
 
 
 def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path) -> None:
-    process = start("run", _minute(tmp_path), "--out", tmp_path / "out", "--yes", cwd=tmp_path)
+    process = start("run", _minute(tmp_path), "--out", tmp_path / "out", "--yes", program=TALKATIVE, cwd=tmp_path)
     says(process, r"short, 1[1-9] %|short, [2-4]\d %")  # of which the simulation is from 10 on
     found = end(process, signal.SIGINT, 0.0)
     assert found.status == 130
@@ -59,7 +59,7 @@ def test_a_run_interrupted_while_it_simulates_keeps_what_there_is(tmp_path: Path
 def test_a_second_interrupt_ends_a_run_at_once(tmp_path: Path) -> None:
     run, out = _minute(tmp_path), tmp_path / "out"
     for _ in range(5):  # a busy machine may miss the moment in which the log is written
-        process = start("run", run, "--out", out, "--yes", cwd=tmp_path)
+        process = start("run", run, "--out", out, "--yes", program=TALKATIVE, cwd=tmp_path)
         says(process, r"short, 1[1-9] %|short, [2-4]\d %")
         os.killpg(process.pid, signal.SIGINT)
         seen(lambda: any(out.glob("*short.mujoco.rrd*")))  # of a file that is being written the name begins with a dot
@@ -93,7 +93,9 @@ def _minute(folder: Path) -> Path:
 
 def test_a_run_interrupted_while_it_compiles_ends_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    found = end(start("run", short_run(tmp_path), "--out", tmp_path / "out", cwd=tmp_path), signal.SIGINT, 2.5)
+    process = start("run", short_run(tmp_path), "--out", tmp_path / "out", program=TALKATIVE, cwd=tmp_path)
+    says(process, "short.*: compiling, once,")
+    found = end(process, signal.SIGINT, 0.5)
     check(found, signal.SIGINT)
     assert found.status == 130
     assert not list((tmp_path / "out").glob("*.rrd"))

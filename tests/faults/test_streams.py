@@ -183,7 +183,9 @@ def test_a_bar_shows_a_label_as_it_is() -> None:
         patch.setattr(working, "FIRST", 0.0)
         patch.setattr(sys, "stderr", stream)
         with working.Working(f"study {HOSTILE}\x1b[2J", Drawn(stderr=True)):
-            time.sleep(0.5)
+            deadline = time.monotonic() + PATIENCE
+            while b"[2J" not in heard and time.monotonic() < deadline:
+                time.sleep(0.02)
     listener.join(PATIENCE)
     os.close(ours)
     words = heard.decode(errors="replace")

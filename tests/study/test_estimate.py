@@ -35,11 +35,12 @@ def test_the_shipped_cases_are_quick(root: Path) -> None:
     ("more", "duration", "plant"),
     [
         (("timestep = 1e-9",), 20.0, "mujoco"),
-        (("record_interval = 100",), 1e7, "mujoco"),
-        (("record_interval = 1000",), 1e8, "linear"),
+        (("record_interval = 1e4",), 1e9, "mujoco"),
+        (("record_interval = 1e4",), 1e9, "linear"),
     ],
 )
 def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration: float, plant: str) -> None:
+    """Half a day or longer: a processor ten times as fast tells the same."""
     found = case(root, duration, *more)
     seconds = estimate(found, plant)  # type: ignore[arg-type]
     assert seconds > 10 * LONGEST
@@ -84,7 +85,7 @@ def test_a_run_that_falls_says_nothing_of_those_by_the_clock(root: Path) -> None
     assert estimate(found, "linear") > 10 * LONGEST
 
 
-FAST = 'kind = "noise"\ninput = "torque"\nsize = 0.1\nseed = 1\nbandwidth = 1e9\n'
+FAST = 'kind = "noise"\ninput = "torque"\nsize = 0.1\nseed = 1\nbandwidth = 1e10\n'
 
 
 def test_a_delay_longer_than_a_probe_is_no_reason_to_know_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
