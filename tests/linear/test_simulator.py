@@ -11,6 +11,7 @@ import pytest
 from linear_cases import PENDULUM, event_controller, ivp_run, neglected, pendulum_design, random_loop, settings
 from patience import PATIENCE
 
+import icmj
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
@@ -201,3 +202,47 @@ def test_rows_are_the_same_whether_their_grid_fits_the_steps_or_not(interval):
     close = np.abs(both[0].t[ours] - both[1].t[theirs]) < 1e-13
     assert close.sum() >= 2
     np.testing.assert_allclose(both[0].x[ours][close], both[1].x[theirs][close], atol=1e-14, rtol=0)
+
+
+def _pushed(delay, acting, duration=12.0, **changes):
+    """The one-link person whose rule is watched again where the last event acts, pushed."""
+    changes = {"assumed.delay": delay, "controller.delta_min": 0.001, "simulation.duration": duration, **changes}
+    return icmj.prepare(
+        icmj.load_run("runs/rivals/one-link-event.toml").with_(**changes, **{"simulation.disturbance": acting})
+    )
+
+
+@pytest.mark.parametrize("delay", [0.06, 0.09, 0.13, 0.2])
+def test_what_begins_later_leaves_the_past_as_it_was(delay):
+    push = {"kind": "step", "input": "ankle_torque", "size": 0.5, "start": 1.0}
+    whisper = {"kind": "step", "input": "ankle_torque", "size": 1e-9, "start": 11.0}
+    for acting in ([], [push]):
+        quiet, later = (icmj.simulate(_pushed(delay, found), "linear") for found in (acting, [*acting, whisper]))
+        before = quiet.t < 11.0
+        # rounding, times what an unstable body makes of it in 11 s
+        np.testing.assert_allclose(later.x[: before.sum()], quiet.x[before], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("delay", [0.06, 0.09, 0.13, 0.2])
+def test_every_event_acts_though_the_next_is_due_at_that_instant(delay):
+    case = _pushed(delay, [{"kind": "step", "input": "ankle_torque", "size": 0.5, "start": 1.0}])
+    linear, engine = icmj.simulate(case, "linear"), icmj.simulate(case, "mujoco")
+    assert linear.outcome.kind == engine.outcome.kind
+    # an action sets the hold to what the observer has predicted: it jumps at each of them
+    acts = linear.events.t + delay
+    for t in acts[acts < 11.9]:
+        at = np.searchsorted(linear.t, t)
+        jump = np.abs(linear.x_h[at + 1] - linear.x_h[at - 1]).max()
+        assert jump > 1e-6, t
+    # the body is bent by 1e-4 of its sway more than the linear one; without an action it would fall
+    np.testing.assert_allclose(np.abs(linear.x).max(), np.abs(engine.x).max(), rtol=5e-3)
+
+
+def test_an_event_due_where_the_run_ends_belongs_to_it():
+    push = [{"kind": "step", "input": "ankle_torque", "size": 0.5, "start": 0.0}]
+    longer = icmj.simulate(_pushed(0.1, push, 3.0, **{"controller.q_t": 2e-4}), "linear").events.t
+    sliding = longer[np.flatnonzero(np.diff(longer, prepend=0) == longer[1] - longer[0])]
+    end = float(sliding[len(sliding) // 2])
+    for plant in ("linear", "mujoco"):
+        events = icmj.simulate(_pushed(0.1, push, end, **{"controller.q_t": 2e-4}), plant).events.t
+        assert events[-1] == end

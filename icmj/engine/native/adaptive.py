@@ -36,6 +36,8 @@ class Stepper(NamedTuple):
         F: vectors of the dense output, shape (7, n).
         y: outputs at the step's end.
         passes: how often the engine has been asked for rates, shape (1,).
+        apart: whether rows are no samples of the outputs, for a controller that reads these: what is recorded must not
+            change what it reads.
     """
 
     A: Array
@@ -60,6 +62,7 @@ class Stepper(NamedTuple):
     F: Array
     y: Array
     passes: np.ndarray
+    apart: bool = False
 
 
 def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:

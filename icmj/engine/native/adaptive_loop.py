@@ -43,38 +43,44 @@ _SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
 
 @compiled
 def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type: ignore[no-untyped-def]
-    """Sample outputs and rows due within the step; if the plant has fallen, the engine stays at that state."""
+    """Sample outputs and rows due within the step; if the plant has fallen, the engine stays at that state.
+
+    A row close to a sample takes its place, except where rows are kept ``apart``.
+    """
     spacing, j = length / stepper.looks, 1
-    margin = 1e-9 * length
+    margin, near = 1e-9 * length, 0.0 if stepper.apart else 0.25 * spacing
     while True:
         sample, row = j * spacing, progress[0].next_row - t
         if min(sample, row) >= stop - margin:
             return _RUNNING
-        due = row <= sample + 0.25 * spacing
+        due = row <= sample + near
         s = row if due else sample
         if due and s >= stop - margin:
             return _RUNNING
-        if s >= sample - 0.25 * spacing:
+        sampled = s >= sample - near
+        if sampled:
             j += 1
         look_within(engine, stepper, s / length, t + s)
         status = standing(engine, plan)
         if status != _RUNNING:
             return status
         note(engine, progress, plan.record_interval, record, False, due)
+        if stepper.apart and not sampled:
+            record.count[0] -= 1
 
 
 @compiled
-def _polish(engine, plan, stepper, rule, t, s, length, exactly):  # type: ignore[no-untyped-def]
-    """A separate step to the event, then Newton's iterations until its time has converged."""
-    limit = _NUDGE / plan.rate
+def _polish(engine, plan, stepper, rule, t, s, length, at):  # type: ignore[no-untyped-def]
+    """A separate step to the event, then Newton's iterations until its time has converged; none if it is due ``at``."""
+    limit, exactly = _NUDGE / plan.rate, at < np.inf
     stages(engine, stepper, t, s, 1, stepper.last)
-    put(engine, stepper.end, t + s)
+    put(engine, stepper.end, at if exactly else t + s)
     normalise(engine, stepper)
     kept = stepper.K[1]  # of the stages only the first is wanted again
     for i in range(len(kept)):
         kept[i] = stepper.K[0, i]
     for _ in range(8):
-        engine.time[0] = t + s
+        engine.time[0] = at if exactly else t + s
         pass_at(engine, stepper)
         evaluate(rule)
         face = active(rule.now)
@@ -137,17 +143,17 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
     progress[0].fresh = 0
     stages(engine, stepper, t, length, stepper.last + 1, stepper.rates - 1)
     densify(stepper, length)
-    s, exactly = np.inf, False
+    s, at = np.inf, np.inf
     if arm <= t + length:
-        at = max((arm - t) / length, 0.0)
-        theta = event_in(room_for_roots, stepper, rule, len(engine.qpos) + len(engine.qvel) + engine.first, at)
-        exactly = theta < 0
-        s = arm - t if exactly else theta * length
+        since = max((arm - t) / length, 0.0)
+        theta = event_in(room_for_roots, stepper, rule, len(engine.qpos) + len(engine.qvel) + engine.first, since)
+        at = arm if theta < 0 else np.inf
+        s = arm - t if theta < 0 else theta * length
     status = _samples(engine, plan, stepper, progress, record, t, length, min(s, length))
     if status != _RUNNING:
         return False, status
     if s <= length:
-        _polish(engine, plan, stepper, rule, t, s, length, exactly)
+        _polish(engine, plan, stepper, rule, t, s, length, at)
         return True, _RUNNING
     put(engine, stepper.end, target if length == room else t + length)
     normalise(engine, stepper)
@@ -180,9 +186,9 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
             break
         t = time[0]
         due = planned(plan, progress, watched)
-        # an action comes before a look at E at the same instant: it resets the hold
-        watched_from = due.rule if due.rule < due.action else np.inf
         target = min(plan.t_end, due.clock, due.edge, due.action)
+        # what is due where the step ends comes before a look at E at the same instant
+        watched_from = due.rule if due.rule < target else np.inf
         progress[0].length = target - t
         fired = False
         if progress[0].steps == 0 and due.rule <= t and _reached(rule):
@@ -255,8 +261,8 @@ class AdaptiveLoop(FixedLoop):
         return int(self._stepper.passes[0])
 
     def look(self, often: int) -> None:
-        """Set the smallest number of output samples in every step."""
-        self._stepper = self._stepper._replace(looks=max(self._stepper.looks, often))
+        """Set the smallest number of output samples in every step, of which rows are none."""
+        self._stepper = self._stepper._replace(looks=max(self._stepper.looks, often), apart=True)
 
     def begin(self) -> None:
         """Start or restart from the state in the data, right after an event."""

@@ -9,6 +9,19 @@ grid does not depend on the state, and has been worked out before (:mod:`icmj.li
 and ends within a step. It is followed back to where that step begins, as if it had come from there, so that all steps
 are looked at in the same way. After a jump, what has jumped is followed back alone.
 
+What comes first at an instant. A piece ends at the instant at which something is due, and instants are compared as
+they are, never as fractions of a step, which are rounded. What is due at the same instant happens in this order, each
+on the state that the one before has left:
+
+1. what acts on the plant begins, bends or ends; a set-point that jumps moves the controller's state;
+2. the action that is due: w := G w;
+3. the clock ticks, or the event rule has reached its threshold while it is watched: an event, w := J w;
+4. the run has fallen, or is over.
+
+A rule that is watched from the instant on at which a piece ends is not watched within that piece: it is judged where
+the next one begins, after what happened there. An event within :data:`_LANDING` of a piece's end is at its end; if the
+controller's state jumps there, that next look decides whether there is an event at all.
+
 Every number that decides is a function of the state and of time alone, so neither the rows asked for nor the size of a
 buffer changes a bit of the motion.
 """
@@ -23,12 +36,25 @@ import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
 from icmj.base.roots import DEEPEST
-from icmj.linear.native.motion import add, at, backward, close, combine, copy, forward, look_up, multiply, times, unfold
+from icmj.linear.native.motion import (
+    add,
+    at,
+    backward,
+    close,
+    combine,
+    copy,
+    dot,
+    forward,
+    look_up,
+    multiply,
+    times,
+    unfold,
+)
 from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extend, extremes, first_end, settle
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
 _DIVERGED = 1e12
-_LANDING = 1e-12  # an event this close after the end of a piece [s] is at its end
+_LANDING = 1e-12  # an event this close to the begin or the end of a piece [s] is there
 _SAME = 1e-12  # a recording instant this close to an event [s] is the event
 _ANCHOR = 64  # rows from one to the next, before one is taken from the steps again
 _PATIENCE = 20000  # steps before the caller is asked, who may have been interrupted
@@ -97,6 +123,7 @@ def _open(T, run):  # type: ignore[no-untyped-def]
     """Begin a piece where the motion is: until when nothing is due."""
     now, counts, t = run.now, run.counts, run.now[Now.TIME]
     now[Now.STOP] = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE], T.end)
+    now[Now.BEGIN] = t
     counts[Count.CELL] = 0
     now[Now.ORIGIN], now[Now.OFFSET] = t, 0.0
     if len(T.lines) > 0:
@@ -115,7 +142,9 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
     """Go on with the piece under way; what ended it, −1 where the caller is asked, and how patient to be still."""
     now, counts, s, m, n_y = run.now, run.counts, run.s, len(run.row), len(run.high)
     out, sizes, tails, f = room
-    origin, stop, watching = now[Now.ORIGIN], now[Now.STOP], len(T.cuts) > 1
+    origin, begin, stop = now[Now.ORIGIN], now[Now.BEGIN], now[Now.STOP]
+    # what is due at the piece's end comes before a rule that is watched from there on
+    watching = len(T.cuts) > 1 and now[Now.READY] < stop
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
     total, outputs, lanes = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1), len(acting.f)
@@ -133,7 +162,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
             return -1, patience
         whole, final = offset + left >= 1 - slack, offset + left <= 1 + slack
         here = 1.0 if whole else offset + left
-        ready = (now[Now.READY] - origin) / h - cell if now[Now.READY] > origin + (cell + offset) * h else offset
+        ready = offset if now[Now.READY] <= begin else max(offset, (now[Now.READY] - origin) / h - cell)
         armed = watching and ready < here
         if offset > 0 and counts[Count.ENDED] == cell:
             for j in range(m):
@@ -175,10 +204,12 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
             for j in range(m):
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
-        until = origin + min((cell + theta) * h, stop - origin)
-        if kind == EVENT and theta == ready > offset:
+        until = min(max(origin + (cell + theta) * h, begin), stop)
+        if kind == EVENT and theta == ready and abs(until - now[Now.READY]) <= _LANDING:
             until = now[Now.READY]
-        if kind == NOTHING and final:
+        elif until - begin <= _LANDING:
+            until = begin
+        if stop - until <= _LANDING and (final or kind != NOTHING):
             until = stop
         _rows_until(T, acting, run, until, terms, series, f)
         if turns:  # what an output is at either end is looked at anyway
@@ -240,6 +271,20 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
             now[Now.ACTION] = _next_action(T, run)
 
 
+@inlined
+def _beyond(T, run):  # type: ignore[no-untyped-def]
+    """Whether the rule is watched and at or beyond its threshold, at the present state."""
+    if not run.now[Now.READY] <= run.now[Now.TIME]:
+        return False
+    beyond = False
+    for face in range(len(T.cuts) - 1):
+        square = 0.0
+        for row in range(T.cuts[face], T.cuts[face + 1]):
+            square += dot(T.A[row, 0], run.w[: len(run.row)]) ** 2
+        beyond = beyond or square >= 1
+    return beyond
+
+
 @compiled
 def _simulate(T, acting, run, room, work, turning, series, scratch, most_events):  # type: ignore[no-untyped-def]
     now, counts, m, patience = run.now, run.counts, len(run.row), _PATIENCE
@@ -251,32 +296,46 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
             return _MORE
         counts[Count.CELL] = -1
         copy(run.s, run.w[:m])
-        if kind == FALL:
-            return _STATUS_FELL
         if kind == _GONE:
             return _STATUS_DIVERGED
         extend(T, run, run.w[:m], False)
-        t = now[Now.TIME]
+        t, fallen, jumps = now[Now.TIME], kind == FALL, False
+        if fallen and t < now[Now.STOP]:
+            return _STATUS_FELL
+        # 1: what acts on the plant, or on the controller
         if t == now[Now.EDGE]:
             edge = 0
             while T.edges[edge] <= t:
                 edge += 1
             now[Now.EDGE] = T.edges[edge]
             counts[Count.ENDED] = -1  # from here on, other terms act on that step
+            jumps = T.jumps.shape[1] > 0
             for j in range(T.jumps.shape[1]):
                 run.w[j] += T.jumps[edge - 1, j]
-        if kind == NOTHING and t == now[Now.ACTION]:
+        # 2: the action
+        if t == now[Now.ACTION]:
             _apply(T.G, run, scratch)
             counts[Count.ACTED] += 1
             now[Now.ACTION] = np.inf if T.clock == np.inf else _next_action(T, run)
+            jumps = True
+        # 3: an event; of the state after a jump the next piece finds it, which there is none of at the run's end
+        if jumps and kind == EVENT:
+            kind = NOTHING
+        if t == T.end and kind != EVENT and _beyond(T, run):
+            kind = EVENT
         if kind == EVENT and T.sampling > 0:
             now[Now.TICK], now[Now.READY] = t + T.sampling, np.inf
         elif kind == EVENT or t == now[Now.TICK]:
             _event(T, run, scratch)
+            if fallen:
+                return _STATUS_FELL
             if counts[Count.EVENTS] >= most_events:
                 return _REACHED
             if counts[Count.EVENTS] == len(run.events):
                 return _MORE
+        # 4: of what follows, the next piece finds a fall where it begins
+        if fallen and t == T.end:
+            return _STATUS_FELL
     return _ENDED
 
 

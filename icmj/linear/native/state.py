@@ -173,8 +173,9 @@ class Now(IntEnum):
     """When the last row was."""
     ORIGIN = auto()
     """From when on steps are counted in the piece under way."""
+    BEGIN = auto()
     STOP = auto()
-    """Of the piece under way."""
+    """From when until when the piece under way is."""
     OFFSET = auto()
     """Where the piece under way is in its step, in steps."""
 

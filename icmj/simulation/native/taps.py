@@ -116,16 +116,8 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
 
 @allocating
 def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
-    """What resets and signals do at ``t``: the level of it, and how far it is to the next, at most to ``longest``."""
+    """What signals and then resets do at ``t``: its level, and how far it is to the next, at most to ``longest``."""
     mode, size = now.mode[0], len(now.a)
-    while now.due[0] * taps.period <= t + SAME:
-        before = now.a.copy()
-        for i in range(size):
-            now.a[i] = 0.0
-            for k in range(size):
-                now.a[i] += taps.J[i, k] * before[k]
-        now.due[0] += 1
-        level = -1
     while taps.edges[now.due[1]] <= t + SAME:
         for k in range(len(taps.signals.terms)):
             start = taps.signals.terms[k, 3]
@@ -135,6 +127,14 @@ def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
                         by = taps.signals.effect[k, j] * taps.signals.terms[k, 0]
                         now.a[i] += taps.N[mode, i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
         now.due[1] += 1
+        level = -1
+    while now.due[0] * taps.period <= t + SAME:
+        before = now.a.copy()
+        for i in range(size):
+            now.a[i] = 0.0
+            for k in range(size):
+                now.a[i] += taps.J[i, k] * before[k]
+        now.due[0] += 1
         level = -1
     return level, min(longest, now.due[0] * taps.period, taps.edges[now.due[1]])
 

@@ -1,0 +1,413 @@
+"""Random run files whose instants coincide, and the rules that every run must obey, whatever its numbers are.
+
+The rules need no oracle: each compares a run with another of the same file, changed so that the answer is known.
+
+* ``later``: what begins at t leaves everything before t as it was, however large or small it is;
+* ``longer``: a run of T and a longer one are equal up to T, events at T included;
+* ``rows``: what is recorded changes no bit of the motion;
+* ``order``: where two instants coincide, the run is the limit of runs in which they follow one another in the order
+  that docs/simulation.md states: an edge just before, then the action, then tick or threshold;
+* ``shift``: from rest, moving every instant by the same time moves the run;
+* ``plants``: linear plant and MuJoCo agree where the sway is small;
+* ``routes``: every way to the same run gives the same bits.
+
+Motions between events can be unstable, so differences grow from rounding to anything. What no smooth motion does is to
+jump: from one event to the next a difference may grow by :data:`GROWTH`, and an action that is lost, or an event that
+is judged too early, exceeds this by orders of magnitude.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+import icmj
+
+GROWTH = 1e5  # of a difference, from one event to the next
+ROUNDING = 1e-12  # s, of an event on either plant
+NONLINEAR = 1e-7  # of the sway, where it is scaled by SMALL
+SMALL = 1e-4
+JUST = 1e-9  # s, how long before another an instant is that is to come first
+TOGETHER = 1e-4  # s; motions whose events lie further apart are no longer compared
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A random run.
+
+    Attributes:
+        seed: it was drawn with.
+        base: the shipped run file that it changes.
+        changes: keys of the run file and their values.
+        clock: interval of a clock that replaces the event rule [s].
+        continuous: whether continuous control replaces it.
+        grid: [s] the instants are multiples of it, or of its half.
+    """
+
+    seed: int
+    base: str
+    changes: dict[str, Any]
+    clock: float | None
+    continuous: bool
+    grid: float
+
+    @property
+    def intermittent(self) -> bool:
+        """Whether the controller has an observer and a hold."""
+        return "intermittent" in self.base or self.base in _EVENT
+
+    def changed(self, **changes: Any) -> Drawn:
+        """The same with other values."""
+        return replace(self, changes={**self.changes, **{key.replace("__", "."): of for key, of in changes.items()}})
+
+    @property
+    def duration(self) -> float:
+        """Of the run [s]."""
+        return float(self.changes["simulation.duration"])
+
+    def __str__(self) -> str:
+        return f"seed {self.seed}: {self.base} {self.changes} clock {self.clock} continuous {self.continuous}"
+
+
+_EVENT = ("runs/rivals/one-link-event.toml", "runs/simple-0.8.toml", "runs/three-link-0.9.toml")
+_READING = (
+    "runs/rivals/one-link-switching.toml",
+    "runs/rivals/one-link-delayed-pd.toml",
+    "runs/rivals/one-link-predictor.toml",
+)
+# of each: the position that leans, an input with a size that moves the body, an output, the threshold's size
+_BODIES = {
+    "one-link": ("ankle", "ankle_torque", 1.0, "lean", 2e-3),
+    "simple": ("hinge", "torque", 0.02, "angle", 1e-2),
+    "three-link": ("ankle", "ankle_torque", 1.0, "shank", 1e-2),
+}
+
+
+def body(base: str) -> tuple[str, str, float, str, float]:
+    """What a shipped run file calls its position, input and output, with sizes of a push and of a threshold."""
+    return next(names for body, names in _BODIES.items() if body in base)
+
+
+def draw(seed: int) -> Drawn:
+    """A random run: every controller × set-point × delay × least interval about it × disturbances × rows."""
+    rng = random.Random(seed)
+    base = rng.choice((*_EVENT[:2] * 4, _EVENT[2], *_READING))
+    position, pushed, size, output, threshold = body(base)
+    grid = rng.choice((0.02, 0.05, 0.1, 0.125))
+    clock, continuous = None, False
+    duration = grid * rng.randint(int(2 / grid), int(8 / grid))
+    changes: dict[str, Any] = {
+        "simulation.duration": duration,
+        "simulation.initial": {position: rng.choice((0.0, 0.005, 0.01))},
+        "simulation.record_interval": rng.choice((grid / 5, grid, 2 * grid, 0.013)),
+        "simulation.timestep": rng.choice((None, None, grid / 20)),
+    }
+    # most are multiples of the grid, like every other instant; others make events coincide with actions alone
+    delays = (0.0, grid, 2 * grid, 3 * grid, round(rng.uniform(0.05, 0.3), 3), round(rng.uniform(0.05, 0.3), 2))
+    if base in _EVENT:
+        delay = rng.choice(delays)
+        changes |= {
+            "assumed.delay": delay,
+            "actual.gain": rng.choice((0.9, 1.0, 1.1)),
+            "controller.delta_min": rng.choice((0.001, 0.001, grid / 2, max(delay, grid), delay + grid)),
+            "controller.hold": rng.choice(("system-matched", "system-matched", "zero-order")),
+            "controller.q_t": threshold * rng.choice((0.1, 0.3, 1.0, 3.0)),
+        }
+        kind = rng.choice(("rule", "rule", "rule", "rule", "sampled", "clock", "box", "box" if delay else "continuous"))
+        if kind == "sampled":
+            changes["controller.sampling_delay"] = grid * rng.choice((0.5, 1, 2))
+        elif kind == "clock":
+            clock = grid * rng.choice((1, 2, 3))
+        elif kind == "continuous":
+            continuous = True
+        elif kind == "box":
+            changes |= {"controller.rule": "box", "controller.q_t": None, "controller.threshold": threshold}
+            changes |= {"controller.Q_t": None}
+        if rng.random() < 0.4:
+            changes["setpoint"] = [_setpoint(rng, output, grid, duration)]
+    else:
+        changes["assumed.delay"] = max(rng.choice(delays), grid)
+        if "predictor" in base and rng.random() < 0.5:
+            changes["setpoint"] = [_setpoint(rng, output, grid, duration)]
+    shares = base in _EVENT and not continuous
+    acting = [
+        _disturbance(rng, pushed, output, size, threshold, grid, duration, shares)
+        for _ in range(rng.choice((0, 1, 1, 2)))
+    ]
+    changes["simulation.disturbance"] = acting
+    if rng.random() < 0.3:
+        # pushed so hard that nearly every event is due at once, where the rule is watched from the last one's action on
+        base, clock, continuous = _EVENT[0], None, False
+        position, pushed, size, output, threshold = body(base)
+        changes = {
+            key: of for key, of in changes.items() if key in ("simulation.duration", "simulation.record_interval")
+        }
+        changes |= {
+            "simulation.initial": {position: 0.01},
+            "assumed.delay": rng.choice(delays[1:]),
+            "controller.delta_min": 0.001,
+            "controller.q_t": threshold * rng.choice((0.1, 0.5)),
+            "simulation.disturbance": [
+                {"kind": "step", "input": pushed, "size": 0.5, "start": grid * rng.randint(0, 20)}
+            ],
+        }
+    return Drawn(seed, base, changes, clock, continuous, grid)
+
+
+def _start(rng: random.Random, grid: float, duration: float) -> float:
+    return grid / 2 * rng.randint(0, int(1.5 * duration / grid))
+
+
+def _setpoint(rng: random.Random, output: str, grid: float, duration: float) -> dict[str, Any]:
+    kind = rng.choice(("step", "pulse", "ramp"))
+    found = {"kind": kind, "output": output, "size": rng.choice((0.0047, 0.0113)), "start": _start(rng, grid, duration)}
+    return found if kind == "step" else found | {"duration": grid * rng.choice((1, 3, 8))}
+
+
+def _disturbance(
+    rng: random.Random,
+    pushed: str,
+    output: str,
+    size: float,
+    threshold: float,
+    grid: float,
+    duration: float,
+    shares: bool,
+) -> dict[str, Any]:
+    kind = rng.choice(("step", "impulse", "noise", "gaussian", "bias", "sinusoids", "share" if shares else "step"))
+    start = _start(rng, grid, duration)
+    seed = rng.randrange(1000)
+    push, noisy = {"input": pushed, "start": start}, {"input": pushed, "seed": seed, "start": start}
+    return {
+        "step": {**push, "kind": "step", "size": size * rng.choice((-1, 1, 1e-6))},
+        "impulse": {**push, "kind": "impulse", "size": size * grid, "duration": grid},
+        "noise": {**noisy, "kind": "noise", "size": size / 2, "corner": 1.0},
+        "gaussian": {**noisy, "kind": "gaussian", "size": size / 2, "interval": grid / 2},
+        "share": {**noisy, "kind": "gaussian", "share": 0.1, "interval": grid / 2},
+        "bias": {"kind": "bias", "output": output, "size": threshold * rng.choice((0.2, 2)), "start": start},
+        "sinusoids": {"kind": "sinusoids", "input": pushed, "terms": [[size, 3.0, 0.5, start, start + 4 * grid]]},
+    }[kind]  # fmt: skip
+
+
+def file_of(drawn: Drawn) -> icmj.RunFile:
+    """Its run file."""
+    return icmj.load_run(drawn.base).with_(**drawn.changes)
+
+
+def trigger_of(drawn: Drawn) -> icmj.Trigger | None:
+    """What replaces its event rule."""
+    if drawn.clock is not None:
+        return icmj.ClockTrigger(drawn.clock)
+    return icmj.Continuous() if drawn.continuous else None
+
+
+def play(drawn: Drawn, plant: str) -> icmj.Simulation:
+    """Carry it out."""
+    run = file_of(drawn)
+    if drawn.base in _EVENT:
+        return icmj.simulate(icmj.prepare(run), plant, trigger=trigger_of(drawn))  # type: ignore[arg-type]
+    return icmj.simulate_trial(icmj.prepare_trial(run), plant)  # type: ignore[arg-type]
+
+
+def differ(a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, shift: float = 0.0) -> str:
+    """How two runs differ before ``until`` more than what was there before can have grown to; empty if they do not.
+
+    ``floor`` is the difference that they begin with, of the times of events [s] and, relative to the largest, of
+    states; ``b`` is later by ``shift``.
+    """
+    here, there = a.events.t, b.events.t - shift
+    last, close = floor, until
+    for k in range(max(len(here), len(there))):
+        one = here[k] if k < len(here) else np.inf
+        two = there[k] if k < len(there) else np.inf
+        first = min(one, two)
+        if first > until:
+            break
+        # an event that the other has not is late by what is left at least
+        by = abs(one - two) if max(one, two) < np.inf else until - first
+        if by > GROWTH * last:
+            return f"event {k} of {first:.9f} s differs by {by:.2e} s, the one before by {last:.2e}"
+        last = max(last, by)
+        if last > TOGETHER:
+            close = first
+            break
+    # rows that both have, as long as they go together
+    rows, others = a.t < close - 1e-9, b.t - shift
+    place = np.clip(np.searchsorted(others, a.t - 1e-9), 0, len(others) - 1)
+    rows &= np.abs(others[place] - a.t) < 1e-9
+    # beside an event, one of them may have it on the other side
+    for t in (*here, *there):
+        rows &= np.abs(a.t - t) > 10 * TOGETHER
+    if rows.any():
+        size = max(np.abs(a.x).max(), 1e-9)  # what is smaller is rounding of the sizes that the files state
+        worst = float(np.abs(a.x[rows] - b.x[place[rows]]).max() / size)
+        if worst > GROWTH * max(last, floor):
+            return f"rows differ by {worst:.2e} of the largest, events by {last:.2e} s"
+    return ""
+
+
+def _later(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    _, pushed, size, output, _ = body(drawn.base)
+    start = drawn.grid * rng.randint(int(0.3 * drawn.duration / drawn.grid) + 1, int(drawn.duration / drawn.grid))
+    more = {"kind": "step", "input": pushed, "size": size * rng.choice((1e-9, 1.0, 10.0)), "start": start}
+    key = "simulation.disturbance"
+    if drawn.base in _EVENT and "setpoint" in drawn.changes and rng.random() < 0.3:
+        key, more = "setpoint", {"kind": "step", "output": output, "size": 0.02, "start": start}
+    other = replace(drawn, changes={**drawn.changes, key: [*drawn.changes.get(key, []), more]})
+    return differ(play(drawn, plant), play(other, plant), start - JUST, ROUNDING if plant == "linear" else 1e-9)
+
+
+def _longer(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    longer = drawn.changed(simulation__duration=drawn.duration + drawn.grid * rng.choice((0.5, 1, 7)))
+    a, b = play(drawn, plant), play(longer, plant)
+    return differ(a, b, min(drawn.duration, a.t[-1]), ROUNDING if plant == "linear" else 1e-9)
+
+
+def _rows(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    other = drawn.changed(simulation__record_interval=drawn.grid * rng.choice((0.31, 0.5, 1, 3, 100)))
+    a, b = play(drawn, plant).events, play(other, plant).events
+    for name in ("t", "x", "x_o", "x_h"):
+        if not np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True):
+            return f"rows at another interval change {name} of events"
+    # extremes in MuJoCo are those of polynomials through samples, of which rows are some: few within short intervals
+    for name in ("y_max", "y_min"):
+        one, other = getattr(a, name), getattr(b, name)
+        close = 0.0 if plant == "linear" else 1e-5 * np.abs(one).max(initial=0.0)
+        if not np.allclose(one, other, rtol=0, atol=close):
+            return f"rows at another interval change {name} of events by {np.abs(one - other).max():.1e}"
+    return ""
+
+
+def _order(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    """Edges first: the run is that whose edges come just before. Then actions: before ticks that fall on them."""
+
+    def before(source: dict[str, Any]) -> dict[str, Any]:
+        if source["kind"] == "sinusoids":
+            terms = [[*term[:3], max(term[3] - JUST, 0.0), term[4] - JUST] for term in source["terms"]]
+            return {**source, "terms": terms}
+        if source["kind"] == "gaussian" or not source.get("start"):
+            return source
+        return {**source, "start": source["start"] - JUST}
+
+    other = drawn
+    for key in ("simulation.disturbance", "setpoint"):
+        if key in drawn.changes:
+            other = replace(other, changes={**other.changes, key: [before(of) for of in drawn.changes[key]]})
+    if drawn.clock is not None and drawn.changes["assumed.delay"]:
+        other = other.changed(assumed__delay=drawn.changes["assumed.delay"] - JUST)
+    return differ(play(drawn, plant), play(other, plant), drawn.duration - 2 * JUST, 10 * JUST)
+
+
+def _shift(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    shift = drawn.grid * rng.choice((1, 2, 5))
+    still = {"step", "impulse", "pulse", "bias", "ramp"}
+    kinds = [source for key in ("simulation.disturbance", "setpoint") for source in drawn.changes.get(key, [])]
+    if drawn.clock is not None or drawn.base not in _EVENT or any(of["kind"] not in still for of in kinds):
+        return "skipped"
+    begun = {}
+    for key in ("simulation.disturbance", "setpoint"):
+        if key in drawn.changes:
+            # late enough for the least interval after the start to be over
+            begun[key] = [{**of, "start": of.get("start", 0.0) + 8 * drawn.grid} for of in drawn.changes[key]]
+    base = replace(drawn, changes={**drawn.changes, **begun, "simulation.initial": {}})
+    base = base.changed(simulation__duration=drawn.duration + 8 * drawn.grid)
+    moved = {key: [{**of, "start": of["start"] + shift} for of in sources] for key, sources in begun.items()}
+    other = replace(base, changes={**base.changes, **moved})
+    other = other.changed(simulation__duration=base.duration + shift)
+    a, b = play(base, plant), play(other, plant)
+    return differ(a, b, min(base.duration, a.t[-1]) - JUST, 1e-11 if plant == "linear" else 1e-9, shift)
+
+
+def scaled(drawn: Drawn, by: float) -> Drawn:
+    """The same with every size in proportion: on the linear plant, the same motion."""
+    changes = dict(drawn.changes)
+    for key in ("controller.q_t", "controller.threshold"):
+        if changes.get(key):
+            changes[key] = changes[key] * by
+    if "switching" in drawn.base:
+        changes["controller.dead_zone"] = 0.004 * by
+    changes["simulation.initial"] = {name: value * by for name, value in changes["simulation.initial"].items()}
+
+    def size(source: dict[str, Any]) -> dict[str, Any]:
+        if "terms" in source and source["kind"] == "sinusoids":
+            return {**source, "terms": [[term[0] * by, *term[1:]] for term in source["terms"]]}
+        return {**source, "size": source["size"] * by} if "size" in source else source
+
+    for key in ("simulation.disturbance", "setpoint"):
+        if key in changes:
+            changes[key] = [size(of) for of in changes[key]]
+    return replace(drawn, changes=changes)
+
+
+def _plants(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    words = ""
+    # where they differ by what is nonlinear, they do not at a hundredth of the sway
+    for by in (SMALL, SMALL / 100):
+        small = scaled(drawn, by).changed(simulation__timestep=None)
+        a, b = play(small, "linear"), play(small, "mujoco")
+        words = differ(a, b, min(drawn.duration, a.t[-1], b.t[-1]) - 1e-6, NONLINEAR)
+        if not words:
+            return ""
+    return words
+
+
+def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    return "skipped"
+
+
+RULES: dict[str, Callable[[Drawn, random.Random, str], str]] = {
+    "later": _later,
+    "longer": _longer,
+    "rows": _rows,
+    "order": _order,
+    "shift": _shift,
+    "plants": _plants,
+    "routes": _routes,
+}
+
+
+@dataclass
+class Tally:
+    """What a hunt has found: how many runs obeyed each rule, were refused, or failed it."""
+
+    obeyed: Counter[str] = field(default_factory=Counter)
+    refused: Counter[str] = field(default_factory=Counter)
+    failures: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        rules = ", ".join(f"{rule} {self.obeyed[rule]} (refused {self.refused[rule]})" for rule in RULES)
+        return f"{sum(self.obeyed.values())} runs obey: {rules}; {len(self.failures)} failures"
+
+
+def check(rule: str, seed: int, plant: str) -> str | None:
+    """What a random run does against a rule; ``None`` if it is refused, or the rule does not apply to it."""
+    drawn, rng = draw(seed), random.Random(seed + 1)
+    try:
+        words = RULES[rule](drawn, rng, plant)
+    except icmj.IcmjError:
+        return None
+    return None if words == "skipped" else words
+
+
+def hunt(seeds: Iterable[int], seconds: float = np.inf, rules: Iterable[str] = RULES) -> Tally:
+    """Put random runs to all rules, on both plants, until the time is over."""
+    tally, begin = Tally(), time.monotonic()
+    for seed in seeds:
+        for rule in rules:
+            for plant in ("linear",) if rule == "plants" else ("linear", "mujoco"):
+                if time.monotonic() - begin > seconds:
+                    return tally
+                words = check(rule, seed, plant)
+                if words is None:
+                    tally.refused[rule] += 1
+                elif words:
+                    tally.failures.append(f"{rule} on {plant}: {words}; {draw(seed)}")
+                else:
+                    tally.obeyed[rule] += 1
+    return tally

@@ -1,0 +1,23 @@
+"""Random runs obey the rules of all runs (``python -m tests.metamorphic`` hunts for longer)."""
+
+import pytest
+from metamorphic_cases import RULES, check, draw, hunt
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_random_runs_obey(rule):
+    tally = hunt(range(1000, 1003), rules=[rule])
+    assert not tally.failures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 48, 4))
+def test_many_random_runs_obey(first):
+    tally = hunt(range(first, first + 4))
+    assert not tally.failures
+    assert sum(tally.obeyed.values()) > sum(tally.refused.values())
+
+
+def test_a_run_comes_again_by_its_seed():
+    assert draw(7) == draw(7)
+    assert check("order", 7, "linear") == check("order", 7, "linear") == ""
