@@ -42,8 +42,8 @@ class Predicted:
 class Measured:
     """The measured motion of the run: interval and period [s], peak of every output, |χ_k1| at events, kind of motion.
 
-    ``converged`` states whether it settled on the predicted cycle: with the predicted number of events in a period,
-    mirrored or not, and every interval within :data:`icmj.comparison.facts.INTERVAL_TOLERANCE` of Δ_crit.
+    ``converged`` states whether it settled on the predicted cycle, as
+    :func:`icmj.comparison.facts.on_predicted_cycle` decides.
     """
 
     interval: float | None

@@ -22,6 +22,13 @@ INTERVAL_TOLERANCE = 0.05
 """Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
 one. The nonlinear plant's own departure grows as the square of the threshold and stays far below; coexisting cycles
 are further away."""
+MIRROR_TOLERANCE = 2 * INTERVAL_TOLERANCE
+"""Largest asymmetry of a cycle that counts as a predicted mirrored one: an interval and the next, or a state and the
+mirror image of the next, may each depart by :data:`INTERVAL_TOLERANCE`, hence from one another by twice as much.
+
+A mirrored cycle is exactly mirrored only where plant and controller are odd. An attracting cycle persists if they are
+slightly not: one cycle of two events remains near it, whose intervals and states depart in proportion to the threshold,
+the first by as much as the second but in opposite directions, so that their mean still departs with its square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +46,17 @@ class Ran:
 def on_predicted_cycle(prediction: Prediction, measurement: Measurement) -> bool:
     """Whether the run ended on the predicted cycle; false where none is predicted.
 
-    It has that number of events in a period, mirrored or not, and every interval within :data:`INTERVAL_TOLERANCE` of
-    Δ_crit.
+    It has that number of events in a period and every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit. With λ = −1
+    its halves are mirror images: exactly or, where the predicted cycle attracts, within :data:`MIRROR_TOLERANCE`. One
+    that repels may have lost its symmetry to two other cycles, which lie close to it.
     """
     if not prediction.cycle or prediction.delta_crit is None or prediction.eigenvalue is None:
         return False
     if measurement.kind != "cycle" or measurement.interval is None:
         return False
     mirrored = prediction.eigenvalue.real < 0
-    if measurement.p != (2 if mirrored else 1) or measurement.mirrored != mirrored:
+    nearly = prediction.verdict == "attracting" and measurement.asymmetry <= MIRROR_TOLERANCE
+    if measurement.p != (2 if mirrored else 1) or (measurement.mirrored or (mirrored and nearly)) != mirrored:
         return False
     intervals = np.append(measurement.intervals, measurement.interval)
     return bool(np.all(np.abs(intervals / prediction.delta_crit - 1) <= INTERVAL_TOLERANCE))

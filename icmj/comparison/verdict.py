@@ -18,7 +18,7 @@ def verdict_in_words(result: Result, converged: bool) -> str:
     """
     prediction, measurement, outcome = result.prediction, result.measurement, result.simulation.outcome
     if converged:
-        mirror = "twice the interval, mirrored halves" if measurement.mirrored else "one interval"
+        mirror = f"twice the interval, {halves(measurement)}" if measurement.p == 2 else "one interval"
         return f"Settles on the predicted cycle (period is {mirror})."
     if measurement.kind == "noisy":
         return f"{_in_distribution(measurement, prediction)}."
@@ -46,6 +46,13 @@ def verdict_in_words(result: Result, converged: bool) -> str:
         reason = prediction.orbit.reason if prediction.orbit is not None else ""
         return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
     return f"Does not settle on the predicted cycle, although it attracts; {ended}."
+
+
+def halves(measurement: Measurement) -> str:
+    """The halves of a cycle that has settled on a predicted mirrored one; see :data:`.facts.MIRROR_TOLERANCE`."""
+    if measurement.mirrored:
+        return "mirrored halves"
+    return f"halves mirrored to {100 * measurement.asymmetry:.2g} %, as plant and controller are not quite symmetric"
 
 
 def _searched(prediction: Prediction) -> str:

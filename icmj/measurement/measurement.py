@@ -114,7 +114,7 @@ def measure(
                 if candidate.p % r.p == 0 and (r is candidate or r.residual < tolerance or r.converging)
             )
             if finest.residual < tolerance:
-                return _cycle(simulation, finest)
+                return _cycle(simulation, states, finest)
             break
     return _open(simulation, states, returns, running, tolerance, floor)
 
@@ -180,9 +180,10 @@ def _homoclinic(simulation: Simulation, states: Array) -> bool:
     return bool(growing and size[-1] <= 2 * size[0] and longest >= 5 * np.median(interval))
 
 
-def _cycle(simulation: Simulation, found: _Return) -> Measurement:
+def _cycle(simulation: Simulation, states: Array, found: _Return) -> Measurement:
     p, residual, name = found.p, found.residual, found.name
     intervals = simulation.events.interval[-p:]
+    asymmetry = np.nan if p % 2 else float(closure(states, simulation.events.interval, p // 2, -1)[-p:].max())
     period = float(intervals.sum())
     rhythm = f"{intervals.mean():.6g} s" if np.ptp(intervals) < 1e-5 * period else _list(intervals)
     return Measurement(
@@ -194,6 +195,7 @@ def _cycle(simulation: Simulation, found: _Return) -> Measurement:
         period=period,
         amplitude=_amplitude(simulation, p),
         residual=residual,
+        asymmetry=asymmetry,
         outputs=simulation.labels.outputs,
         output_units=simulation.labels.output_units,
         words=f"Settled on a {name} cycle of {period:.6g} s, open-loop interval {rhythm}; it closes to {residual:.1e}.",

@@ -23,6 +23,8 @@ class Measurement(Shown):
             drives the motion, which is then described by its :mod:`icmj.measurement.statistics`.
         p: events per period (1, 2, ... 8), or ``None`` without a cycle. A mirrored cycle has an even p.
         mirrored: whether the second half of the cycle is the first with opposite sign.
+        asymmetry: largest relative departure of the second half of a cycle of an even number of events from the mirror
+            image of the first, of x̄ and of the intervals; NaN with an odd number or without a cycle.
         interval: mean open-loop interval over the last period [s] or, without a cycle, over the last intervals or,
             under noise, over the run; ``None`` without events.
         intervals: the intervals of the last period [s], shape (p,); empty without a cycle.
@@ -44,6 +46,7 @@ class Measurement(Shown):
     amplitude: Array
     residual: float
     words: str
+    asymmetry: float = float("nan")
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
 

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from icmj.base.numbers import eigenvalue, error, number
+from icmj.comparison.verdict import halves
 from icmj.plant.linear_plant import transformation
 from icmj.report.pairing import CaseRuns
 from icmj.report.style import NAME
@@ -81,8 +82,8 @@ def periodic(sign: int, reservation: str = "") -> Callable[[CaseRuns], Answer]:
         parts, ok = [], True
         for plant, result in case.runs.items():
             m = result.measurement
-            settled = m.kind == "cycle" and m.mirrored == (sign < 0) and case.comparisons[plant].measured.converged
-            ok = ok and settled
+            settled = case.comparisons[plant].measured.converged
+            ok = ok and settled and m.p == (2 if sign < 0 else 1)
             if m.period is None:
                 parts.append(f"{NAME[plant]}: {_lower(m.words)}")
             else:
@@ -91,7 +92,7 @@ def periodic(sign: int, reservation: str = "") -> Callable[[CaseRuns], Answer]:
                     if case.prediction.delta_crit is None
                     else f" = {_times(m.period / case.prediction.delta_crit)}Δ_crit"
                 )
-                mirrored = ", mirrored halves" if m.mirrored else ""
+                mirrored = f", {halves(m)}" if m.mirrored or (settled and m.p == 2) else ""
                 parts.append(f"{NAME[plant]}: period {number(m.period, 5)} s{ratio}{mirrored}")
         return _answer(ok, _sentence(parts), reservation)
 
