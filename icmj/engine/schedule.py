@@ -32,7 +32,8 @@ class Schedule:
         delay: t_d from an event to its action [s].
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
-        record_interval: least time between two recorded rows [s]; events are always recorded.
+        record_interval: rows are at its multiples, of fixed steps at the first that ends there or later, and at events,
+            actions and the end [s].
         limits: the run has fallen when a position departs further than its own [rad or m], shape (nv,).
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
         events: number of events after which to stop.
@@ -95,6 +96,11 @@ class Schedule:
     def first_clock(self, t: float) -> int:
         """Number of the first event of the clock after ``t``."""
         return int(np.floor(t / self.clock * (1 + 1e-12))) + 1
+
+
+def row_after(t: float, interval: float) -> float:
+    """The first multiple of the interval between rows after ``t`` [s], which may be one itself, but for rounding."""
+    return float((np.floor(t / interval + 1e-8) + 1) * interval)
 
 
 def phases_of(edges: Array) -> Array:

@@ -52,7 +52,7 @@ class Stand:
         history, now: of the controller.
         level: of what begins now.
         edge: number of the next edge of a disturbance.
-        next_row: when the next row is due [s].
+        row: number of the next row among the multiples of the interval between rows.
         state: (qpos, qvel, act) of the engine.
     """
 
@@ -61,7 +61,7 @@ class Stand:
     now: Now
     level: int
     edge: int
-    next_row: float
+    row: int
     state: tuple[Array, Array, Array]
 
     def copy(self, data: mujoco.MjData) -> Stand:
@@ -192,7 +192,7 @@ class _Run:
         y = loop.y(data.sensordata)
         if stand is None:
             history, now = begun(self.taps, realisation, y + loop.errors(0.0))
-            stand = Stand(0.0, history, now, first_level(realisation), 0, schedule.record_interval, (here[:0],) * 3)
+            stand = Stand(0.0, history, now, first_level(realisation), 0, 1, (here[:0],) * 3)
         self.stand = stand
         self.levels = levels_of(schedule.edges, loop.acting)
         self.record = recording(CHUNK, loop.model.nsensordata, loop.width)
@@ -231,7 +231,7 @@ class _Run:
         switched = status == Status.COMPLETED and called(go, taps, stand.now, length, guard)
         with unhurried():
             ended = status != Status.COMPLETED or end >= schedule.t_end
-            self._conclude(end, switched, ended)
+            self._conclude(switched, ended)
             stand.t, stand.level = end, min(level, 0) if switched else level
         return (status if ended else Status.RUNNING), switched
 
@@ -242,66 +242,97 @@ class _Run:
 
     def _fly(self, stepper: FixedLoop, end: float) -> tuple[Array, Array, Status]:
         """Step to the stretch's end: times and outputs on the way, from its begin on, and why the loop came back."""
-        record, t = self.record, self.stand.t
+        record, t, data = self.record, self.stand.t, self.data
         steps = _LEAST if end - t > _SHORT else 1
-        stepper.resume(end, min(self.schedule.timestep, (end - t) / steps), self.stand.next_row)
-        times, y, status = [np.array([t])], [self.loop.y(self.data.sensordata)[None, :]], Status.RUNNING
+        # a row where the stretch begins is of the state there, under its command
+        due = self.stand.row + (self.stand.row * self.schedule.record_interval <= t + SAME)
+        stepper.resume(end, min(self.schedule.timestep, (end - t) / steps), due * self.schedule.record_interval)
+        states = [np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])[None, :]]
+        times, y, status = [np.array([t])], [self.loop.y(data.sensordata)[None, :]], Status.RUNNING
         while status == Status.RUNNING:
             record.clear()
             status = stepper.advance(record, CHUNK)
             with unhurried():
                 n_dense, n_rows, _, taken = (int(n) for n in record.count)
                 self.steps += taken
-                rows, dense = record.rows[:n_rows].copy(), record.dense[:n_dense].copy()
-                theta = (rows[:, 0] - t) / self.taps.unit
-                u = np.asarray(np.polynomial.polynomial.polyval(theta, self.stand.now.u.T).T, dtype=float)
-                self._keep(rows, u, np.repeat(self.stand.now.mode, n_rows))
+                dense = record.dense[:n_dense].copy()
+                states.append(record.rows[:n_rows].copy())
                 times.append(dense[:, 0])
                 y.append(self.loop.y(dense[:, 1:]))
-        self.since.append((np.concatenate(times[1:]), np.concatenate(y[1:])))
+        with unhurried():
+            self.since.append((np.concatenate(times[1:]), np.concatenate(y[1:])))
+            self._record(np.concatenate(states))
         return np.concatenate(times), np.concatenate(y), status
+
+    def _record(self, states: Array) -> None:
+        """Keep rows at the multiples of the interval, from the stretch's begin on, of the engine's ``states`` on it."""
+        stand, interval = self.stand, self.schedule.record_interval
+        last = int(np.ceil((states[-1, 0] - SAME) / interval))
+        t = interval * np.arange(stand.row, last, dtype=float)
+        if len(t):
+            stand.row = last
+            self._keep(*self._commanded(self._states_at(t, states)))
+        self.last, self.kept = self._commanded(states[-1:]), False
+
+    def _states_at(self, t: Array, states: Array) -> Array:
+        """Rows at these times: states of the engine that there are, else by a spline through those at its steps."""
+        states = states[np.isfinite(states).all(axis=1)]  # of one that diverges, what there was before
+        at = states[:, 0]
+        near = np.abs(at - t[:, None]).argmin(axis=1)
+        rows = states[near]
+        between = np.abs(at[near] - t) > 1e-9 * (at[-1] - at[0])
+        if between.any() and len(at) > 1:
+            rows[between] = self._spline(at, states)(t[between] - at[0])
+            for row in rows[between] if self.loop.model.nq != self.loop.model.nv else ():
+                mujoco.mj_normalizeQuat(self.loop.model, row[1 : 1 + self.loop.model.nq])
+        rows[:, 0] = t
+        return rows
 
     def _at_nodes(self, times: Array, y: Array) -> Array:
         """The readings of these outputs at the nodes of the stretch, shape (nodes, n_y)."""
-        from scipy.interpolate import make_interp_spline
-
-        half = (times[-1] - times[0]) / 2
-        nodes = half * (1 + self.taps.nodes)
-        # samples much closer together than the others would magnify rounding
-        gap = 0.05 * 2 * half / (len(times) - 1)
-        ahead, behind = times[1:-1] - times[:-2], times[-1] - times[1:-1]
-        inside = np.flatnonzero((ahead > gap) & (behind > gap) & (2 * half > _SHORT)) + 1
-        kept = np.concatenate([[0], inside, [len(times) - 1]])
-        degree = min(_DEGREE, len(kept) - 1)
-        spline = make_interp_spline(times[kept] - times[0], y[kept], degree, check_finite=False)
+        nodes = (times[-1] - times[0]) / 2 * (1 + self.taps.nodes)
+        spline = self._spline(times, y)
         u = np.polynomial.polynomial.polyval(nodes / self.taps.unit, self.stand.now.u.T).T
         read = spline(nodes) + self.loop.errors(times[0] + nodes), u[:, : self.stand.now.values.shape[1] - y.shape[1]]
         return np.ascontiguousarray(np.hstack(read))
+
+    def _spline(self, times: Array, values: Array) -> Callable[[Array], Array]:
+        """A spline through samples on the stretch, of the time since its begin."""
+        from scipy.interpolate import make_interp_spline
+
+        # samples much closer together than the others would magnify rounding
+        gap = 0.05 * (times[-1] - times[0]) / (len(times) - 1)
+        ahead, behind = times[1:-1] - times[:-2], times[-1] - times[1:-1]
+        inside = np.flatnonzero((ahead > gap) & (behind > gap) & (times[-1] - times[0] > _SHORT)) + 1
+        kept = np.concatenate([[0], inside, [len(times) - 1]])
+        degree = min(_DEGREE, len(kept) - 1)
+        return make_interp_spline(times[kept] - times[0], values[kept], degree, check_finite=False)
+
+    def _commanded(self, rows: Array) -> tuple[Array, Array, np.ndarray]:
+        """Rows of the stretch under way, with their commands and modes."""
+        theta, now = (rows[:, 0] - self.stand.t) / self.taps.unit, self.stand.now
+        u = np.asarray(np.polynomial.polynomial.polyval(theta, now.u.T).T, dtype=float)
+        return rows, u, np.repeat(now.mode, len(rows))
 
     def _keep(self, rows: Array, u: Array, mode: np.ndarray) -> None:
         self.rows.append(rows)
         self.u.append(u)
         self.mode.append(mode)
 
-    def _conclude(self, end: float, switched: bool, ended: bool) -> None:
-        """The row at a stretch's end stays where it is due, at a switch and at the run's end."""
-        stand, interval = self.stand, self.schedule.record_interval
-        if end > stand.t:
-            rows, u, mode = self.rows.pop(), self.u.pop(), self.mode.pop()
-            inside, self.last, self.kept = rows[:-1, 0], (rows[-1:], u[-1:], mode[-1:]), False
-            self._keep(rows[:-1], u[:-1], mode[:-1])
-            stand.next_row = float(inside[-1]) + interval if len(inside) else stand.next_row
-        due = end >= stand.next_row - 1e-9 * self.schedule.timestep
-        if (switched or ended or due) and not self.kept:
+    def _conclude(self, switched: bool, ended: bool) -> None:
+        """At a switch and at the run's end there is a row, too, of what was before."""
+        stand, t = self.stand, float(self.last[0][0, 0])
+        if (switched or ended) and not self.kept:
             self._keep(*self.last)
-            stand.next_row, self.kept = end + interval, True
+            self.kept = True
+            stand.row += int(stand.row * self.schedule.record_interval <= t + SAME)
         # what switches again at the same instant is one event
         if switched and self.since:
             self.events.append(self.last[0])
             times, y = (np.concatenate(parts) for parts in zip(*self.since, strict=True))
             self.tracker.add(times, y, np.array([len(times) - 1]))
             self.since.clear()
-            self.rough.append(end)
+            self.rough.append(t)
 
     def _cuts(self, start: float, end: float) -> Array:
         """Times strictly between two others at which something is not smooth."""

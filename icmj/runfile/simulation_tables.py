@@ -36,7 +36,7 @@ class SimulationTable(TomlTable):
     integrator: Integrator | None = None
     """Integrator in MuJoCo (default: that of the model)."""
     record_interval: Positive = 0.01
-    """Time between recorded rows [s]. Events are always recorded."""
+    """Time between recorded rows [s], which are at its multiples. Events are always recorded."""
     limit: Positive | dict[str, Positive] | None = None
     """Deviation of a position at which the run counts as fallen: one number for all [rad or m, converted to other units
     of angle or length], or positions by name, each in its own unit. Default: 1 rad or 1 m; in plants given by matrices,

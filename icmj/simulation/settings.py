@@ -36,7 +36,7 @@ class Settings:
         tolerance: relative error of an open-loop interval to which the steps in MuJoCo are adapted, instead of a
             timestep and an integrator. If none of the three is given, 1e-8 for models in which no contact, friction or
             limit can occur; otherwise the timestep of the model.
-        record_interval: interval between two recorded rows [s]; events are always recorded.
+        record_interval: interval between two recorded rows [s], at its multiples; events are always recorded.
         limit: the run counts as *fallen* when a position of the plant deviates from the operating point by more than
             this: one number for all [rad or m], or by name [unit of the position]; 1 rad or 1 m if ``None``. See
             :func:`icmj.simulation.ending.limits_of` for other units.

@@ -13,8 +13,9 @@ from icmj.engine.block import Slot
 from icmj.engine.native.compilation import engine_function, exact, inlined
 from icmj.engine.native.field import forward
 from icmj.engine.native.memory import address
-from icmj.engine.schedule import Status
+from icmj.engine.schedule import Status, row_after
 
+_row_after = inlined(row_after)
 _differentiate_pos = engine_function("mj_differentiatePos", "void(intp, intp, float64, intp, intp)")
 
 # constants that compiled code freezes
@@ -74,7 +75,7 @@ def note(engine, progress, interval, record, fired, due):  # type: ignore[no-unt
             _write(engine, record.events[count[2]])
             record.event_at[count[2]] = count[0]
             count[2] += 1
-        progress[0].next_row = engine.time[0] + interval
+        progress[0].next_row = _row_after(engine.time[0], interval)
     count[0] += 1
 
 

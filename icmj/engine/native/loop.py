@@ -29,6 +29,7 @@ from icmj.engine.schedule import Recording, Schedule, Status
 from icmj.errors import ModelError
 
 _RUNNING = int(Status.RUNNING)
+_EACH = 1e-3  # of a step: rows so close are due at the end of each
 
 
 @merged
@@ -159,10 +160,16 @@ class FixedLoop:
         return other
 
     def resume(self, end: float, timestep: float, next_row: float) -> None:
-        """Continue to another end time [s] with another timestep, after the command has changed."""
+        """Continue to another end time [s] with another timestep, after the command has changed.
+
+        Of fixed steps a row is recorded at the end of each, of adapted ones at the multiples of the schedule's interval
+        from ``next_row`` [s] on.
+        """
         engine, plan, *room = self._run
-        self._run = engine, plan._replace(t_end=end, timestep=timestep), *room
-        revise(self._progress, grid=self._data.time, steps=0, next_row=next_row)
+        begin = self._data.time
+        every, row = (self._schedule.record_interval, next_row) if self.adaptive else (_EACH * timestep, begin)
+        self._run = engine, plan._replace(t_end=end, timestep=timestep, record_interval=every), *room
+        revise(self._progress, grid=begin, steps=0, next_row=row)
         mujoco.mj_forward(self._model, self._data)
 
     def begin(self) -> None:

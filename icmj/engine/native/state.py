@@ -12,7 +12,7 @@ from icmj.base.array import Array
 from icmj.base.environment import INTERPRETED
 from icmj.engine.block import Block, Slot, span
 from icmj.engine.native.memory import handles_of
-from icmj.engine.schedule import Schedule
+from icmj.engine.schedule import Schedule, row_after
 from icmj.engine.stages import Stages, rows_need_forward, stages_of
 from icmj.engine.tableau import rounded
 
@@ -247,7 +247,7 @@ def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
         "sample": np.inf,
         "acted": clock - 1 if np.isfinite(schedule.clock) else 0,
         "edge": schedule.first_edge(t),
-        "next_row": t + schedule.record_interval,
+        "next_row": row_after(t, schedule.record_interval),
         **dict.fromkeys(("next_step", "first_step"), step),
         "fresh": 1,
     }
