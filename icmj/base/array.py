@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 SAME = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
+_LAST_BITS = 16 * np.finfo(float).eps
+"""How far an instant may be from itself, relative to it, as the sum or product of two others: 3 · 0.1 is not 0.3."""
 
 
 def leading(values: NDArray[Any]) -> int:
@@ -30,6 +32,26 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
     group = np.zeros(len(keys), int)
     group[order[1:]] = np.cumsum(apart)
     return np.lexsort((*(-tie for tie in reversed(ties)), group))
+
+
+def between(values: Array, low: float, high: float = np.inf) -> NDArray[np.bool_]:
+    """Mask of the values from ``low`` to ``high``, both included, though rounding may have moved them a bit outside."""
+    return np.asarray((values >= low - SAME * abs(low)) & (values <= high + SAME * abs(high)))
+
+
+def whole(count: float) -> int:
+    """How many whole units are in ``count`` ≥ 0 of them; one that is whole but for rounding is: 0.3 / 0.1 is 3."""
+    return int(count * (1 + SAME))
+
+
+def instants(step: float, end: float, first: int = 0) -> Array:
+    """The multiples of ``step`` from ``first`` times it to ``end``, which is one of them if it is but for rounding."""
+    return step * np.arange(first, whole(end / step) + 1, dtype=float)
+
+
+def since(t: Array, start: Array | float) -> NDArray[np.bool_]:
+    """Mask of the instants from ``start`` ≥ 0 on, up to the last bits; one that is just before it is told apart."""
+    return np.asarray(t >= start * (1 - _LAST_BITS))
 
 
 def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:

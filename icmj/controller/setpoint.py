@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, since
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces
@@ -51,13 +51,13 @@ class Setpoint:
         t = np.asarray(t, dtype=float)
         r = np.zeros((*t.shape, len(self.names)))
         for channel, a, omega, phi, start, end in self.terms:
-            since = np.clip(t, start, end) - start
+            lasted = np.clip(t, start, end) - start
             if start == end:
-                gone = a * (t >= start)
+                gone = a * since(t, start)
             elif omega == 0:
-                gone = a * np.cos(phi) * since
+                gone = a * np.cos(phi) * lasted
             else:
-                gone = a / omega * (np.sin(omega * (start + since) + phi) - np.sin(omega * start + phi))
+                gone = a / omega * (np.sin(omega * (start + lasted) + phi) - np.sin(omega * start + phi))
             r[..., int(channel)] += gone
         return r
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import SAME, Array
 from icmj.controller.setpoint import Setpoint
 from icmj.log import palette
 from icmj.log.palette import Colour
@@ -98,7 +98,7 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
     """The set-point at these times, and before and after each of its jumps between them."""
     edges = r.edges[r.edges < t[-1]]
     when = np.concatenate([edges, t, edges])
-    values = np.concatenate([r(np.nextafter(edges, 0)), r(t), r(edges)])
+    values = np.concatenate([r((1 - SAME) * edges), r(t), r(edges)])
     order = np.argsort(when, kind="stable")
     return when[order], values[order]
 

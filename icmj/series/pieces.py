@@ -3,6 +3,9 @@
 A controlled motion jumps, or bends, whenever new feedback, a delayed action or a push sets in. Across such an instant
 nothing is interpolated: each piece between two of them has a cubic spline of its own (not-a-knot, so of fourth order in
 the distance of the rows), which is extended to the piece's ends where there is no row.
+
+At the instant itself one side is given, the same as in a row there: at an event the value before the reset, which
+belongs to the interval that ends; at any other break the value from there on.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import numpy as np
 
 from icmj.base.array import Array
 
-_SAME = 1e-9  # [s]: a row this close to a break may be on either side of it
+NEAR = 1e-9  # [s]: instants this close are one
 _CLOSE = 0.1  # of the usual distance between rows: one this close to another only magnifies rounding
 
 
@@ -26,7 +29,7 @@ def piecewise(
     after: Array | None = None,
     breaks: Array | None = None,
 ) -> Array:
-    """Interpolate piecewise smooth signals from their rows; at a break, the result is the value before it.
+    """Interpolate piecewise smooth signals from their rows, whose values are given where there is one.
 
     Args:
         t: times of the rows [s], increasing, shape (N,).
@@ -34,37 +37,58 @@ def piecewise(
         at: times of the result [s], increasing, from t[0] to t[-1], shape (M,).
         jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
         after: values right after each jump, NaN if unknown, shape (K, w).
-        breaks: further times of jumps, which need not be times of rows [s].
+        breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
 
     Returns:
         The values at ``at``, shape (M, w).
     """
+    # of rows at one instant but for rounding the last tells what is there
+    kept = np.append(np.diff(t) > NEAR, True)
+    t, values = t[kept], values[kept]
     jumps = np.zeros(0) if jumps is None else jumps
     after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after
-    others = np.zeros(0) if breaks is None else np.asarray(breaks, float)
-    others = others[[bool(np.all(np.abs(jumps - b) > _SAME)) for b in others]] if len(others) else others
-    inner = np.unique(np.concatenate([jumps, others]))
-    inner = inner[(inner > t[0]) & (inner < t[-1])]
-    ends = np.concatenate([[-np.inf], inner, [np.inf]])
+    breaks = np.zeros(0) if breaks is None else np.asarray(breaks, float)
+    # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
+    shared = _near(jumps, breaks)
+    inner = np.concatenate([jumps, _apart_from(np.unique(breaks[~_near(breaks, jumps)]))])
+    kind = np.concatenate([np.arange(len(jumps)), np.full(len(inner) - len(jumps), -1)])
+    order = np.argsort(inner, kind="stable")
+    order = order[(inner[order] > t[0]) & (inner[order] < t[-1])]
+    inner, kind = inner[order], kind[order]
+    # of its results and rows, those at a jump belong to the piece before it, and those at a break to the one after
+    side = np.where(kind >= 0, NEAR, -NEAR)
+    cuts = [np.concatenate([[0], np.searchsorted(times, inner + side), [len(times)]]) for times in (at, t)]
     usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     result = np.empty((len(at), values.shape[1]))
-    for start, end in pairwise(ends):
-        wanted = slice(*np.searchsorted(at, [start, end], side="right"))
-        if wanted.start == wanted.stop:
+    for number, (here, there) in enumerate(zip(pairwise(cuts[0]), pairwise(cuts[1]), strict=True)):
+        if here[0] >= here[1]:
             continue
-        first = np.searchsorted(t, start + _SAME, side="right") if np.isfinite(start) else 0
-        last = np.searchsorted(t, end - _SAME) if end in others else np.searchsorted(t, end, side="right")
-        knots, rows = t[first:last], values[first:last]
-        jump = np.flatnonzero(jumps == start)
-        head = after[jump[0]] if len(jump) else np.full(values.shape[1], np.nan)
+        begin, end = kind[number - 1] if number else -1, kind[number] if number < len(kind) else -1
+        wanted, last = slice(*here), there[1] - 1 if end >= 0 and shared[end] else there[1]
+        knots, rows = t[there[0] : last], values[there[0] : last]
+        head = after[begin] if begin >= 0 else np.full(values.shape[1], np.nan)
         known = np.isfinite(head)
         for columns, with_head in ((known, True), (~known, False)):
             if columns.any():
-                times = np.concatenate([[start], knots]) if with_head else knots
+                times = np.concatenate([[jumps[begin]], knots]) if with_head else knots
                 piece = np.vstack([head, rows])[:, columns] if with_head else rows[:, columns]
-                kept = _apart(times, _CLOSE * usual)
-                result[wanted, columns] = _smooth(times[kept], piece[kept], at[wanted], t, values[:, columns])
+                apart = _apart(times, _CLOSE * usual)
+                result[wanted, columns] = _smooth(times[apart], piece[apart], at[wanted], t, values[:, columns])
+    row = np.minimum(np.searchsorted(t, at - NEAR), len(t) - 1)
+    met = np.abs(t[row] - at) <= NEAR
+    result[met] = values[row[met]]
     return result
+
+
+def _near(times: Array, others: Array) -> np.ndarray:
+    """Mask of the times at which there is one of the others, shape (N,), bool."""
+    others = np.sort(others)
+    return np.searchsorted(others, times + NEAR, side="right") > np.searchsorted(others, times - NEAR)
+
+
+def _apart_from(times: Array) -> Array:
+    """The first of all increasing times that are one."""
+    return times[np.diff(times, prepend=-np.inf) > NEAR]
 
 
 def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, since
 from icmj.controller.law import Law
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
@@ -94,7 +94,7 @@ class Disturbance:
         if t.ndim == 1 and len(t) * len(self.input) > _MANY and np.all(t[1:] >= t[:-1]):
             return self._at_many(t)
         t = t[..., None]
-        terms = self.amplitude * np.cos(self.omega * t + self.phase) * ((t >= self.start) & (t < self.end))
+        terms = self.amplitude * np.cos(self.omega * t + self.phase) * (since(t, self.start) & ~since(t, self.end))
         return terms @ (self.input[:, None] == np.arange(self.n_u)).astype(float)
 
     def _at_many(self, t: Array) -> Array:
@@ -105,8 +105,8 @@ class Disturbance:
             these = order[(windows == (start, end)).all(axis=1)]
             signal, amplitude, omega, phase = (of[these] for of in (self.input, self.amplitude, self.omega, self.phase))
             waves = Waves(signal, amplitude, omega, phase, self.n_u)
-            first, last = np.searchsorted(t, [start, end])
-            found[first:last] += waves(t[first:last])
+            acts = since(t, start) & ~since(t, end)
+            found[acts] += waves(t[acts])
         return found
 
 

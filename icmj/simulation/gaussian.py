@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, since
 from icmj.simulation.sources import Gaussian, Gridded, Sampled
 
 _SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
@@ -38,7 +38,7 @@ def at_times(source: Gridded, t: Array) -> Array:
     point = np.floor(place).astype(int)
     values = at_points(source, 0, int(point.max()) + 2)
     between = values[point] + (place - point) * (values[point + 1] - values[point])
-    return np.asarray(np.where(t >= source.start, between, 0.0))
+    return np.asarray(np.where(since(t, source.start), between, 0.0))
 
 
 def lines(sources: Sequence[Gridded], duration: float) -> tuple[Array, Array]:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, instants
 from icmj.base.card import Card, Shown
 from icmj.base.numbers import amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.push import Push
 from icmj.series.even import step_of
-from icmj.series.pieces import piecewise
+from icmj.series.pieces import NEAR, piecewise
 from icmj.series.series import Series
 from icmj.simulation.ending import Outcome
 from icmj.simulation.labels import UNKNOWN, Block, Labels, columns
@@ -149,13 +149,18 @@ class Simulation(Shown):
         itself, named after the input or body that is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and
         ``load.…`` the normal force at each contact. Signals that the run does not have are left out.
 
+        Where a signal jumps, recorded and interpolated rows give the same side: at an event (of a controller with
+        several modes, a switch) the value before it; at an action that follows an event after a delay, and at a step
+        of a set-point or a disturbance, the value from there on.
+
         Args:
-            rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. Values
-                between rows are interpolated by a cubic spline within each open-loop interval, never across an event
-                (:mod:`icmj.series.pieces`).
+            rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. At a
+                recorded row the series has its values. Values between rows are interpolated by a cubic spline within
+                each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.pieces`).
             controller: controller of the run; if given, the inputs and the event function right after each event are
                 computed instead of extrapolated from the next row.
-            breaks: further times [s] across which values are not interpolated, such as those of pushes.
+            breaks: further times [s] across which values are not interpolated, such as those of pushes; there the
+                value is the one from there on.
 
         Raises:
             DataError: if the rate is not usable.
@@ -168,19 +173,25 @@ class Simulation(Shown):
         if rate is None:
             t = self.t
         else:
-            step = step_of(rate, float(self.t[-1]))
-            t = step * np.arange(int(self.t[-1] / step * (1 + 1e-12)) + 1, dtype=float)
-            resets = np.zeros(0) if self.delay else self.events.t
+            t = instants(step_of(rate, float(self.t[-1])), float(self.t[-1]))
+            resets, others = self.breaks
             after = np.concatenate([block.right_after(len(resets)) for block in blocks], axis=1)
-            actions = self.events.t + self.delay if self.delay else ()
-            edges = self.setpoint.edges if self.setpoint else ()
-            breaks = np.concatenate([np.ravel(breaks), actions, edges])
+            breaks = np.concatenate([others, np.ravel(breaks)])
             values = piecewise(self.t, values, t, jumps=resets, after=after, breaks=breaks)
             if self.setpoint:
                 values[:, [name.startswith("r.") for name in names]] = self.setpoint(t)
             facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
-        interval = np.searchsorted(self.events.t, t, side="left")[:, None].astype(float)
+        near = 0.0 if rate is None else NEAR
+        interval = np.searchsorted(self.events.t, t - near, side="left")[:, None].astype(float)
         return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
+
+    @property
+    def breaks(self) -> tuple[Array, Array]:
+        """Times of resets, whose rows contain the values before, and of actions and edges of the set-point [s]."""
+        # with a delay an event resets nothing yet; t = 0 is an event, too
+        resets = np.zeros(0) if self.delay else self.events.t
+        actions = np.append(0.0, self.events.t) + self.delay if self.delay else np.zeros(0)
+        return resets, np.concatenate([actions, self.setpoint.edges if self.setpoint else np.zeros(0)])
 
     def u_after(self, controller: Controller) -> Array:
         """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""

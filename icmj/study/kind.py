@@ -16,8 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from icmj.base.array import instants
 from icmj.case.case import Case, PlantKind
 from icmj.case.trial import Trial
 from icmj.errors import DataError
@@ -119,14 +118,12 @@ def timed(run: RunFile, duration: float, rate: float) -> RunFile:
 def sampled(signals: Series, simulation: Simulation, rate: float, since: float = 0.0) -> Series:
     """Signals at the rows of a run, evenly sampled from ``since`` [s] on, which becomes 0.
 
-    Nothing is interpolated across an event, an action or a step of the set-point. A run that ended before ``since``
-    has one row.
+    Nothing is interpolated across an event, an action or a step of the set-point; the side that is given there is that
+    of :meth:`icmj.Simulation.to_series`. A run that ended before ``since`` has one row.
     """
-    step = 1 / rate
-    first, last = round(since * rate), int(simulation.t[-1] / step * (1 + 1e-12))
-    if last <= first:
+    t = instants(1 / rate, float(simulation.t[-1]), round(since * rate))
+    if len(t) < 2:
         return replace(signals, t=signals.t[:1], values=signals.values[:1])
-    t = step * np.arange(first, last + 1, dtype=float)
-    edges = simulation.setpoint.edges if simulation.setpoint else np.zeros(0)
-    breaks = np.concatenate([simulation.events.t, simulation.events.t + simulation.delay, edges])
-    return replace(signals, t=t - t[0], values=piecewise(simulation.t, signals.values, t, breaks=breaks))
+    resets, others = simulation.breaks
+    values = piecewise(simulation.t, signals.values, t, jumps=resets, breaks=others)
+    return replace(signals, t=t - t[0], values=values)

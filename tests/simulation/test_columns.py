@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 from report_cases import design_of, result
 
+from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched
+from icmj.controller.setpoint import Target, step
+from icmj.controller.setpoint import setpoint as setpoint_of
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import DataError
 from icmj.linear.run import simulate
-from icmj.runfile.reading import parse_run
+from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Impulse
 
@@ -32,10 +35,10 @@ def run(control, interval=0.01, **more):
     return simulate(design_of("b0.8").plant.scaled(0.8), control, settings)
 
 
-def departure(simulation, exact, *known, of):
-    """Largest departure of each kind of signals from a run recorded at RATE, relative to its largest value."""
-    found = simulation.to_series(RATE, *known)
-    rows = np.searchsorted(exact.t, found.t - 1e-9)
+def departure(simulation, exact, *known, of, rate=RATE):
+    """Largest departure of each kind of signals from a run recorded at this rate, relative to its largest value."""
+    found = simulation.to_series(rate, *known)
+    rows = np.searchsorted(exact.t, found.t + 1e-9) - 1
     assert exact.t[rows] == pytest.approx(found.t, abs=1e-9)
     errors = {}
     for kind in of:
@@ -77,6 +80,35 @@ def test_delays_clocks_and_continuous_control(kind):
     errors = departure(simulation, exact, control, of=ALL)
     assert max(errors.values()) < 2e-5, errors
     assert ("E" in simulation.to_series().names) == (kind == "delay")
+
+
+def followed(control, terms):
+    """The controller with a set-point of the pendulum's angle."""
+    return replace(control, setpoint=setpoint_of(control.plant, [Target({"angle": 1.0}, terms)]))
+
+
+@pytest.mark.parametrize("kind", ["delay", "clock", "event", "continuous"])
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_where_signals_jump_the_side_is_that_of_a_row_there(kind, plant):
+    """Actions, ticks and steps of the set-point on multiples of 0.1 s, which decimal fractions miss by rounding."""
+    control = {
+        "delay": lambda: replace(controller(ClockTrigger(0.3)), delay=Delay(0.2, 0.2)),
+        "clock": lambda: controller(ClockTrigger(0.3)),
+        "event": controller,
+        "continuous": lambda: controller(Continuous()),
+    }[kind]()
+    control = followed(control, np.concatenate([step(0.01, at) for at in (0.7, 2.3, 4.1)]))
+    case = prepare(load_run("simple-0.8"))
+    body = case.system.actual if plant == "linear" else case.actual
+    settings = Settings(duration=6.0, initial={"hinge": 0.02}, tolerance=1e-9)
+    # of the first run no row but those of events is at a multiple of 0.1 s, of the second each
+    coarse, exact = (
+        simulate_plant(body, control, replace(settings, record_interval=interval)) for interval in (0.0137, 0.1)
+    )
+    errors = departure(coarse, exact, *(() if kind == "delay" else (control,)), of=ALL, rate=10.0)
+    assert max(errors.values()) < 1e-5
+    # a jump that is missed is a hundred times as large
+    assert np.abs(np.diff(exact.u, axis=0)).max() > 1e-3 * np.abs(exact.u).max()
 
 
 PUSH = """
