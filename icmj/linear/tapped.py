@@ -18,11 +18,10 @@ from icmj.linear.native.state import Status
 from icmj.linear.native.tapped import Body, Track, marching
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Disturbance, acting_on
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import EventPace
-from icmj.simulation.gaussian import at_points, points_between, points_of
+from icmj.simulation.gaussian import points_between
 from icmj.simulation.labels import labels_of
-from icmj.simulation.native.waves import Waves
 from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings, plant_start
 from icmj.simulation.simulation import Events, Simulation
@@ -35,6 +34,7 @@ from icmj.simulation.taps import (
     levels_of,
     modes_of,
     taps_of,
+    waves_of,
     widened,
 )
 
@@ -86,8 +86,8 @@ def simulate_tapped(
     H = taps.unit
     body = Body(
         A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
-        acting=_waves(settings.duration, (acting, plant.B * H), (pushes.size, E * H)),
-        errors=_waves(settings.duration, (errors, np.eye(n_y))),
+        acting=waves_of(settings.duration, (acting, plant.B * H), (pushes.size, E * H)),
+        errors=waves_of(settings.duration, (errors, np.eye(n_y))),
         edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
@@ -174,17 +174,3 @@ def _rate(plant: LinearPlant, realisation: Realisation) -> float:
         closed = alone + feedback
         norms += [float(np.linalg.norm(matrix_balance(M, permute=False)[0], 2)) for M in (alone, closed)]
     return max(norms)
-
-
-def _waves(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
-    """The effect of what acts over a run of ``duration`` [s], each part through the columns of its effects."""
-    effect, terms, through, grids, values = [], [], [], [np.zeros((0, 4))], [np.zeros(0)]
-    for part, effects in parts:
-        effect.append(effects[:, part.input].T)
-        terms.append(np.column_stack([part.amplitude, part.omega, part.phase, part.start, part.end]))
-        through.append(effects[:, [index for index, _ in part.gaussian]].T)
-        for _, noise in part.gaussian:
-            drawn, first = at_points(noise, 0, points_of(noise, duration)), sum(map(len, values))
-            values.append(drawn)
-            grids.append(np.array([[noise.start, noise.interval, first, first + len(drawn)]]))
-    return Waves(*(np.ascontiguousarray(np.concatenate(of)) for of in (effect, terms, through, grids, values)))

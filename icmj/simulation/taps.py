@@ -17,7 +17,8 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.disturbance import Acting, expect_held
+from icmj.simulation.disturbance import Acting, Disturbance, expect_held
+from icmj.simulation.gaussian import at_points, points_of
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings
@@ -208,6 +209,20 @@ def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
     """The modes at the rows of a run; empty if the controller has only one."""
     names = tuple(mode.name for mode in realisation.modes)
     return {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
+
+
+def waves_of(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
+    """The effect of what acts over a run of ``duration`` [s], each part through the columns of its effects."""
+    effect, terms, through, grids, values = [], [], [], [np.zeros((0, 4))], [np.zeros(0)]
+    for part, effects in parts:
+        effect.append(effects[:, part.input].T)
+        terms.append(np.column_stack([part.amplitude, part.omega, part.phase, part.start, part.end]))
+        through.append(effects[:, [index for index, _ in part.gaussian]].T)
+        for _, noise in part.gaussian:
+            drawn, first = at_points(noise, 0, points_of(noise, duration)), sum(map(len, values))
+            values.append(drawn)
+            grids.append(np.array([[noise.start, noise.interval, first, first + len(drawn)]]))
+    return Waves(*(np.ascontiguousarray(np.concatenate(of)) for of in (effect, terms, through, grids, values)))
 
 
 def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:

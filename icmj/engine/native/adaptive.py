@@ -62,7 +62,7 @@ class Stepper(NamedTuple):
     F: Array
     y: Array
     passes: np.ndarray
-    apart: bool = False
+    apart: bool
 
 
 def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:
@@ -80,12 +80,12 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) ->
     origin = np.zeros(n)
     origin[: model.nq] = qpos_0
     single, quadruple = (np.array(found, dtype=np.int64).reshape(-1, 2) for found in (scalars, quaternions))
-    room = (np.zeros(n) for _ in range(4))
+    start, end, reach, room = (np.zeros(n) for _ in range(4))
     return Stepper(
         method.A, method.c, method.E3, method.E5, method.D, method.powers,
         method.stages, method.rates, method.looks, method.exponent, method.allowed,
-        single, quadruple, origin, *room, np.zeros((tableau.RATES, n)), np.zeros((_POWER, n)),
-        np.zeros(model.nsensordata), np.zeros(1, dtype=np.int64),
+        single, quadruple, origin, start, end, reach, room, np.zeros((tableau.RATES, n)), np.zeros((_POWER, n)),
+        np.zeros(model.nsensordata), np.zeros(1, dtype=np.int64), False,
     )  # fmt: skip
 
 

@@ -256,6 +256,11 @@ class AdaptiveLoop(FixedLoop):
         super().__init__(model, data, schedule, qpos_0)
 
     @property
+    def parts(self) -> tuple[Any, ...]:
+        """Engine, plan, rule, progress, stepper, and room for roots, for another loop over them."""
+        return *self._run, self._stepper, self._roots
+
+    @property
     def passes(self) -> int:
         """Number of evaluations of the engine's rates."""
         return int(self._stepper.passes[0])

@@ -80,6 +80,25 @@ def note(engine, progress, interval, record, fired, due):  # type: ignore[no-unt
 
 
 @inlined
+def note_row(engine, record):  # type: ignore[no-untyped-def]
+    """Record a row of the engine's state, whose outputs there are already."""
+    if engine.rows_need_forward:
+        forward(engine.model, engine.data)
+    _write(engine, record.rows[record.count[1]])
+    record.count[1] += 1
+
+
+@inlined
+def note_again(engine, record, row):  # type: ignore[no-untyped-def]
+    """Record an event where the outputs were recorded last, and a ``row`` if there is none yet."""
+    if row:
+        note_row(engine, record)
+    _write(engine, record.events[record.count[2]])
+    record.event_at[record.count[2]] = record.count[0] - 1
+    record.count[2] += 1
+
+
+@inlined
 def apply(map, rule):  # type: ignore[no-untyped-def]
     """a := map a."""
     for i in range(len(rule.a)):

@@ -19,17 +19,19 @@ from icmj.base.array import Array
 from icmj.base.environment import SWITCH
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.fault import can_fault
+from icmj.engine.native.adaptive import stepper_of
 from icmj.engine.native.compilation import entry, exact, merged, run_guarded, sources
 from icmj.engine.native.ledger import apply, conclude, jump, planned, standing
 from icmj.engine.native.memory import bare
+from icmj.engine.native.roots import roots
 from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
-from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, revise, rule_of
+from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, rule_of
 from icmj.engine.native.step import refresh, save, step
 from icmj.engine.schedule import Recording, Schedule, Status
+from icmj.engine.tableau import tableau
 from icmj.errors import ModelError
 
 _RUNNING = int(Status.RUNNING)
-_EACH = 1e-3  # of a step: rows so close are due at the end of each
 
 
 @merged
@@ -159,18 +161,15 @@ class FixedLoop:
         other._run = engine, plan_of(schedule, qpos_0, self._model), *room
         return other
 
-    def resume(self, end: float, timestep: float, next_row: float) -> None:
-        """Continue to another end time [s] with another timestep, after the command has changed.
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """Engine, plan, rule, progress, and what adapted steps need, for another loop over them."""
+        return *self._run, stepper_of(self._model, self._run[1].qpos_0, tableau(8)), roots()
 
-        Of fixed steps a row is recorded at the end of each, of adapted ones at the multiples of the schedule's interval
-        from ``next_row`` [s] on.
-        """
-        engine, plan, *room = self._run
-        begin = self._data.time
-        every, row = (self._schedule.record_interval, next_row) if self.adaptive else (_EACH * timestep, begin)
-        self._run = engine, plan._replace(t_end=end, timestep=timestep, record_interval=every), *room
-        revise(self._progress, grid=begin, steps=0, next_row=row)
-        mujoco.mj_forward(self._model, self._data)
+    @property
+    def faulty(self) -> bool:
+        """Whether MuJoCo may give up."""
+        return self._faulty
 
     def begin(self) -> None:
         """Start or restart from the state in the data, right after an event."""

@@ -1,0 +1,382 @@
+"""The march from stretch to stretch of a controller that reads delayed outputs, as one compiled function per stepping.
+
+On a stretch (:mod:`icmj.simulation.native.taps`) the command is a polynomial in time that is known ahead, so the engine
+integrates under it as under any other input. What it passes of the outputs on the way is made a polynomial again, which
+the taps read later: through values at nodes, each by a polynomial of degree seven through the samples around it, of a
+higher order than any of the integrators.
+
+What comes first at an instant is as everywhere: what acts on the plant changes where a stretch begins, before guards
+are looked at, which find a reading that has jumped there; a row records the state before a switch; the ends come last.
+
+Arguments that come again are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
+and ``track``.
+"""
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.roots import evaluate
+from icmj.engine.block import Slot
+from icmj.engine.native.adaptive import pass_at
+from icmj.engine.native.adaptive_loop import _fly
+from icmj.engine.native.compilation import allocating, compiled, engine_function, entry, merged, run_guarded, sources
+from icmj.engine.native.field import flow, forward
+from icmj.engine.native.ledger import note, note_again, note_row, standing
+from icmj.engine.native.loop import FixedLoop
+from icmj.engine.native.memory import address, bare
+from icmj.engine.native.step import save, step
+from icmj.engine.schedule import Recording, Status, row_after
+from icmj.engine.stages import Stages
+from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, leave, remember, room, settle, stretch
+from icmj.simulation.native.taps import sources as sources_of_taps
+from icmj.simulation.native.waves import Waves, add_waves
+from icmj.simulation.taps import History, Now, Taps
+
+_RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
+FULL = -1  # there is no room in the history
+_WHOLE = int(Stages.WHOLE)
+_BETWEEN, _FLYING, _ENDING = 0, 1, 2  # stretches; within one; at its end
+_CELLS = 512  # stretches before the caller is asked, who may have been interrupted
+_POINTS = 8  # that a value between samples is taken from
+SAMPLES = 8  # of a stretch at least, as many as that takes
+_row_after = compiled(row_after)
+_normalise = engine_function("mj_normalizeQuat", "void(intp, intp)")
+_SHORT = 1e-6  # s; what stretches of that length do is straight
+
+
+class Reader(NamedTuple):
+    """What the controller reads of the engine, and where its commands go.
+
+    Attributes:
+        entries, gain, offset: y = gain · sensordata[entries] + offset, shape (n_y,).
+        actuators, b: of each command, shape (n_u,).
+        levels: of the edges of what acts, see :mod:`icmj.simulation.native.taps`.
+        errors: of the outputs as they are read, n_y rows.
+    """
+
+    entries: np.ndarray
+    gain: Array
+    offset: Array
+    actuators: np.ndarray
+    b: Array
+    levels: np.ndarray
+    errors: Waves
+
+
+class Track(NamedTuple):
+    """Where a run is, and what it records beside the engine's rows.
+
+    Attributes:
+        t: begin and end of the stretch under way, the last event, the last row [s], shape (4,).
+        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, shape (5,).
+        counts: rows with a command, rough instants, edges that are over, shape (3,).
+        at, y: samples of the stretch under way, and their outputs, shapes (S,), (S, n_y).
+        states: of fixed steps, the engine's rows there, shape (S, width); (0, width) of adapted ones.
+        near: numbers of the samples that are read, shape (S,).
+        u, mode: at the rows, shapes (capacity, n_u), (capacity,).
+        rough: instants at which something is not smooth, shape (capacity,).
+    """
+
+    t: Array
+    marks: np.ndarray
+    counts: np.ndarray
+    at: Array
+    y: Array
+    states: Array
+    near: np.ndarray
+    u: Array
+    mode: np.ndarray
+    rough: Array
+
+
+class Tapped(NamedTuple):
+    """What the march works on besides the engine: the controller, its history, where it is, and what is recorded."""
+
+    taps: Taps
+    history: History
+    now: Now
+    reader: Reader
+    track: Track
+
+
+@compiled
+def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
+    """Take a sample of the outputs at the engine's state; where there is no more room, every second one goes."""
+    k = track.marks[3]
+    if k == len(track.at):
+        for i in range(k // 2):
+            track.at[i] = track.at[2 * i]
+            for j in range(track.y.shape[1]):
+                track.y[i, j] = track.y[2 * i, j]
+            for j in range(track.states.shape[1] if len(track.states) > 0 else 0):
+                track.states[i, j] = track.states[2 * i, j]
+        k //= 2
+    track.at[k] = t
+    for i in range(len(reader.entries)):
+        track.y[k, i] = reader.gain[i] * engine.sensordata[reader.entries[i]] + reader.offset[i]
+    if len(track.states) > 0:
+        row = track.states[k]
+        row[0], j = t, 1
+        for part in (engine.qpos, engine.qvel, engine.act, engine.sensordata):
+            for i in range(len(part)):
+                row[j + i] = part[i]
+            j += len(part)
+    track.marks[3] = k + 1
+
+
+@compiled
+def _take(reader, track, record, first):  # type: ignore[no-untyped-def]
+    """The samples that an adapted step has left in the record, from the one of this number on."""
+    for j in range(first, record.count[0]):
+        k = track.marks[3]
+        if k < len(track.at) - 1:  # one is kept for the stretch's end
+            track.at[k] = record.dense[j, 0]
+            for i in range(len(reader.entries)):
+                track.y[k, i] = reader.gain[i] * record.dense[j, 1 + reader.entries[i]] + reader.offset[i]
+            track.marks[3] = k + 1
+
+
+@compiled
+def _choose(track):  # type: ignore[no-untyped-def]
+    """The samples to read from, by number into ``track.near``, and how many there are.
+
+    Samples much closer together than the others would magnify rounding.
+    """
+    count, at, near = track.marks[3], track.at, track.near
+    gap, k = 0.05 * (at[count - 1] - at[0]) / max(count - 1, 1), 0
+    straight = at[count - 1] - at[0] <= _SHORT
+    for i in range(count):
+        inside = 0 < i < count - 1
+        if not inside or not (straight or at[i] - at[near[k - 1]] <= gap or at[count - 1] - at[i] <= gap):
+            near[k] = i
+            k += 1
+    return k
+
+
+@compiled
+def _between(track, values, count, t, out):  # type: ignore[no-untyped-def]
+    """``out`` := the values at ``t``, by the polynomial through the samples around it."""
+    at, near, points = track.at, track.near, min(_POINTS, count)
+    first = 0
+    while first < count - points and at[near[first + points // 2]] < t:
+        first += 1
+    for i in range(len(out)):
+        out[i] = 0.0
+    for j in range(points):
+        weight, here = 1.0, at[near[first + j]]
+        for k in range(points):
+            if k != j:
+                there = at[near[first + k]]
+                weight *= (t - there) / (here - there)
+        for i in range(len(out)):
+            out[i] += weight * values[near[first + j], i]
+
+
+@allocating
+def _read(taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+    """Remember what there was to read on the stretch that is over: polynomials about its begin."""
+    t, end = track.t[0], track.t[1]
+    n_y, half, count = len(reader.entries), (end - t) / 2, _choose(track)
+    for node in range(len(taps.nodes)):
+        _between(track, track.y, count, t + half * (1 + taps.nodes[node]), now.values[node, :n_y])
+    rows = remember(history, t, track.marks[0])
+    settle(taps, now.values, (end - t) / taps.unit, rows[:n_y])
+    add_waves(reader.errors, t, end, taps.unit, rows[:n_y])
+    if len(rows) > n_y:  # commands, which it reads, too
+        rows[n_y:] = now.u
+
+
+@allocating
+def _start(engine, plan, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+    """Begin the stretch from where the engine is: what acts changes there, and the command is another polynomial."""
+    t, level, b = engine.time[0], track.marks[0], engine.block
+    edge = track.counts[2]
+    while edge < len(plan.edges) and plan.edges[edge] <= t + SAME:
+        level = min(level, reader.levels[edge])
+        edge += 1
+        engine.phase[0] = plan.phases[edge]
+    track.counts[2] = edge
+    longest = min(plan.t_end, plan.edges[edge] if edge < len(plan.edges) else np.inf)
+    level, end, guard = stretch(taps, history, now, t, longest, level)
+    track.t[0], track.t[1] = t, end
+    track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
+    if level < ROUGH and end > t:
+        track.rough[track.counts[1]] = t
+        track.counts[1] += 1
+    b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
+    powers = int(b[Slot.POWERS])
+    for i in range(len(now.u)):
+        course = int(b[Slot.AT_COURSE]) + reader.actuators[i] * powers
+        for j in range(powers):
+            b[course + j] = reader.b[i] * now.u[i, j]
+
+
+@compiled
+def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
+    """Write down command and mode at the rows that have been recorded since the last call."""
+    for row in range(track.counts[0], record.count[1]):
+        theta = (record.rows[row, 0] - track.t[0]) / taps.unit
+        for i in range(len(now.u)):
+            track.u[row, i] = evaluate(now.u[i], now.u.shape[1] - 1, theta)
+        track.mode[row] = now.mode[0]
+        track.t[3] = record.rows[row, 0]
+    track.counts[0] = record.count[1]
+
+
+@compiled
+def _is_due(engine, plan, progress):  # type: ignore[no-untyped-def]
+    return engine.time[0] >= progress[0].next_row - 1e-9 * plan.timestep
+
+
+@compiled
+def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def]
+    """Rows of fixed steps that are due before the stretch's last sample; whether there was room for all of them."""
+    count = _choose(track)
+    while progress[0].next_row < track.at[track.marks[3] - 1] - SAME:
+        if record.count[1] + 2 > len(record.rows):
+            return False
+        t, row = progress[0].next_row, record.rows[record.count[1]]
+        _between(track, track.states, count, t, row)
+        if not plan.hinges:
+            _normalise(engine.model, address(row[1:]))
+        row[0] = t
+        record.count[1] += 1
+        progress[0].next_row = _row_after(t, plan.record_interval)
+    return True
+
+
+@allocating
+def _finish(engine, plan, progress, record, taps, history, now, reader, track, status):  # type: ignore[no-untyped-def]
+    """End the stretch where the engine is: what was read, the mode that follows, the row and the event."""
+    t, end, mode, changed = track.t[0], track.t[1], now.mode[0], False
+    if status == _RUNNING:
+        if end > t:
+            _read(taps, history, now, reader, track)
+            track.marks[0] = SMOOTH
+        changed = leave(taps, now, (end - t) / taps.unit, track.marks[1])
+        if changed:
+            track.marks[0] = 0
+        if end >= plan.t_end:
+            status = _COMPLETED
+    # what switches again at the same instant is one event
+    switched, after, now.mode[0] = changed and end > track.t[2], now.mode[0], mode
+    if end > t:
+        # a row that is due here is of the next stretch, whose command is that from the right
+        note(engine, progress, plan.record_interval, record, switched, status != _RUNNING)
+    elif switched:  # a reading has jumped where the last stretch ended
+        note_again(engine, record, track.t[3] < end)
+    _command(taps, now, track, record)
+    now.mode[0] = after
+    if switched:
+        track.t[2] = end
+        track.rough[track.counts[1]] = end
+        track.counts[1] += 1
+    track.marks[2] = _BETWEEN
+    return status
+
+
+@merged
+def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
+    """Go on until a stretch begins at ``until`` or later, a buffer is full, or the run ends; why it came back."""
+    time, status, adaptive = engine.time, _RUNNING, plan.tolerance > 0
+    for _ in range(_CELLS):
+        if track.marks[2] == _BETWEEN:
+            if time[0] >= until or track.counts[1] + 2 > len(track.rough) or record.count[1] + 4 > len(record.rows):
+                return _RUNNING
+            if not room(history):
+                return FULL
+            _start(engine, plan, taps, history, now, reader, track)
+            if track.t[1] > track.t[0]:
+                # the command jumps, or is another polynomial
+                if adaptive:
+                    pass_at(engine, stepper)
+                elif engine.stages == _WHOLE:
+                    forward(engine.model, engine.data)
+                else:
+                    flow(engine)
+                if not adaptive:
+                    progress[0].grid, progress[0].steps = time[0], 0
+                _sample(engine, reader, track, time[0])
+                if progress[0].next_row <= time[0] + SAME and progress[0].next_row < track.t[1] - SAME:
+                    note_row(engine, record)
+                    progress[0].next_row = _row_after(time[0], plan.record_interval)
+        t, end = track.t[0], track.t[1]
+        most = plan.timestep if end - t <= _SHORT else min(plan.timestep, (end - t) / SAMPLES)
+        while track.marks[2] == _FLYING and time[0] < end:
+            if len(record.dense) - max(record.count[0], record.count[1]) < len(record.dense) // 4 + SAMPLES + 4:
+                return _RUNNING
+            progress[0].length = end - time[0]
+            record.count[3] += 1
+            if adaptive:
+                first = record.count[0]
+                _, status = _fly(engine, plan, rule, stepper, roots, progress, record, end, np.inf)
+                _take(reader, track, record, first)
+            else:
+                lands = end - time[0] <= most * (1 + 1e-9)
+                save(engine)
+                progress[0].begin, progress[0].length = time[0], end - time[0] if lands else most
+                progress[0].end = end if lands else progress[0].grid + (progress[0].steps + 1) * most
+                step(engine, progress, progress[0].length)
+                progress[0].steps += 1
+            _command(taps, now, track, record)
+            status = standing(engine, plan) if status == _RUNNING else status
+            if status in (_RUNNING, _FELL):
+                _sample(engine, reader, track, time[0])
+            if status != _RUNNING or time[0] >= end:
+                break
+            note(engine, progress, plan.record_interval, record, False, adaptive and _is_due(engine, plan, progress))
+            _command(taps, now, track, record)
+        if track.marks[2] == _FLYING:
+            track.marks[2], track.marks[4] = _ENDING, status
+        status = track.marks[4]
+        if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
+            return _RUNNING
+        _command(taps, now, track, record)
+        status = _finish(engine, plan, progress, record, taps, history, now, reader, track, status)
+        if status != _RUNNING:
+            return status
+    return _RUNNING
+
+
+@cache
+def _marching() -> Any:
+    """The compiled march."""
+    source = sources() + sources_of_taps()
+
+    @entry
+    def march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
+        progress[0].source = source
+        return _march(
+            bare(engine),
+            bare(plan),
+            bare(rule),
+            bare(progress),
+            bare(stepper),
+            bare(roots),
+            bare(record),
+            taps,
+            history,
+            now,
+            reader,
+            track,
+            until,
+        )
+
+    return march
+
+
+def march(loop: FixedLoop, record: Recording, run: Tapped, until: float) -> int:
+    """Go on until ``until`` [s] at least, a buffer is full, or the run ends: a :class:`Status`, or :data:`FULL`.
+
+    Raises:
+        EngineFault, mujoco.FatalError: if MuJoCo gives up.
+    """
+    return int(run_guarded(_marching(), (*loop.parts, record, *run, until), loop.faulty))
