@@ -29,7 +29,7 @@ def fit(command: Fit) -> None:
     from icmj.fitting.family import load_family
     from icmj.fitting.network import library
     from icmj.study.fit import fit as fitted
-    from icmj.study.fit_page import PAGE, RESULTS, summary, write_fit
+    from icmj.study.fit_page import DELAY, PAGE, RESULTS, summary, write_fit
 
     if command.jobs is not None and command.jobs < 1:
         raise FitError(f"--jobs {command.jobs}: expected at least 1")
@@ -45,6 +45,8 @@ def fit(command: Fit) -> None:
         raise FitError("give either recordings or --table")
     people = people_of(command)
     families = [load_family(path, allow_code=command.allow_code) for path in command.model]
+    if delayed := [family.name for family in families if family.has_delay]:
+        ERR.note(f"{', '.join(delayed)}: {DELAY}")  # before hours of simulation
     library()
     with Working("fit", ERR) as working:
         done = fitted(
@@ -141,7 +143,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def _show(done: Done, out: Terminal) -> None:
     """A table of numbers for each person and family, then what else was found, in words."""
-    from icmj.study.fit_page import words_of
+    from icmj.study.fit_page import caveats, words_of
 
     for one in done.people:
         for note in one.notes:
@@ -169,6 +171,8 @@ def _show(done: Done, out: Terminal) -> None:
         ]
         show_table(head, shares, out, title="Which family")
         out.say(done.confusion.words + ".")
+    for said in caveats(done):
+        out.say(said)
     for name, differences in done.differences.items():
         for difference in differences:
             out.say(f"{name}: {difference.words}")

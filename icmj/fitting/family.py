@@ -105,6 +105,11 @@ class Family:
         """Its title in tables and figures."""
         return self.file.family.title or self.name
 
+    @property
+    def has_delay(self) -> bool:
+        """Whether one of its unknown parameters is a delay."""
+        return any(key.rpartition(".")[2] == "delay" for each in self.file.parameter for key in each.keys)
+
     def run_file(self, theta: ArrayLike) -> RunFile:
         """The run file of one member.
 

@@ -1,11 +1,15 @@
 """What ``icmj fit`` refuses, in one line each, before anything is simulated; and people by a table."""
 
+import re
+
 import numpy as np
 import pytest
 
 from icmj.cli.fit_arguments import Fit
 from icmj.cli.fitting import people_of
 from icmj.cli.main import main
+from icmj.errors import FitError
+from icmj.runfile.shipped import FAMILIES
 
 
 @pytest.fixture
@@ -37,6 +41,27 @@ def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
     assert line in said
     assert "\n" not in said
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("family", "known"), [("event", False), ("delayed-pd", False), (None, True)])
+def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
+    family, known, recording, capsys, tmp_path, monkeypatch
+) -> None:
+    def end(*_, **__):
+        raise FitError("here the simulations would begin")
+
+    if family is None:  # a family whose delay is known
+        text = (FAMILIES.folder / "delayed-pd.toml").read_text()
+        text = re.sub(r'\[\[parameter\]\]\nname = "delay"\n(?:.+\n)+', "", text)
+        family = tmp_path / "mine.toml"
+        family.write_text(text.replace('run = "', f'run = "{FAMILIES.folder}/'))
+    monkeypatch.setattr("icmj.fitting.network.library", lambda: None)
+    monkeypatch.setattr("icmj.study.fit.fit", end)
+    told = ["fit", str(recording), "--columns", "first", "--model", str(family), "--out", str(tmp_path / "out")]
+    assert main(told) == 2
+    said = capsys.readouterr().err
+    assert "here the simulations would begin" in said
+    assert ("the delay cannot be identified from quiet standing" in said) is not known
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,7 @@ class Toy:
     theta: tuple = ()
     prior = PRIOR
     fingerprint = "0123456789abcdef"
+    has_delay = False
 
     @property
     def title(self) -> str:
@@ -204,10 +205,16 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     assert {"report.html", "results.parquet", "summary.json", "anna.one.nc", "sway.anna.one.svg"} <= names
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Misfit: outside of everything simulated" in page
+    foot = page.partition("<footer>")[2]
+    assert "from recordings and simulated people" in foot
+    assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
+    for said in (fit_page.CHOICE, fit_page.PREDICTION, fit_page.VERDICT, "76 %", "48 of 60", "42 %"):
+        assert said in page
     assert pq.read_table(tmp_path / "out" / "results.parquet").num_rows == 2 * 2 * 3
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told["people"][0]["fits"]["one"]["numbers"]["size"]["low"] < 4e-3
     assert told["choice"]["counts"][0][0] > 20
+    assert "24 shares" in told["choice"]["caveat"]
 
 
 def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkeypatch) -> None:
@@ -242,6 +249,16 @@ def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkey
     found = families_module.train_family(Toy("one", 1), tmp_path, 400, check=60, trials=1)
     assert len(found.check) == len(found.calibration.ranks) == 60
     assert np.isfinite(found.check).all()
+
+
+def test_beside_every_probability_stands_what_it_does_not_carry() -> None:
+    several = fit_page.caveats(SimpleNamespace(probabilities=np.ones((1, 2))))
+    for figure in ("76 %", "1 %", "48 of 60", "42 %", "24 shares", "13 of 33", "19", "82 %", "78 %", "84 %", "69 %"):
+        assert any(figure in said for said in several), figure
+    assert any("identified in one run, and not identified in another" in said for said in several)
+    one = fit_page.caveats(SimpleNamespace(probabilities=None))
+    assert len(one) == 2
+    assert not any("76 %" in said for said in one)
 
 
 def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> None:
