@@ -35,7 +35,7 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
         (
             c.case,
             c.plant,
-            number(c.predicted.delta_crit, 6),
+            _critical(c),
             number(c.measured.interval, 6) if c.measured.kind == "cycle" else c.measured.kind,
             relative(c.relative_error.interval if c.measured.converged else None),
             relative(c.relative_error.largest_amplitude if c.measured.converged else None),
@@ -43,13 +43,20 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
         )
         for c in comparisons
     ]
-    show_table(COLUMNS, rows, out, title="Predicted and measured open-loop interval, in seconds", keys=2)
+    brackets = "; in brackets: no cycle is predicted" * any(row[2].startswith("(") for row in rows)
+    show_table(COLUMNS, rows, out, title=f"Predicted and measured open-loop interval, in seconds{brackets}", keys=2)
     for notice in noted(comparisons):
         if not (changed and ": paper: " in notice):
             out.note(notice)
     for c in comparisons:
         if not c.measured.converged:
             out.say(f"{c.case} ({c.plant}): {c.words}")
+
+
+def _critical(c: Comparison) -> str:
+    """Δ_crit, in brackets where no cycle is predicted."""
+    text = number(c.predicted.delta_crit, 6)
+    return text if c.predicted.cycle or c.predicted.delta_crit is None else f"({text})"
 
 
 def noted(comparisons: Sequence[Comparison]) -> Iterator[str]:

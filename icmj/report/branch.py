@@ -1,6 +1,6 @@
 """Pictures of branches of cycles: interval and amplitude along the parameter, multipliers, and orbits on each other.
 
-Solid: attracting; dashed: repelling; pale beneath: the linear prediction, which is the branch of the linear plant.
+Solid: attracting; dashed: repelling; faint beneath: the linear prediction, which is the branch of the linear plant.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def draw_amplitude(axes: Axes, branches: Sequence[Branch], linear: Sequence[Bran
 
 
 def draw_multipliers(axes: Axes, branch: Branch) -> None:
-    """Multipliers of the return map in the complex plane about the unit circle; the darker, the further along."""
+    """Multipliers of the return map in the complex plane; yellow: the beginning of the branch, blue: its end."""
     from matplotlib import colormaps
 
     angle = np.linspace(0, 2 * np.pi, 241)
@@ -121,7 +121,7 @@ def draw_multipliers(axes: Axes, branch: Branch) -> None:
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     axes.set_xlabel(r"Re $\mu$")
     axes.set_ylabel(r"Im $\mu$")
-    ends = rf"{branch.parameter} = {branch.value[0]:.4g} (light) to {branch.value[-1]:.4g} (dark)"
+    ends = rf"{branch.parameter} = {branch.value[0]:.4g} (yellow) to {branch.value[-1]:.4g} (blue)"
     axes.set_title(ends, size=7.6, pad=3)
 
 

@@ -141,11 +141,20 @@ def render(
         abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
         first=_first(cases, tried, folder, of_case | of_trial, motions) if cases or tried else None,
         motions=script(motions) if motions else "",
+        paper=bool(cases or sweeps or branches),
+        source=" and ".join(
+            word for word, given in (("logs", cases or tried), ("sweeps", sweeps), ("branches", branches)) if given
+        ),
+        beside="The figures are also available as PDF and SVG files in the folder beside this page.",
     )
 
 
 def filled(parts: Sequence[Section], **said: Any) -> str:
-    """The page's HTML from its sections and its head: ``title``, ``subtitle``, ``abstract`` …"""
+    """The page's HTML from its sections, its head (``title``, ``subtitle``, ``abstract`` …) and its foot.
+
+    The foot says ``source``, what the page was built from, and ``beside``, where its figures lie; it names Gawthrop's
+    paper if ``paper``.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -159,9 +168,8 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
     environment.filters["notation"] = notation
     environment.globals["symbols"] = SYMBOLS
     environment.globals["next_table"] = count(1).__next__
-    return environment.get_template("page.html.j2").render(
-        sections=parts, version=VERSION, **{"kicker": "Comparison report", "first": None, "motions": "", **said}
-    )
+    usual = {"kicker": "Comparison report", "first": None, "motions": "", "paper": False}
+    return environment.get_template("page.html.j2").render(sections=parts, version=VERSION, **{**usual, **said})
 
 
 def _motions(

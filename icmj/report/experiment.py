@@ -52,7 +52,16 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
         },
     )
     subtitle = kind.replace("_", " ").capitalize()
-    return filled([section], title=title, subtitle=subtitle, abstract=LEAD, kicker="Experiment")
+    recorded = all(row.plant == "recording" for row in rows)
+    return filled(
+        [section],
+        title=title,
+        subtitle=subtitle,
+        abstract=LEAD,
+        kicker="Experiment",
+        source="recordings" if recorded else "the trials in the folder of this page",
+        beside="The figure is also available as SVG and PNG files beside this page." if uri else "",
+    )
 
 
 def plant_name(plant: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
+from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.wording import reached
 
 if TYPE_CHECKING:
@@ -78,10 +79,10 @@ def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
     for row, case in enumerate(cases):
         axes.axhline(row, color="#e6e3db", linewidth=0.5, zorder=0)
         delta = case.prediction.delta_crit
-        if delta is not None:
+        if delta is not None and (case.prediction.cycle or not is_noisy(case)):
             hollow = {} if case.prediction.cycle else {"markerfacecolor": "white", "markeredgecolor": "#b5ad93"}
             look: dict[str, Any] = {"color": "#cfc8b2", "markersize": 13, "markeredgewidth": 1.0, **hollow}
-            label = "predicted" if case.prediction.cycle else "predicted, no cycle"
+            label = "predicted" if case.prediction.cycle else r"$\Delta_{crit}$, no cycle predicted"
             axes.plot(delta, row, linestyle="none", label=label, zorder=1, **_bar(look))
             shown.append(delta)
         for plant, result in case.runs.items():

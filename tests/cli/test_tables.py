@@ -31,7 +31,7 @@ def comparison(case, plant, converged=True, kind="cycle"):
     return SimpleNamespace(
         case=case,
         plant=plant,
-        predicted=SimpleNamespace(delta_crit=1.8065407961),
+        predicted=SimpleNamespace(delta_crit=1.8065407961, cycle=kind != "noisy"),
         measured=SimpleNamespace(interval=1.8066180001, kind=kind, converged=converged),
         relative_error=SimpleNamespace(interval=-1.8e-13, largest_amplitude=4.25e-5),
         notices=(),
@@ -64,6 +64,14 @@ def test_every_number_is_there_in_a_pipe_whatever_columns_says(monkeypatch):
         text = shown(show_comparisons, COMPARISONS)
         assert text.count("+4.3e-05") == len(COMPARISONS)
         assert text.count("yes") == len(COMPARISONS)
+
+
+def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
+    """It looked as if 1.544 s had been predicted for quiet standing under noise."""
+    text = shown(show_comparisons, [comparison("a", "linear", False, "noisy"), comparison("b", "linear")])
+    assert text.count("(1.80654)") == 1
+    assert "in brackets: no cycle is predicted" in " ".join(text.split())
+    assert "brackets" not in shown(show_comparisons, [comparison("b", "linear")])
 
 
 @pytest.mark.parametrize("width", [60, 80, None])

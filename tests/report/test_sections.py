@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +14,13 @@ from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import EventRule, EventTrigger, Faces
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import sections
+from icmj.report.experiment import Row, experiment_page
 from icmj.report.pairing import paired
+from icmj.report.panels import PANELS
 from icmj.report.rivals import rivals
+from icmj.result.result import Attractor
 from icmj.result.tried import Tried
+from icmj.runfile.reading import parse_run
 from icmj.simulation.settings import Settings
 
 
@@ -72,6 +77,27 @@ def test_no_cycle_as_predicted_looks_like_agreement_and_a_circle_says_another():
     assert rows()["exact"]["paper"]["delta"] == "–"
 
 
+def foot(page):
+    return re.sub(r"<[^>]+>", "", page.partition("<footer>")[2].partition("</footer>")[0])
+
+
+def test_the_foot_names_what_the_page_was_built_from():
+    """Pages of experiments and fits said "from logs", "PDF", and named the paper on limit cycles."""
+    page = experiment_page("Double steps", "double_step", [Row("a", "linear", 2, {}, "words")], b"<svg/>")
+    assert "from the trials in the folder of this page. The figure is also available as SVG and PNG files" in foot(page)
+    recorded = foot(experiment_page("Double steps", "double_step", [Row("a", "recording", 2, {}, "words")], None))
+    assert "from recordings." in recorded
+    for said in (foot(page), recorded):
+        assert not any(word in said for word in ("Gawthrop", "logs", "PDF"))
+
+
+def test_no_caption_speaks_of_light_and_dark():
+    """On a dark page light and dark change places, and hues stay: "shades darken" was not so."""
+    for one in paired(everything()):
+        for panel in PANELS:
+            assert not re.search(r"dark|light|pale|shade|black|white", panel.caption(one))
+
+
 def test_a_missing_plant_has_dashes():
     row = sections.summary(paired([result("b0.8")])).context["rows"][0]
     assert (row["runs"]["mujoco"]["interval"], row["runs"]["mujoco"]["mark"]) == ("–", "–")
@@ -86,8 +112,47 @@ def test_errors_name_every_output():
 def test_abstract_counts():
     text = sections.abstract(paired(everything()))
     assert f"Of the {len(CASES)} cases below, linear theory predicts a limit cycle for 5." in text
-    assert "; 2 are not reproduced." in text
+    assert "Gawthrop (2017) lists 24 statements, 17 of which are results" in text
+    assert "These runs test 14 of them: 9 are reproduced without and 4 with a reservation, 1 not." in text
+    assert "In 1 other case a run settles on a cycle although linear theory predicts none." in text
     assert "In MuJoCo all of them are reached" in text
+
+
+def test_the_headline_counts_the_cases_in_which_no_cycle_is_predicted():
+    """It ended "prediction and measurement agree" and left them out."""
+    text = sections.headline(paired(everything()))
+    assert "predicts a limit cycle in 5 of 7 cases" in text
+    assert text.endswith("In 1 of the 2 cases in which it predicts none, a cycle occurs all the same.")
+    text = sections.headline(paired([result("b0.8"), result("exact")]))
+    assert text.endswith("prediction and measurement agree.")  # the intervals grow, as predicted
+
+
+def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
+    assert {name: row["predicted"]["delta"][0] == "(" for name, row in rows().items()} == {
+        name: name == "b1.7" for name in CASES
+    }
+    first = result("b1.7")
+    noise = 'disturbance = [{ kind = "noise", input = "torque", size = 0.1, bandwidth = 0.5, seed = 1 }]\n'
+    noisy = replace(first, run=parse_run(f"{first.run.text}{noise}"))
+    row = sections.summary(paired([noisy])).context["rows"][0]
+    assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("–", "–")
+
+
+def found_by(of):
+    return Attractor(of.measurement, np.zeros((0, 4)), 24, 1.0, np.zeros(2), np.zeros(2))
+
+
+def test_attractors_bear_the_marks_of_the_summary():
+    """An exact model's growing intervals, as predicted, had a cross; so had the cycles of b = 1.7."""
+    marked = {}
+    for name in ("b0.8", "b1.7", "exact"):
+        found = result(name)
+        section = sections.attractors(paired([replace(found, attractors=(found_by(found),))]))
+        marked[name] = section.context["rows"][0]["mark"][0]
+        assert marked[name] == rows()[name]["runs"]["linear"]["mark"]
+    assert marked == {"b0.8": "✓", "b1.7": "○", "exact": "✓"}
+    other = replace(result("b0.8"), attractors=(found_by(result("exact")),))
+    assert sections.attractors(paired([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
 
 
 def test_one_design_is_shown_once():

@@ -10,7 +10,14 @@ import pytest
 from report_cases import CASES, actual_plant, everything, result
 
 from icmj.report.pairing import paired
-from icmj.report.sections.statements import STATEMENTS, answered, differences, in_paper_order, untested
+from icmj.report.sections.statements import (
+    STATEMENTS,
+    answered,
+    differences,
+    in_paper_order,
+    untested,
+    verdicts_on_results,
+)
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {
@@ -39,14 +46,29 @@ def test_every_item_of_the_paper_is_there_once():
     [
         ("b0.8", [YES, YES, YES, YES]),
         ("b1.2", [YES, YES, YES, YES]),
-        ("b1.7", [YES, RESERVED, RESERVED]),
+        ("b1.7", [YES, RESERVED, NO]),  # the paper: no limit cycle; both plants settle on another one
         ("three-link", [RESERVED, RESERVED, YES, YES, YES]),
-        ("neglected", [RESERVED, YES, YES, RESERVED]),
-        ("printed", [YES, NO, YES, NO]),  # the misprint: other Δ_crit, stable A − Bk
+        ("neglected", [RESERVED, RESERVED, YES, RESERVED]),  # with another damping ratio than the printed one
+        ("printed", [YES, NO, YES, NO]),  # other Δ_crit, stable A − Bk
     ],
 )
 def test_the_verdict_on_each_statement(name, expected):
     assert verdicts(result(name), result(name, "mujoco")) == expected
+
+
+def test_each_result_of_the_paper_counts_once_and_what_names_the_system_not_at_all():
+    """Of the 24 statements, six name the system and one what a panel shows; two cases have the figure of the last."""
+    assert sum(statement.result for statement in STATEMENTS) == sum(ITEMS.values()) - 6 - 1
+    assert not any(statement.result for statement in STATEMENTS if statement.number == 1)
+    both = paired([result("printed"), result("neglected")])
+    assert len(answered(both)) == 8
+    assert verdicts_on_results(both) == [RESERVED, YES, RESERVED]
+    assert verdicts_on_results(paired([result("printed")])) == [NO, YES, NO]
+
+
+def test_a_reservation_names_the_damping_ratio_that_was_taken():
+    for i in (0, 1, 3):
+        assert "ζ = 0.1; the paper prints ζ = 0.5" in answered(paired([result("neglected")]))[i].answer.why
 
 
 def test_the_misprint_is_answered_with_its_numbers():
@@ -101,7 +123,7 @@ def test_differences_concern_the_cases_shown():
 
     assert titles("exact") == []
     assert titles("b0.8") == ["The design was recovered", "Choices of this study"]
-    assert titles("printed")[0] == "A misprint"
+    assert titles("printed")[0] == "A probable misprint"
     assert titles("three-link")[0] == "The three-link plant is a calibration"
     assert len(titles("neglected", "three-link")) == 4
 

@@ -170,7 +170,7 @@ def _modulus_caption(case: CaseRuns) -> str:
 
 
 def _locus_caption(case: CaseRuns) -> str:
-    return "Eigenvalues λ of φ(Δ_ol) near the unit circle; shades darken and arrowheads point towards longer intervals."
+    return "Eigenvalues λ of φ(Δ_ol) near the unit circle, coloured by Δ_ol; arrowheads point towards longer intervals."
 
 
 MODULUS = Panel("a", _draw_modulus, _modulus_caption)

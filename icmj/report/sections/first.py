@@ -12,13 +12,13 @@ from icmj.report.sections.wording import verdicts
 from icmj.result.tried import Tried
 
 CAPTION = (
-    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow if it predicts "
-    "no cycle. Marks: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar agrees with "
-    "the prediction; the relative error shows how closely (the further left, the closer). {}"
+    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it "
+    "predicts no cycle. Marks: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar "
+    "agrees with the prediction; the relative error shows how closely (the further left, the closer). {}"
 )
 ARROW = "Arrow: the intervals grow without bound. "
 NOISE = "Line: mean and standard deviation of the intervals under noise. "
-WORDS = "✓ agrees with the prediction; ○ a cycle that was not predicted; ✗ a predicted cycle is not reached."
+WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
 
 
 def caption(cases: Sequence[CaseRuns]) -> str:
@@ -46,10 +46,15 @@ def headline(cases: Sequence[CaseRuns], tried: Sequence[Tried] = ()) -> str:
     subject = who[plants.pop()] if len(plants) == 1 else "the simulated plants settle"
     many = "all of them" if len(settled) == len(found) else f"{len(settled)} of them"
     close = f", at intervals within {_percent(worst)} of the predicted ones" if settled else ""
-    agree = "prediction and measurement agree"
-    if len(settled) < len(found):
-        agree = f"{len(found) - len(settled)} do not agree"
-    return f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}: {agree}."
+    told = f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}"
+    rest = [case.comparisons[case.last.simulation.plant] for case in quiet if not case.prediction.cycle]
+    others = sum(comparison.measured.kind == "cycle" for comparison in rest)
+    if not others:
+        agree = "prediction and measurement agree"
+        return f"{told}: {agree if len(settled) == len(found) else f'{len(found) - len(settled)} do not agree'}."
+    some = "each" if others == len(rest) else others
+    which = "the case" if len(rest) == 1 else f"{some} of the {len(rest)} cases"
+    return f"{told}. In {which} in which it predicts none, a cycle occurs all the same."
 
 
 def _single(case: CaseRuns) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 from icmj.base import numbers
 from icmj.base.numbers import count
 from icmj.comparison.comparison import Comparison
+from icmj.report.answers import Verdict
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
-from icmj.report.sections.statements import answered
+from icmj.report.sections.statements import STATEMENTS, verdicts_on_results
 from icmj.report.sections.wording import reached, verdicts
 from icmj.report.style import NAME
 
@@ -47,16 +48,29 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
             "" if worst is None else f", with a relative error of the interval of at most {numbers.number(worst, 2)}"
         )
         parts.append(f"{where} {many} reached{accuracy}.")
-    answers = [item.answer.verdict for item in answered(cases)]
+    rest = [case for case in cases if not case.prediction.cycle and not is_noisy(case)]
+    unpredicted = sum(any(c.measured.kind == "cycle" for c in case.comparisons.values()) for case in rest)
+    if unpredicted:
+        where = count(unpredicted, "other case")
+        parts.append(f"In {where} a run settles on a cycle although linear theory predicts none.")
+    answers = verdicts_on_results(cases)
     if answers:
-        kept = answers.count("reproduced")
-        reserved = answers.count("reproduced with a reservation")
-        failed = answers.count("not reproduced")
+        results = sum(statement.result for statement in STATEMENTS)
+        of = "all of them" if len(answers) == results else f"{len(answers)} of them"
+        kept, reserved, failed = (answers.count(verdict) for verdict in get_args(Verdict))
         parts.append(
-            f"Of {count(len(answers), 'statement')} in Gawthrop (2017), these runs reproduce {kept} without and "
-            f"{reserved} with a reservation; {failed} are not reproduced."
+            f"Gawthrop (2017) lists {len(STATEMENTS)} statements, {results} of which are results; the others name the "
+            f"system, or what a panel shows. These runs test {of}: {kept} are reproduced without and {reserved} with a "
+            f"reservation, {failed} not."
         )
     return " ".join(parts)
+
+
+def critical(case: CaseRuns, figures: int = 5) -> str:
+    """Δ_crit [s], in brackets where no cycle is predicted; a dash under noise, where it would predict nothing then."""
+    if case.prediction.cycle or case.prediction.delta_crit is None:
+        return numbers.number(case.prediction.delta_crit, figures)
+    return numbers.MISSING if is_noisy(case) else f"({numbers.number(case.prediction.delta_crit, figures)})"
 
 
 def agrees_with_paper(case: CaseRuns) -> bool | None:
@@ -92,8 +106,8 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "cycle": _cycle(paper.cycle),
         },
         "predicted": {
-            "delta": numbers.number(prediction.delta_crit, 5),
-            "eigenvalue": numbers.eigenvalue(prediction.eigenvalue),
+            "delta": critical(case),
+            "eigenvalue": numbers.eigenvalue(None if critical(case) == numbers.MISSING else prediction.eigenvalue),
             "cycle": _cycle(prediction.cycle),
             "verdict": prediction.verdict,
             "agrees": agrees_with_paper(case),

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from icmj.base import numbers
-from icmj.comparison.facts import on_predicted_cycle
 from icmj.cycle.branch import Branch
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.wording import attracted
 from icmj.report.style import NAME
 from icmj.result.result import Attractor
 from icmj.result.swept import Swept
@@ -19,7 +19,7 @@ from icmj.view.quantity import Quantity, quantities
 
 _BRANCHES = (
     "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, dashed: "
-    "repelling ones, pale: the linear plant. (c) Multipliers μ of the first branch, the factors on small deviations "
+    "repelling ones, faint: the linear plant. (c) Multipliers μ of the first branch, the factors on small deviations "
     "over one turn of the cycle; (d) some of its cycles."
 )
 
@@ -80,7 +80,7 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
             "intervals": _intervals(found),
             "peak": _peak(found, quantities(case.first.actual)),
             "starts": f"{found.count} of {round(found.count / found.share)}",
-            "mark": numbers.mark(on_predicted_cycle(case.prediction, found.measurement)),
+            "mark": attracted(case.prediction, found.measurement),
         }
         for case in cases
         if case.linear is not None

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from icmj.base import numbers
 from icmj.comparison.comparison import Comparison
+from icmj.comparison.facts import on_predicted_cycle
+from icmj.measurement.measurement import Measurement
 from icmj.report.pairing import CaseRuns
 from icmj.report.style import NAME
+from icmj.theory.prediction import Prediction
 
 # mark, word and explanation of what a run did, beside what was predicted
 _AS_PREDICTED = ("✓", "agrees", "settles on the predicted cycle")
@@ -22,14 +25,30 @@ def reached(comparison: Comparison | None) -> tuple[str, str, str]:
         return numbers.MISSING, "", "no run"
     if comparison.measured.kind == "noisy":
         return numbers.MISSING, "under noise", "a motion under noise has no cycle"
-    settled, predicted = comparison.measured.kind == "cycle", comparison.predicted
-    if comparison.measured.converged:
+    measured, predicted = comparison.measured, comparison.predicted
+    return _agreement(measured.converged, measured.kind == "cycle", predicted.cycle, predicted.verdict)
+
+
+def attracted(prediction: Prediction, measurement: Measurement) -> tuple[str, str]:
+    """Mark and explanation of a motion that one of many starts leads to.
+
+    They follow the rule of :func:`reached`, except that a start from which the predicted cycle is not reached does not
+    contradict the prediction, which is local.
+    """
+    on = on_predicted_cycle(prediction, measurement)
+    mark, _, said = _agreement(on, measurement.kind == "cycle", prediction.cycle, prediction.verdict)
+    return ("○", "a motion beside the predicted cycle") if mark == "✗" else (mark, said)
+
+
+def _agreement(on_predicted: bool, settled: bool, cycle: bool, verdict: str) -> tuple[str, str, str]:
+    """The rule of all marks: what a motion did, beside whether a cycle is predicted and whether it attracts."""
+    if on_predicted:
         return _AS_PREDICTED
-    if not predicted.cycle:
+    if not cycle:
         return _UNPREDICTED if settled else _NONE_AS_PREDICTED
     if settled:
         return _ANOTHER
-    return _MISSED if predicted.verdict == "attracting" else _REPELLED
+    return _MISSED if verdict == "attracting" else _REPELLED
 
 
 def verdicts(case: CaseRuns) -> list[str]:
