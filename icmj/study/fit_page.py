@@ -36,12 +36,14 @@ LEAD = (
     "estimates assume that the family of controllers is right, and that the controller keeps the person standing. They "
     "are exploratory."
 )
-# What a trial of the method showed: eight people whom it had not seen, and synthetic people of an independent simulator
-# (48 trials, four families, 4,000 draws).
+ORIGIN = (
+    "The figures on how far a fit carries are those of a trial of the method: eight people whom the families had not "
+    "seen, and synthetic people of an independent simulator; 48 trials, four families, 4,000 draws"
+)
 CHOICE = (
     "A probability compares these families, each with the noise that it assumes, and nothing else. With other noise it "
     "names a wrong family, and a misfit is hardly ever reported (table). It rests on the 24 shares of the histograms: "
-    "without them, 13 of 33 cases were assigned to event and 19 to switching"
+    "without them, 13 of 33 cases of real people were assigned to event and 19 to switching"
 )
 TRIED = (
     ("Synthetic people under", "with noise that no family assumes", "were assigned to"),
@@ -126,7 +128,8 @@ def table(found: Fit) -> pa.Table:
                     "family_probability": probability,
                 }
             )
-    return pa.Table.from_pylist(rows)
+    made = pa.Table.from_pylist(rows)
+    return made if found.probabilities is None else made.replace_schema_metadata({"family_probability": CHOICE})
 
 
 def summary(found: Fit) -> dict[str, Any]:
@@ -151,7 +154,7 @@ def summary(found: Fit) -> dict[str, Any]:
             "error": c.error,
             "not_told_apart": [list(pair) for pair in c.alike],
             "words": c.words,
-            "caveat": CHOICE,
+            "caveat": f"{CHOICE}. {ORIGIN}",
         }
     groups = {
         name: [{key: getattr(one, key) for key in ("name", "groups", "people", "paired", "value", "low", "high", "p")}
@@ -215,7 +218,7 @@ def _archive(found: Fit, one: Fitted, path: Path) -> None:
 
 def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
     """The parts of the page, whose figures are written beside it."""
-    items = [_item("How far this carries", [f"{PREDICTION}.", f"{VERDICT}."], [], [])]
+    items = [_item("How far this carries", [f"{PREDICTION}.", f"{VERDICT}.", f"{ORIGIN}."], [], [])]
     if found.confusion is not None and found.probabilities is not None:
         c = found.confusion
         rows = [
@@ -315,7 +318,7 @@ def caveats(found: Fit) -> list[str]:
     if found.probabilities is not None:
         made = [f"{of} with noise {how} were assigned to {what}" for of, how, what in TRIED[1]]
         said.insert(0, f"{CHOICE.replace(' (table)', '')}; of synthetic people, those under {', '.join(made)}")
-    return [f"{one}." for one in said]
+    return [f"{one}." for one in (*said, ORIGIN)]
 
 
 def _item(title: str, words: list[str], tables: list[Any], pictures: list[Any]) -> dict[str, Any]:

@@ -210,7 +210,9 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
     for said in (fit_page.CHOICE, fit_page.PREDICTION, fit_page.VERDICT, "76 %", "48 of 60", "42 %"):
         assert said in page
-    assert pq.read_table(tmp_path / "out" / "results.parquet").num_rows == 2 * 2 * 3
+    results = pq.read_table(tmp_path / "out" / "results.parquet")
+    assert results.num_rows == 2 * 2 * 3
+    assert b"24 shares" in results.schema.metadata[b"family_probability"]
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told["people"][0]["fits"]["one"]["numbers"]["size"]["low"] < 4e-3
     assert told["choice"]["counts"][0][0] > 20
@@ -257,7 +259,8 @@ def test_beside_every_probability_stands_what_it_does_not_carry() -> None:
         assert any(figure in said for said in several), figure
     assert any("identified in one run, and not identified in another" in said for said in several)
     one = fit_page.caveats(SimpleNamespace(probabilities=None))
-    assert len(one) == 2
+    assert len(one) == 3
+    assert any("48 trials, four families, 4,000 draws" in said for said in one)
     assert not any("76 %" in said for said in one)
 
 
