@@ -46,11 +46,11 @@ CHOICE = (
     "without them, 13 of 33 cases of real people were assigned to event and 19 to switching"
 )
 TRIED = (
-    ("Synthetic people under", "with noise that no family assumes", "were assigned to"),
+    ("Synthetic people under", "with", "assigned to"),
     (
-        ("continuous delayed PD", "slowly modulated in size", "switching: 76 % (misfit reported: 1 %)"),
-        ("continuous delayed PD", "with a ripple of heartbeat and breathing", "clock: 48 of 60"),
-        ("switched delayed PD", "broadband", "clock: 42 %"),
+        ("continuous delayed PD", "noise that is slowly modulated in size", "switching: 76 % (misfit reported: 1 %)"),
+        ("continuous delayed PD", "noise with a ripple of heartbeat and breathing", "clock: 48 of 60"),
+        ("switched delayed PD", "broadband noise", "clock: 42 %"),
     ),
 )
 PREDICTION = (
@@ -316,8 +316,8 @@ def caveats(found: Fit) -> list[str]:
     """What must be known beside the probabilities, predictions and verdicts of a fit, as sentences."""
     said = [VERDICT, PREDICTION]
     if found.probabilities is not None:
-        made = [f"{of} with noise {how} were assigned to {what}" for of, how, what in TRIED[1]]
-        said.insert(0, f"{CHOICE.replace(' (table)', '')}; of synthetic people, those under {', '.join(made)}")
+        made = [f"under {of} with {how} to {what}" for of, how, what in TRIED[1]]
+        said.insert(0, f"{CHOICE.replace(' (table)', '')}; synthetic people were assigned, {'; '.join(made)}")
     return [f"{one}." for one in (*said, ORIGIN)]
 
 
