@@ -37,6 +37,7 @@ REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/sections").glob("*.py")),
     *(f"icmj/report/{name}.py" for name in ("answers", "experiment", "findings", "fit")),
     "icmj/study/fit_page.py",
+    *(f"icmj/fitting/{name}.py" for name in ("choice", "calibration", "predictive", "family")),
 ]
 PRECISE = re.compile(
     r"10[⁰¹²³⁴-⁹⁻]|10\^|\de[-−+]?\d|%|×|\btimes\b|\bwithin\b|\bdigits?\b|\baccura|\bexact|\bcoincide|(?<![\d.])\d{1,3}\.\d{2,}"

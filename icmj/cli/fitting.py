@@ -26,10 +26,10 @@ _MOST = 10_000_000  # bytes of a table
 
 def fit(command: Fit) -> None:
     """Fit families to recordings; whatever is finished stays, however it ends."""
-    from icmj.fitting.family import load_family
+    from icmj.fitting.family import DELAY, load_family
     from icmj.fitting.network import library
     from icmj.study.fit import fit as fitted
-    from icmj.study.fit_page import DELAY, PAGE, RESULTS, summary, write_fit
+    from icmj.study.fit_page import PAGE, RESULTS, summary, write_fit
 
     if command.jobs is not None and command.jobs < 1:
         raise FitError(f"--jobs {command.jobs}: expected at least 1")

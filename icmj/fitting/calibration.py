@@ -19,6 +19,11 @@ from icmj.errors import FitError
 
 IDENTIFIED = 0.5
 """Contraction from which a number is called identified: the posterior's variance is at most half of the prior's."""
+CAVEAT = (
+    "A parameter near the threshold of the verdict may be called identified in one run, and not identified in another "
+    "with another seed"
+)
+"""What must be known beside a verdict."""
 MASS = 0.9
 _REFUSED = 0.01  # p-value, for each number: rather one too many is refused
 _BELIEVED = 0.05  # how far from 90 % the coverage of an identified number may be

@@ -34,6 +34,7 @@ RATE = 100.0  # Hz
 DURATION = 60.0  # s, of a trial
 WARM_UP = 6.0  # s before it, in which what the start has left behind goes
 TRIALS = 3
+DELAY = "the delay cannot be identified from quiet standing; take an experiment with a stimulus, such as double steps"
 _STOOD = ("completed", "sliding")  # one that slides had events as often as it may
 
 

@@ -18,7 +18,11 @@ from icmj.base.numbers import amount
 from icmj.base.version import VERSION
 from icmj.errors import FitError
 from icmj.fitting.archive import write_archive
-from icmj.fitting.family import RATE
+from icmj.fitting.calibration import CAVEAT as VERDICT
+from icmj.fitting.choice import CAVEAT as CHOICE
+from icmj.fitting.choice import ORIGIN, TRIED
+from icmj.fitting.family import DELAY, RATE
+from icmj.fitting.predictive import CAVEAT as PREDICTION
 from icmj.fitting.summaries import MEASURE_UNITS, MEASURES
 from icmj.report import style
 from icmj.report.builder import filled
@@ -36,33 +40,6 @@ LEAD = (
     "estimates assume that the family of controllers is right, and that the controller keeps the person standing. They "
     "are exploratory."
 )
-ORIGIN = (
-    "The figures on how far a fit carries are those of a trial of the method: eight people whom the families had not "
-    "seen, and synthetic people of an independent simulator; 48 trials, four families, 4,000 draws"
-)
-CHOICE = (
-    "A probability compares these families, each with the noise that it assumes, and nothing else. With other noise it "
-    "names a wrong family, and a misfit is hardly ever reported (table). It rests on the 24 shares of the histograms: "
-    "without them, 13 of 33 cases of real people were assigned to event and 19 to switching"
-)
-TRIED = (
-    ("Synthetic people under", "with", "assigned to"),
-    (
-        ("continuous delayed PD", "noise that is slowly modulated in size", "switching: 76 % (misfit reported: 1 %)"),
-        ("continuous delayed PD", "noise with a ripple of heartbeat and breathing", "clock: 48 of 60"),
-        ("switched delayed PD", "broadband noise", "clock: 42 %"),
-    ),
-)
-PREDICTION = (
-    "The 90 % prediction of a third trial covered 82 % (event), 78 % (clock), 84 % (switching) and 69 % (delayed-pd) "
-    "of the values of eight people whom the families had not seen, and was no sharper than the mean of the other two "
-    "trials"
-)
-VERDICT = (
-    "A parameter near the threshold of the verdict may be called identified in one run, and not identified in another "
-    "with another seed"
-)
-DELAY = "the delay cannot be identified from quiet standing; take an experiment with a stimulus, such as double steps"
 _SHOWN = 12  # people with pictures
 
 

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting import choice, network, posterior
+from icmj.fitting import calibration, choice, network, posterior, predictive
 from icmj.fitting.bank import Bank
 from icmj.fitting.prior import Distribution, Prior
 from icmj.fitting.summaries import summarise
@@ -208,7 +208,7 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     foot = page.partition("<footer>")[2]
     assert "from recordings and simulated people" in foot
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
-    for said in (fit_page.CHOICE, fit_page.PREDICTION, fit_page.VERDICT, "76 %", "48 of 60", "42 %"):
+    for said in (choice.CAVEAT, predictive.CAVEAT, calibration.CAVEAT, "76 %", "48 of 60", "42 %"):
         assert said in page
     results = pq.read_table(tmp_path / "out" / "results.parquet")
     assert results.num_rows == 2 * 2 * 3
