@@ -13,7 +13,7 @@ from icmj.cli.overrides import Shared
 
 @dataclass(frozen=True)
 class Fit(Shared):
-    """Fit families of controllers to recordings of standing people: parameters, their reliability, likeliest family.
+    """Fit families of controllers to recordings of standing people (exploratory): parameters, reliability, comparison.
 
     Needs pip install 'icmj[fit]'. Each family is simulated, and its network trained, only once for all people.
 
@@ -23,7 +23,8 @@ class Fit(Shared):
     recordings: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several."""
     model: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FAMILY")] = ()
-    """Family file, or name of a shipped family. May be repeated; the probability of each family is then estimated."""
+    """Family file, or name of a shipped family. May be repeated; the families are then compared, which depends
+    on the noise that they assume."""
     table: Path | None = None
     """CSV table that lists the recordings of several people, instead of RECORDINGS (required columns: file and person;
     optional columns: column, group and condition); or BDSinfo.txt of the public data set (Santos and Duarte 2016),
