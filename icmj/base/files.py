@@ -1,9 +1,10 @@
-"""Files that appear under their name only when they are complete, and remains of unfinished ones."""
+"""Files that appear under their name only when complete, remains of unfinished ones, and reading within bounds."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import os
 import re
 import shutil
@@ -14,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 SUFFIX = ".tmp"
 """Ends the name of what is under way; the name says who writes it, so that what the dead left can be told."""
@@ -22,6 +24,7 @@ LOCK = ".lock"
 
 _OURS = re.compile(r"\..+\.(?P<place>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}" + re.escape(SUFFIX))
 _A_DAY = 86400.0  # [s]
+_PART = 1 << 20  # bytes that are read at a time
 
 
 @contextmanager
@@ -90,28 +93,83 @@ def regular(path: Path, flags: int) -> int:
         OSError: if it cannot be opened, or is no regular file.
     """
     writes = bool(flags & (os.O_WRONLY | os.O_RDWR))
-    if writes:
-        replaceable(path)
-    flags |= sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
-    handle = os.open(path, flags | (getattr(os, "O_NOFOLLOW", 0) if writes else 0), 0o666)
-    found = os.fstat(handle)
-    wrong = "" if stat.S_ISREG(found.st_mode) else f"is a {_kind(found.st_mode)}, not a file"
-    if writes and found.st_nlink > 1:
-        wrong = "has another name elsewhere, a hard link"
-    if wrong:
+    try:
+        if writes:
+            replaceable(path)
+        else:
+            _refuse_irregular(path, os.stat(path))  # opening some devices does something to them
+        flags |= sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY", "O_NOCTTY"))
+        handle = os.open(path, flags | (getattr(os, "O_NOFOLLOW", 0) if writes else 0), 0o666)
+    except ValueError as error:  # a zero byte in it, or what the file system has no letters for
+        raise OSError(errno.EINVAL, "not a name of a file", str(path)) from error
+    try:
+        found = os.fstat(handle)  # of what was opened: it may have been replaced since
+        _refuse_irregular(path, found)
+        if writes and found.st_nlink > 1:
+            raise OSError(errno.EINVAL, f"{path.name} has another name elsewhere, a hard link", str(path))
+    except BaseException:
         os.close(handle)
-        raise OSError(errno.EINVAL, f"{path.name} {wrong}", str(path))
+        raise
     return handle
 
 
+def open_file(path: Path, most: float) -> io.BufferedReader:
+    """A regular file, or a link to one, open for reading; whoever reads it may be interrupted after each megabyte.
+
+    A pipe is not waited for, and a device not touched. The bound also holds for a file that grows while it is read, or
+    that says that it is empty and is not, as files of ``/proc`` do.
+
+    Raises:
+        OSError: if it cannot be opened, is no regular file, or has more than ``most`` bytes; ``strerror`` says which.
+    """
+    file = _Bounded(regular(path, os.O_RDONLY), path, most)
+    try:
+        file.refuse_beyond(os.fstat(file.fileno()).st_size)
+    except OSError:
+        file.close()
+        raise
+    return io.BufferedReader(file, _PART)
+
+
+def read_bytes(path: Path, most: float) -> bytes:
+    """The content of a regular file of at most ``most`` bytes.
+
+    Raises:
+        OSError: as :func:`open_file`.
+    """
+    with open_file(path, most) as file:
+        return b"".join(iter(lambda: file.read(_PART), b""))
+
+
+class _Bounded(io.FileIO):
+    """What a buffered reader reads from: a part at a time, up to a limit."""
+
+    def __init__(self, handle: int, path: Path, most: float) -> None:
+        super().__init__(handle, "rb")
+        self._path, self._most = path, most
+
+    def refuse_beyond(self, size: int) -> None:
+        if size > self._most:
+            words = f"has {size / 1e6:.3g} MB or more; expected at most {self._most / 1e6:g} MB"
+            raise OSError(errno.EFBIG, words, str(self._path))
+
+    def readinto(self, buffer: Any) -> int:
+        count = super().readinto(buffer)
+        self.refuse_beyond(self.tell())
+        return count
+
+    def readall(self) -> bytes:
+        part = bytearray(_PART)
+        return b"".join(iter(lambda: bytes(part[: self.readinto(part)]), b""))
+
+
+def _refuse_irregular(path: Path, found: os.stat_result) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, f"{path.name} is a {_kind(found.st_mode)}, not a file", str(path))
+
+
 def _kind(mode: int) -> str:
-    names = {
-        stat.S_IFDIR: "folder",
-        stat.S_IFLNK: "link",
-        stat.S_IFIFO: "pipe",
-        stat.S_IFSOCK: "socket",
-        stat.S_IFREG: "file",
-    }
+    names = {stat.S_IFDIR: "folder", stat.S_IFLNK: "link", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket"}
     return names.get(stat.S_IFMT(mode), "device")
 
 
@@ -152,8 +210,7 @@ def write_text(target: Path, text: str) -> None:
     Raises:
         OSError: if it cannot be written.
     """
-    with whole(target) as part:
-        part.write_text(text, encoding="utf-8")
+    write_bytes(target, text.encode())
 
 
 def write_bytes(target: Path, content: bytes) -> None:

@@ -9,7 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from icmj.base.files import SUFFIX, alive, clear_leftovers, ready, scratch, whole, write_bytes, write_text
+from icmj.base.files import (
+    SUFFIX,
+    alive,
+    clear_leftovers,
+    open_file,
+    read_bytes,
+    ready,
+    scratch,
+    whole,
+    write_bytes,
+    write_text,
+)
 
 
 def test_a_file_appears_when_it_is_complete(tmp_path: Path) -> None:
@@ -100,3 +111,55 @@ def test_a_folder_is_ready_if_it_can_be_written_to(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         ready(tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (os.mkfifo, "pipe"),
+        (Path.mkdir, "folder"),
+        (lambda path: path.symlink_to("/dev/zero"), "device"),
+        (lambda path: path.symlink_to("/dev/tty"), "device"),
+    ],
+)
+def test_only_regular_files_are_read_and_nothing_is_waited_for(make, what: str, tmp_path: Path) -> None:
+    make(tmp_path / "a")
+    for read in (open_file, read_bytes):
+        with pytest.raises(OSError, match=f"a is a {what}, not a file"):
+            read(tmp_path / "a", 1e9)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\udcff\ud800", "x" * 400])
+def test_what_is_no_name_of_a_file_is_an_error_of_the_system(name: str, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=r"not a name of a file|File name too long"):
+        read_bytes(tmp_path / name, 10)
+
+
+def test_a_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
+    path, content = tmp_path / "a", os.urandom(3_000_000)
+    path.write_bytes(content)
+    assert read_bytes(path, 3_000_000) == content
+    with open_file(path, 3e6) as file:
+        assert (file.read(10), file.seek(-7, os.SEEK_END), file.read()) == (content[:10], 2_999_993, content[-7:])
+        assert file.seek(0) == 0
+        assert file.read() == content
+    with pytest.raises(OSError, match=r"has 3 MB or more; expected at most 2\.9 MB"):
+        read_bytes(path, 2_900_000)
+    with open(path, "r+b") as file:  # a hole of a terabyte takes no room on the disk
+        file.truncate(10**12)
+    with pytest.raises(OSError, match=r"has 1e\+06 MB or more"):
+        open_file(path, 1e9)
+
+
+def test_a_file_that_grows_or_understates_its_size_ends_at_the_bound(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"1" * 10)
+    with open_file(path, 100) as file:
+        path.write_bytes(b"1" * 1000)
+        with pytest.raises(OSError, match="expected at most"):
+            file.read()
+    endless = Path("/proc/self/pagemap")  # a regular file of no bytes, and of half a terabyte when it is read
+    if endless.exists():
+        assert endless.stat().st_size == 0
+        with pytest.raises(OSError, match="expected at most 5 MB"):
+            read_bytes(endless, 5e6)
