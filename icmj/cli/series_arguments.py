@@ -47,8 +47,8 @@ class Measure(Shared):
     """Columns to measure (default: see above)."""
     rate: float | None = None
     """Rate to resample to (default: 100 for a log), or the rate of a file without times [Hz]."""
-    since: float = 0.0
-    """Time from which the series are measured [s]."""
+    since: float | None = None
+    """Time from which the series are measured [s] (default: all rows, those before 0 too)."""
     low_pass: float | None = None
     """Corner frequency of a low-pass filter applied before all measures [Hz]."""
     band: tuple[float, float] | None = None

@@ -51,7 +51,7 @@ def measure(command: arguments.Measure) -> None:
         raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")
     with Working(f"measuring {command.file.name}", ERR):
         series, notes = _signals(command)
-        series = series.since(command.since)
+        series = series if command.since is None else series.since(command.since)
         if command.torque is not None and command.weight is not None:
             series = from_torque(series, command.torque, command.weight)
         if len(series.names) > MOST and not command.json:

@@ -21,6 +21,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
+from icmj.series.c3d_reader import MEMORY, REFUSED
 from icmj.series.series import place
 
 LONGEST = 120.0  # s on the clock
@@ -54,7 +55,7 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
     """The groups of a C3D file that have signals: centres of pressure and forces of plates, points, analog channels.
 
     Raises:
-        DataError: if ezc3d is not installed, or the file cannot be read.
+        DataError: if ezc3d is not installed, the file cannot be read, or it has fewer frames than its header says.
     """
     if importlib.util.find_spec("ezc3d") is None:
         raise DataError("ezc3d, which reads C3D, is not installed; `pip install ezc3d`")
@@ -73,9 +74,11 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
             raise DataError(f"not a C3D file that can be read (it takes more than {longest:g} s)") from error
         if done.returncode or not found.exists():
             said = done.stderr.decode(errors="replace").strip().splitlines()
-            why = one_line(said[-1], 120) if said and done.returncode == 3 else "reading it ended the reader"
+            own = said and done.returncode == REFUSED
+            why = one_line(said[-1], 120) if own else f"reading it ended the reader, which may use {MEMORY / 1e9:g} GB"
             raise DataError(f"not a C3D file that can be read ({why})")
         with np.load(found, allow_pickle=False) as data:
+            _refuse_part(*map(int, data["frames"]))
             return tuple(
                 Group(
                     kind,
@@ -88,6 +91,13 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
                 for i, kind in enumerate(GROUPS)
                 if f"{i} values" in data.files
             )
+
+
+def _refuse_part(read: int, promised: int) -> None:
+    if read < promised and read == 0xFFFF:
+        raise DataError(f"{promised} frames or more, of which ezc3d reads {read}; cut it into parts")
+    if read < promised:
+        raise DataError(f"{read} frames where its header says {promised}; was it cut short?")
 
 
 def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:

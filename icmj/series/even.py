@@ -8,13 +8,13 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.errors import DataError
-from icmj.series.series import Series
+from icmj.series.series import EVEN, Series
 
 MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
-EVEN = 1e-3  # of a step: an unevenness like that of rounded times goes without a word
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
 _SAME = 1e-9  # of a step: what rounding leaves between two times
+_ROUGH = 0.25  # of a step: rounding to few digits leaves the mean rate as it is; a lost row moves others by half a step
 _CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
 
@@ -35,7 +35,7 @@ def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, A
     usual = max(float(np.median(np.diff(t))), float(t[-1] - t[0]) / (10 * len(t)))
     step = usual if step is None else step
     kept = np.concatenate([[True], np.diff(t) > _CLOSE * usual])
-    even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step * (1 + 1e-12)) + 1)
+    even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step + EVEN) + 1)
     if len(even) == len(t) and np.abs(even - t).max() <= _SAME * step:
         return even, values
     return even, CubicSpline(t[kept], values[kept])(even)
@@ -63,10 +63,11 @@ def even_series(series: Series, rate: float | None = None) -> Series:
             f"a gap of {steps[widest]:.4g} s after {series.t[widest]:.6g} s, where rows are {usual:.4g} s apart; "
             "measure a part without gaps"
         )
-    step = usual if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     # the mean step is better known than any single one
     mean = float(series.t[-1] - series.t[0]) / (len(series) - 1)
     off = np.abs(series.t - (series.t[0] + mean * np.arange(len(series)))).max()
+    own = mean if off <= _ROUGH * mean else usual
+    step = own if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
         return replace(series, t=series.t[0] + mean * np.arange(len(series)))
     t, values = evenly(series.t, series.values, step)

@@ -21,6 +21,7 @@ _UNITS = (
     (r"/fiber_length", "m"),
     (r"/activation", ""),
 )
+_ANGLES = {"yes": "deg", "no": "rad"}
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Header:
 
     Attributes:
         coordinates: whether its columns are coordinates of a model.
-        angle: the unit of angles.
+        angle: the unit of angles; "" where it does not say.
         rows: how many rows it promises; ``None`` where it does not.
     """
 
@@ -52,7 +53,7 @@ def header_of(lines: Iterable[bytes]) -> Header:
     """Read the header, up to the line ``endheader``.
 
     Raises:
-        DataError: if it does not end, or the table is not one of numbers.
+        DataError: if it does not end, the table is not one of numbers, or a number of rows or a unit of angles is none.
     """
     told: dict[str, str] = {}
     title = ""
@@ -70,9 +71,13 @@ def header_of(lines: Iterable[bytes]) -> Header:
     kind = told.get("datatype", "double").lower()
     if kind != "double":
         raise DataError(f"a table of {one_line(kind, 40)}; convert it to numbers, as TimeSeriesTable.flatten does")
-    rows = told.get("nrows", told.get("datarows", ""))
+    rows, degrees = told.get("nrows", told.get("datarows")), told.get("indegrees")
+    if rows is not None and not re.fullmatch(r"[0-9]{1,18}", rows):
+        raise DataError(f"nRows={one_line(rows, 40)} in its header; expected a number of rows")
+    if degrees is not None and degrees.lower() not in _ANGLES:
+        raise DataError(f"inDegrees={one_line(degrees, 40)} in its header; expected yes or no")
     return Header(
         coordinates="coordinates" in title or "kinematics" in title,
-        angle="deg" if told.get("indegrees", "no").lower() == "yes" else "rad",
-        rows=int(rows) if re.fullmatch(r"\d{1,9}", rows) else None,
+        angle="" if degrees is None else _ANGLES[degrees.lower()],
+        rows=None if rows is None else int(rows),
     )

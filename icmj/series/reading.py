@@ -12,6 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.files import open_file
 from icmj.base.npz import each_npz, npz_headers, read_npz
 from icmj.base.text import one_line
 from icmj.errors import DataError
@@ -59,12 +60,8 @@ def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | 
     """
     path = Path(path)
     try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise DataError("not a file")
-        if size > MOST_BYTES:
-            raise DataError(f"{size / 1e6:.0f} MB; expected at most {MOST_BYTES / 1e6:.0f} MB, cut it into parts")
-        return READERS.get(path.suffix.lower(), _read_csv)(path, columns, rate)
+        with open_file(path, MOST_BYTES) as file:
+            return READERS.get(path.suffix.lower(), _read_csv)(path, file, columns, rate)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     except (OSError, ValueError) as error:
@@ -143,16 +140,16 @@ class _Choice:
         return Series(data[:, 0] * self.second, data[:, 1:], self.names, self.units)
 
 
-def _read_opensim(path: Path, columns: Sequence[str], rate: float | None) -> Series:
-    with path.open("rb") as file:
-        header = header_of(islice(iter(lambda: file.readline(LONGEST + 1), b""), LINES + 1))
-    series = _read_csv(path, columns, rate)
+def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    header = header_of(islice(iter(lambda: file.readline(LONGEST + 1), b""), LINES + 1))
+    file.seek(0)
+    series = _read_csv(path, file, columns, rate)
     if header.rows is not None and header.rows != len(series):
         raise DataError(f"{len(series)} rows where its header says {header.rows}; was it cut short?")
     return replace(series, units=tuple(map(header.unit_of, series.names)))
 
 
-def _read_c3d(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+def _read_c3d(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
     group = group_for(groups_of(path), columns)
     see_names_differ(group.names)
     if group.values.size > MOST_NUMBERS:
@@ -161,26 +158,25 @@ def _read_c3d(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     return Series(t, group.values, group.names, group.units)
 
 
-def _read_csv(path: Path, columns: Sequence[str], rate: float | None) -> Series:
-    with path.open("rb") as file:
-        shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST + 1), b""), HEAD)))
-        if len(shape.headers) > MOST_COLUMNS:
-            raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
-        numeric = [i for i, number in enumerate(shape.numeric) if number]
-        choice = _Choice.of([shape.headers[i] for i in numeric], [""] * len(numeric), columns, rate)
-        chosen = [str(numeric[i]) for i in choice.at]
-        file.seek(shape.offset)
-        ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(_PART), b"")]
-        # a blank line ends, too; rows may be fewer, not more
-        data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
-        file.seek(shape.offset)
-        count = 0
-        for text in _parts(file):
-            rows = _numbers(text, shape, chosen)
-            if count + len(rows) > len(data):  # lines ended in both ways
-                raise DataError("mixed line endings; save the file with one kind of line ending")
-            data[count : count + len(rows)] = rows
-            count += len(rows)
+def _read_csv(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST + 1), b""), HEAD)))
+    if len(shape.headers) > MOST_COLUMNS:
+        raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
+    numeric = [i for i, number in enumerate(shape.numeric) if number]
+    choice = _Choice.of([shape.headers[i] for i in numeric], [""] * len(numeric), columns, rate)
+    chosen = [str(numeric[i]) for i in choice.at]
+    file.seek(shape.offset)
+    ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(_PART), b"")]
+    # a blank line ends, too; rows may be fewer, not more
+    data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
+    file.seek(shape.offset)
+    count = 0
+    for text in _parts(file):
+        rows = _numbers(text, shape, chosen)
+        if count + len(rows) > len(data):  # lines ended in both ways
+            raise DataError("mixed line endings; save the file with one kind of line ending")
+        data[count : count + len(rows)] = rows
+        count += len(rows)
     return choice.series(data[:count])
 
 
@@ -224,12 +220,12 @@ def _numbers(text: bytes, shape: CsvShape, chosen: Sequence[str]) -> Array:
     return np.column_stack([table[name].to_numpy() for name in chosen])
 
 
-def _read_parquet(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path, pre_buffer=False, buffer_size=_PART) as file:
+        with pq.ParquetFile(source, pre_buffer=False, buffer_size=_PART) as file:
             every = list(file.schema_arrow)
             good = [i for i, f in enumerate(every) if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)]
             fields = [every[i] for i in good]
@@ -250,7 +246,7 @@ def _read_parquet(path: Path, columns: Sequence[str], rate: float | None) -> Ser
     return choice.series(data[:count])
 
 
-def _read_npz(path: Path, columns: Sequence[str], rate: float | None) -> Series:
+def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
     try:
         headers = npz_headers(path)
         told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
@@ -274,7 +270,7 @@ def _read_npz(path: Path, columns: Sequence[str], rate: float | None) -> Series:
     return choice.series(data)
 
 
-READERS: dict[str, Callable[[Path, Sequence[str], float | None], Series]] = {
+READERS: dict[str, Callable[[Path, BinaryIO, Sequence[str], float | None], Series]] = {
     ".parquet": _read_parquet,
     ".npz": _read_npz,
     ".mot": _read_opensim,

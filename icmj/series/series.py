@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+EVEN = 1e-3
+"""Share of a step that times may be off: rounded ones are, and those of a clock that counts seconds from 1970."""
 MOST_SHOWN = 40  # signals in a notebook
 # signals called x.ankle, x.knee are the variable x along the dimension state, and so on
 DIMENSIONS = {
@@ -116,8 +118,8 @@ class Series(Shown):
         )
 
     def since(self, t: float) -> Series:
-        """The rows from ``t`` [s] on, to leave out the beginning."""
-        late = self.t >= t
+        """The rows from ``t`` [s] on, to leave out the beginning; a row that rounding puts before it is one of them."""
+        late = self.t >= t - (EVEN * float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0)
         return replace(self, t=self.t[late], values=self.values[late])
 
     def to_pandas(self) -> DataFrame:

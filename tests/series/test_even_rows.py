@@ -1,8 +1,10 @@
 """Rows at even times are taken as they are."""
 
 import numpy as np
+import pytest
 
-from icmj.series.even import evenly
+from icmj.series.even import even_series, evenly
+from icmj.series.series import Series
 
 
 def test_even_rows_are_not_interpolated(monkeypatch):
@@ -23,3 +25,28 @@ def test_rows_that_crowd_in_one_place_do_not_set_the_step():
     even, values = evenly(t, np.sin(t)[:, None])  # at the usual distance, 2e12 rows
     assert len(even) <= 10 * len(t) + 1
     np.testing.assert_allclose(values[:, 0], np.sin(even), atol=1e-6)  # of a cubic spline at 0.05 s: 0.05⁴ · 5/384
+
+
+@pytest.mark.parametrize("tenths", range(10))
+def test_no_row_is_lost_to_the_rounding_of_times(tenths):
+    """A minute at 100 Hz has 3001 rows at 50 Hz, and 5501 rows from its fifth second on, wherever its clock begins."""
+    for begin in (0.1 * tenths, 1.7e9 + 0.1 * tenths):  # seconds from 1970 are rounded to 0.24 microseconds
+        t = begin + np.arange(6001) / 100
+        series = Series(t, np.sin(np.arange(6001.0) / 100)[:, None], ("ap",))
+        assert len(even_series(series, 50.0)) == 3001
+        assert len(series.since(begin + 5)) == 5501
+    added = Series(np.concatenate([[0.0], np.cumsum(np.full(6000, 0.01))]), np.zeros((6001, 1)), ("ap",))
+    assert [len(added.since(s)) for s in range(0, 60, 5)] == [6001 - 100 * s for s in range(0, 60, 5)]
+
+
+@pytest.mark.parametrize(("digits", "rate"), [(2, 15.0), (3, 60.0), (3, 120.0), (3, 240.0)])
+def test_times_that_are_written_with_few_digits_have_their_mean_rate(digits, rate):
+    """Steps of 8 and 9 ms, most of 8, are 120 Hz; the rounding of first and last leaves it uncertain."""
+    t = np.round(np.arange(3601) / rate, digits)
+    found = even_series(Series(t, np.sin(t)[:, None], ("ap",)))
+    assert (len(found) - 1) / (found.t[-1] - found.t[0]) == pytest.approx(rate, rel=10**-digits / t[-1])
+    assert len(found) == 3601
+    lost = np.delete(np.arange(3601), 7) / rate  # their usual distance, and not the mean one, is the rate
+    found = even_series(Series(lost, np.sin(lost)[:, None], ("ap",)))
+    assert found.t[1] - found.t[0] == pytest.approx(1 / rate)
+    assert len(found) == 3601

@@ -7,9 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from icmj.cli.main import main
 from icmj.errors import DataError
 from icmj.series import c3d
 from icmj.series.reading import read_series
+from icmj.series.series import Series
+from icmj.series.writing import write_series
 
 T = np.arange(0, 4, 0.01)
 
@@ -52,6 +55,12 @@ def test_ground_reactions_and_moments_of_opensim_have_their_units(tmp_path):
     ("text", "words"),
     [
         (table("Coordinates", {"a": T}, rows=500), "400 rows where its header says 500; was it cut short"),
+        (table("Coordinates", {"a": T}, rows=4_000_000_000), "400 rows where its header says 4000000000"),
+        (table("Coordinates", {"a": T}, rows=-400), "nRows=-400 in its header; expected a number of rows"),
+        (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=4e2"), "nRows=4e2 in its header"),
+        (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=" + "9" * 5000), "nRows=999.* in its header"),
+        (table("Coordinates", {"a": T}, "maybe"), "inDegrees=maybe in its header; expected yes or no"),
+        (table("Coordinates", {"a": T}, ""), "inDegrees= in its header; expected yes or no"),
         ("time\ta\n" + "0\t1\n1\t2\n", "no line 'endheader'"),
         ("x\n" * 500, "no line 'endheader'"),
         ("Marker\nDataType=Vec3\nendheader\ntime\tC7\n0\t1,2,3\n1\t1,2,3\n", "a table of vec3"),
@@ -64,6 +73,36 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, text, words):
     with pytest.raises(DataError, match=words) as told:
         read_series(tmp_path / "wrong.sto")
     assert "\n" not in str(told.value)
+
+
+def test_an_angle_whose_unit_a_header_does_not_say_has_none(tmp_path):
+    text = table("Coordinates", {"ankle_angle_r": T, "pelvis_tx": T}).replace("inDegrees=yes\n", "")
+    (tmp_path / "ik.mot").write_text(text)
+    assert read_series(tmp_path / "ik.mot").units == ("", "m")
+    (tmp_path / "ik.mot").write_text(table("Coordinates", {"ankle_angle_r": T}, "Yes"))
+    assert read_series(tmp_path / "ik.mot").units == ("deg",)
+
+
+@pytest.mark.parametrize("kind", ["mot", "sto", "csv", "parquet", "npz"])
+def test_what_was_recorded_before_0_is_measured(tmp_path, capsys, kind):
+    """A recording often begins before the trigger that is its 0: without that half, of mean 2, the rest has mean 1."""
+    t = np.arange(-200, 200) / 100
+    x = np.where(t < 0, 2.0, 1.0) + 1e-3 * np.sin(9 * t)
+    path = tmp_path / f"early.{kind}"
+    if kind in ("mot", "sto"):
+        path.write_text(table("forces", {"ap": x}).split("endheader")[0] + "endheader\ntime\tap\n")
+        with path.open("a") as file:
+            file.writelines(f"{a:.2f}\t{b:.8f}\n" for a, b in zip(t, x, strict=True))
+    else:
+        write_series(Series(t, x[:, None], ("ap",), ("mm",)), path)
+    assert main(["measure", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["duration"] == pytest.approx(4.0)
+    assert found["coordinates"][0]["mean"] == pytest.approx(1.5, abs=1e-3)
+    assert main(["measure", str(path), "--since", "0", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["duration"] == pytest.approx(2.0)
+    assert found["coordinates"][0]["mean"] == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +154,6 @@ def test_points_and_analog_channels_of_c3d_are_read_with_rates_and_units(recordi
 
 
 def test_the_centre_of_pressure_of_c3d_is_that_of_the_moments(recording, capsys):
-    from icmj.cli.main import main
-
     path, _, _, centre = recording
     series = read_series(path)
     assert series.names == ("plate1.cop.x", "plate1.cop.y")
@@ -143,6 +180,35 @@ def test_a_damaged_c3d_is_read_or_refused_in_one_line(recording, tmp_path, seed)
     except DataError as error:
         told = str(error)
     assert "\n" not in told
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_a_c3d_that_was_cut_short_is_refused(recording, tmp_path, share):
+    """Its reader takes the frames that it finds, and makes its header say that these are all."""
+    raw = recording[0].read_bytes()
+    (tmp_path / "cut.c3d").write_bytes(raw[: int(share * len(raw))])
+    with pytest.raises(DataError, match=r"\d+ frames where its header says 400; was it cut short\?"):
+        read_series(tmp_path / "cut.c3d")
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_a_c3d_with_more_frames_than_its_reader_counts_is_refused(tmp_path, told):
+    """A header counts to 65535; what has more says so in the group TRIAL, or has more data than that."""
+    ezc3d = pytest.importorskip("ezc3d")
+    file, N = ezc3d.c3d(), 70_000
+    file["parameters"]["POINT"]["RATE"]["value"] = [1000]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ("C7",)
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["data"]["points"] = np.ones((4, 1, N))
+    if told:
+        for end, frame in ("START", 1), ("END", N):
+            field = ezc3d.ezc3d.Parameter(f"ACTUAL_{end}_FIELD", "")
+            field.set(ezc3d.ezc3d.VecInt([frame % 65536, frame // 65536]), [2])
+            file["parameters"].add_parameter("TRIAL", field)
+    file.write(str(tmp_path / "long.c3d"))
+    frames = "70000" if told else r"699\d\d"  # what fills up the last block may be taken for none
+    with pytest.raises(DataError, match=rf"{frames} frames or more, of which ezc3d reads 65535; cut it into parts"):
+        read_series(tmp_path / "long.c3d")
 
 
 def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monkeypatch):
