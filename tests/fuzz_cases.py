@@ -26,6 +26,7 @@ import psutil
 from grammar_experiments import grammar_experiment
 from grammar_folders import damaged_folder
 from grammar_models import grammar_model
+from grammar_recordings import damaged_recording
 from grammar_runs import grammar_run, grammar_sweep
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,6 +34,7 @@ SILENCE = 10.0  # s of work without a word that count as a hang; on a busy machi
 STANDSTILL = 600.0  # s on the clock without a word that count as a hang, worked or not
 PATIENCE = 25.0  # s after which what still shows progress is ended, and counted as long
 MEMORY = 2e9  # bytes that no case may take, its processes together
+LEAN = {"recording": 1.5e9}  # of some kinds
 
 NUMBERS = (
     *("0", "-0.0", "1", "-1", "2", "0.5", "1e-3", "1e3", "1e6", "-1e6", "1e12", "-1e12", "1e15", "1e300", "-1e308"),
@@ -384,7 +386,7 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
         said = os.pread(2, 100_000, mark).decode(errors="replace")
         lines = [line for line in said.splitlines() if not _PROGRESS.search(line)]
         words = f"{' '.join(command)}: status {status}: {said[-600:]}"
-        if (peak := _peak()) > MEMORY:
+        if (peak := _peak()) > LEAN.get(job.kind, MEMORY):
             return "failure", f"{words} (took {peak / 1e9:.1f} GB)"
         if status not in (0, 2) or "Traceback" in said or _contents(folder) != before:
             return "failure", words
@@ -522,7 +524,7 @@ class Bench:
             if not self._process.is_alive():
                 tally.failures.append(f"{job}: the process ended with {self._process.exitcode}: {self._tail()}")
                 return self._end()
-            if (taken := self._memory()) > MEMORY:
+            if (taken := self._memory()) > LEAN.get(job.kind, MEMORY):
                 tally.failures.append(f"{job}: takes {taken / 1e9:.1f} GB: {self._tail()}")
                 return self._end()
             silent = min(now - last, self._worked() - worked)
@@ -614,6 +616,10 @@ def _folder(rng: random.Random, folder: Path) -> list[str]:
     return damaged_folder(rng, folder, mutate_bytes)
 
 
+def _recording(rng: random.Random, folder: Path) -> list[str]:
+    return damaged_recording(rng, folder, mutate_bytes)
+
+
 _FILES: dict[str, Callable[[random.Random, Path], list[str]]] = {
     "run file": mutant_run_file,
     "model": mutant_model,
@@ -623,6 +629,7 @@ _FILES: dict[str, Callable[[random.Random, Path], list[str]]] = {
     "grammar-experiment": grammar_experiment,
     "grammar-model": grammar_model,
     "folder": _folder,
+    "recording": _recording,
 }
 KINDS = (*_FILES, "log")
 

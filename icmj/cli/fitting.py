@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,12 @@ from icmj.cli.working import Working
 from icmj.errors import FitError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from icmj.study.fit import Fit as Done
     from icmj.study.fit import Subject
 
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
-_MOST = 10_000_000  # bytes of a table
 
 
 def fit(command: Fit) -> None:
@@ -43,7 +44,8 @@ def fit(command: Fit) -> None:
         raise FitError("no family; give --model, such as --model event")
     if bool(command.recordings) == (command.table is not None):
         raise FitError("give either recordings or --table")
-    people = people_of(command)
+    with Working("reading recordings", ERR) as working:
+        people = people_of(command, working.tell)
     families = [load_family(path, allow_code=command.allow_code) for path in command.model]
     if delayed := [family.name for family in families if family.has_delay]:
         ERR.note(f"{', '.join(delayed)}: {DELAY}")  # before hours of simulation
@@ -71,13 +73,13 @@ def fit(command: Fit) -> None:
         OUT.say(f"{what:<8} {command.out / path}", wrap=False)
 
 
-def people_of(command: Fit) -> list[Subject]:
+def people_of(command: Fit, progress: Callable[[str, float], None] = lambda what, done: None) -> list[Subject]:
     """Those whose recordings were given, or whom a table lists; the trials of a person and condition are one.
 
     Raises:
-        FitError: one line, if a recording or the table cannot be used.
+        FitError: one line, if a recording or the table cannot be used, or a recording is listed twice for one person.
     """
-    from icmj.fitting.recordings import read_trials
+    from icmj.fitting.recordings import MOST, TrialOf, read_trials
     from icmj.study.fit import Subject
 
     if command.table is None:
@@ -85,27 +87,38 @@ def people_of(command: Fit) -> list[Subject]:
         base = Path()
     else:
         rows, base = _rows(command.table), command.table.parent
-    found: dict[tuple[str, ...], Subject] = {}
-    for row in rows:
+    listed: set[tuple[str, ...]] = set()
+    found: dict[tuple[str, ...], list[tuple[str, TrialOf]]] = {}
+    count = 0
+    for i, row in enumerate(rows):
         columns = (row["column"],) if row.get("column") else command.columns
         key = row["person"], row.get("group", ""), row.get("condition", "")
+        recording = *key, os.path.abspath(base / row["file"]), *columns
+        if recording in listed:
+            raise FitError(f"{command.table or row['file']}: {row['file']} is given twice for {row['person']}")
+        listed.add(recording)
         trials = read_trials(base / row["file"], columns, unit=command.unit, rate=command.rate)
-        before = found.get(key)
-        notes = tuple(f"{row['file']}, {one.name}: {note}" for one in trials for note in one.notes)
-        found[key] = Subject(
-            row["person"],
-            (*(before.trials if before else ()), *(one.cop for one in trials)),
+        count += len(trials)
+        if count > MOST:
+            raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")
+        found.setdefault(key, []).extend((row["file"], one) for one in trials)
+        progress("reading recordings", (i + 1) / len(rows))
+    return [
+        Subject(
+            person,
+            tuple(one.cop for _, one in trials),
             command.hold_out,
-            key[1],
-            key[2],
-            (*(before.notes if before else ()), *notes),
+            group,
+            condition,
+            tuple(f"{file}, {one.name}: {note}" for file, one in trials for note in one.notes),
         )
-    return list(found.values())
+        for (person, group, condition), trials in found.items()
+    ]
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
     """The rows of a table of people, or of the public data set's own table."""
-    from icmj.fitting.recordings import INFO, public_trials
+    from icmj.fitting.recordings import INFO, public_trials, read_table
 
     if path.name == INFO:
         return [
@@ -117,27 +130,14 @@ def _rows(path: Path) -> list[dict[str, str]]:
             }
             for one in public_trials(path.parent)
         ]
-    try:
-        if path.stat().st_size > _MOST:
-            raise FitError(f"{path}: is too large for a table of people")
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, strict=True)
-            rows = [{k: (v or "").strip() for k, v in row.items() if k} for row in reader]
-            names = [name.strip() for name in reader.fieldnames or ()]
-    except OSError as error:
-        raise FitError(f"{path}: cannot be read: {error.strerror}") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise FitError(f"{path}: is not a CSV table ({one_line(error, 100)})") from error
+    names, rows = read_table(path, _COLUMNS, required=_REQUIRED)
     unknown = [name for name in names if name not in _COLUMNS]
     missing = [name for name in _REQUIRED if name not in names]
     if unknown or missing:
-        wrong = f"no column {missing[0]!r}" if missing else f"unknown column {unknown[0]!r}"
+        wrong = f"no column {missing[0]!r}" if missing else f"unknown column {one_line(unknown[0], 40)!r}"
         raise FitError(f"{path}: {wrong}; expected {', '.join(_COLUMNS)}, of which file and person are required")
     if not rows:
         raise FitError(f"{path}: lists no people")
-    for line, row in enumerate(rows, 2):
-        if not row["file"] or not row["person"]:
-            raise FitError(f"{path}, line {line}: lacks the file or the person")
     return rows
 
 

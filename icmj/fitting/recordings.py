@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import csv
+import io
+import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.fitting.summaries import LEAST
 from icmj.series.even import even_series
 from icmj.series.reading import read_series
-from icmj.series.series import Series
+from icmj.series.series import EVEN, Series
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 NAMES = ("ap", "cop_ap", "copap", "cop.ap", "copx", "cop_x", "cop")
@@ -26,7 +31,9 @@ INFO = "BDSinfo.txt"
 _SLOWEST = 40.0  # Hz: below this rate the fast measures are those of the interpolation
 _LARGEST, _SMALLEST = 0.05, 1e-4  # m, RMS of a person who stands
 _STUCK = 0.5  # s of one value
-_MOST_INFO = 50_000_000  # bytes
+MOST = 10_000
+"""Recordings that a table may list, and trials that they may hold: those of so many take half a gigabyte."""
+_MOST_BYTES = 10_000_000  # of a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +98,16 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     except DataError as error:
         raise FitError(f"{name}: {error}") from error
     t, x = even.t, even.values[:, 0] * METRES[known]
-    own = (len(t) - 1) / float(t[-1] - t[0]) if len(t) > 1 else 0.0
-    if len(t) / max(own, 1e-9) < LEAST * (1 - 1e-9):
-        raise FitError(f"{name}: {len(t) / max(own, 1e-9):.3g} s; expected at least {LEAST:g} s of standing")
-    if own < _SLOWEST:
+    own = (len(t) - 1) / float(t[-1] - t[0])
+    _refuse_short(name, len(t) / own, LEAST * (1 - EVEN))  # a rate is known as well as its times are
+    if own < _SLOWEST * (1 - EVEN):
         raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
-    _see_it_stands(name, known, t, x)
+    _see_it_stands(name, known, t, x, 1 / own)
     notes = []
-    if abs(own - RATE) > 1e-3 * RATE:
+    if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
         x = _resampled(t, x, own)
+    _refuse_short(name, len(x) / RATE)
     pieces = max(1, int(len(x) / (DURATION * RATE) + 1e-9)) if len(x) > 1.5 * DURATION * RATE else 1
     if pieces > 1:
         size = round(DURATION * RATE)
@@ -146,16 +153,9 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
     Raises:
         FitError: if the table cannot be read, or none of its files is in the folder.
     """
-    table = Path(folder) / INFO
-    try:
-        if table.stat().st_size > _MOST_INFO:
-            raise FitError(f"{table}: is larger than any {INFO}")
-        with table.open(encoding="utf-8", errors="replace", newline="") as file:
-            rows = list(csv.DictReader(file, delimiter="\t"))
-    except (OSError, csv.Error) as error:
-        why = error.strerror if isinstance(error, OSError) else one_line(error, 100)
-        raise FitError(f"{table}: cannot be read ({why})") from error
-    missing = [name for name in ("Trial", "Subject", "Vision", "Surface") if not rows or name not in rows[0]]
+    table, needed = Path(folder) / INFO, ("Trial", "Subject", "Vision", "Surface")
+    names, rows = read_table(table, (*needed, "AgeGroup"), required=needed, delimiter="\t")
+    missing = [name for name in needed if name not in names]
     if missing:
         raise FitError(f"{table}: no column {missing[0]}; expected the table of the data set, separated by tabs")
     wanted = {str(person) for person in people}
@@ -165,28 +165,79 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
             row["Subject"],
             row["Vision"],
             row["Surface"],
-            row.get("AgeGroup") or "",
+            row.get("AgeGroup", ""),
         )
         for row in rows
         if not wanted or row["Subject"] in wanted
     )
-    there = tuple(one for one in found if one.file.is_file())
+    there = tuple(one for one in found if os.path.isfile(one.file))  # no name of a file at all is none, too
     if not there:
         raise FitError(f"{folder}: has none of the {len(found)} files that {INFO} names")
     return there
 
 
-def _see_it_stands(name: str, unit: str, t: Array, x: Array) -> None:
+def read_table(
+    path: Path, columns: Sequence[str], *, required: Sequence[str], delimiter: str = ","
+) -> tuple[tuple[str, ...], list[dict[str, str]]]:
+    """The table of recordings in a text file: its header, and of each row the cells of some columns.
+
+    Cells lose surrounding white space. Empty lines are left out, and cells that a short row lacks are empty.
+
+    Args:
+        path: a text file, whose first line names the columns.
+        columns: those that are read, where the file has them.
+        required: those of them that no row may lack.
+        delimiter: between cells; those of a table with tabs have no quotes around them.
+
+    Raises:
+        FitError: one line that names the file and the line in it, if it cannot be read, is too large, names a column
+            twice, or a row has more cells than the header or lacks one that is required.
+    """
+    tabs = delimiter == "\t"
+    try:
+        text = read_bytes(path, _MOST_BYTES).decode("utf-8-sig", "replace" if tabs else "strict")
+        quoting: Literal[0, 3] = csv.QUOTE_NONE if tabs else csv.QUOTE_MINIMAL
+        lines = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, quoting=quoting, strict=True)
+        names = tuple(cell.strip() for cell in next(lines, []))
+        twice = [name for name, count in Counter(names).items() if count > 1 and name in columns]
+        if twice:
+            raise FitError(f"{path}: has the column {twice[0]!r} twice")
+        at = {name: names.index(name) for name in columns if name in names}
+        rows = []
+        for cells in lines:
+            if not any(map(str.strip, cells)):
+                continue
+            where = f"{path}, line {lines.line_num}"
+            if any(map(str.strip, cells[len(names) :])):
+                raise FitError(f"{where}: has {len(cells)} cells, and the header {len(names)}")
+            row = {name: cells[i].strip() if i < len(cells) else "" for name, i in at.items()}
+            if not all(row[name] for name in required if name in row):
+                raise FitError(f"{where}: lacks the {' or the '.join(required)}")
+            rows.append(row)
+            if len(rows) > MOST:
+                raise FitError(f"{path}: lists more than {MOST} recordings; fit them in parts")
+    except OSError as error:
+        raise FitError(f"{path}: cannot be read ({error.strerror})") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise FitError(f"{path}: is not a table of text ({one_line(error, 100)})") from error
+    return names, rows
+
+
+def _refuse_short(name: str, duration: float, least: float = LEAST) -> None:
+    if duration < least:
+        raise FitError(f"{name}: {duration:.4g} s; expected at least {LEAST:g} s of standing")
+
+
+def _see_it_stands(name: str, unit: str, t: Array, x: Array, step: float) -> None:
     """See that this is the sway of a person who stands, in its unit."""
-    longest = 0.0
     changes = np.flatnonzero(np.diff(x) != 0)
     edges = np.concatenate([[-1], changes, [len(x) - 1]])
     at = int(np.argmax(np.diff(edges)))
-    longest = float(t[edges[at + 1]] - t[edges[at] + 1])
+    longest = step * float(edges[at + 1] - edges[at] - 1)
     rms = float(x.std())
     if rms < 1e-9:
         raise FitError(f"{name}: no sway at all; is it the right column?")
-    if longest > _STUCK:
+    if longest > _STUCK + EVEN * step:
         raise FitError(
             f"{name}: one value for {longest:.2g} s from {t[edges[at] + 1]:.4g} s on, as a filled gap; cut it"
         )
@@ -205,7 +256,7 @@ def _resampled(t: Array, x: Array, own: float) -> Array:
 
     if own > RATE:
         x = np.asarray(sosfiltfilt(butter(4, 0.4 * RATE, fs=own, output="sos"), x))
-    count = int((t[-1] - t[0]) * RATE * (1 + 1e-12)) + 1
+    count = int((t[-1] - t[0]) * RATE + EVEN) + 1
     return np.asarray(CubicSpline(t, x)(t[0] + np.arange(count) / RATE))
 
 

@@ -1,5 +1,6 @@
 """What ``icmj fit`` refuses, in one line each, before anything is simulated; and people by a table."""
 
+import os
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from icmj.cli.fit_arguments import Fit
 from icmj.cli.fitting import people_of
 from icmj.cli.main import main
 from icmj.errors import FitError
+from icmj.fitting.recordings import MOST, TrialOf
 from icmj.runfile.shipped import FAMILIES
 
 
@@ -71,6 +73,14 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
         ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
         ("file,person\n", "lists no people"),
         ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
+        ("file,person\n\nanna.csv\n", "line 3: lacks the file or the person"),
+        ("file,person\nanna.csv,anna,first\n", "line 2: has 3 cells, and the header 2"),
+        ("file,person,file\nanna.csv,anna,anna.csv\n", "has the column 'file' twice"),
+        ("file,person,column\nanna.csv,anna,first\n./anna.csv,anna,first\n", "./anna.csv is given twice for anna"),
+        ("file,person\n" + "anna.csv,anna\n" * 900_000, "has 12.6 MB or more; expected at most 10 MB"),
+        ('file,person\n"anna.csv,anna\n', "is not a table of text (unexpected end of data)"),
+        ("file,person\n/dev/zero,anna\n", "/dev/zero"),
+        ("file,person\npipe,anna\n", "pipe"),
         ("file,person,column\nanna.csv,anna,third\n", "third"),
         ("file,person\nberta.csv,berta\n", "berta.csv"),
     ],
@@ -78,10 +88,55 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
 def test_a_wrong_table_is_one_line(recording, table, line, capsys, tmp_path) -> None:
     path = tmp_path / "people.csv"
     path.write_text(table)
-    assert main(["fit", "--table", str(path), "--model", "event"]) != 0
+    os.mkfifo(tmp_path / "pipe")
+    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
     said = capsys.readouterr().err.strip()
     assert line in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize("name", ["people.csv", "BDSinfo.txt"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "large"])
+def test_a_table_that_is_no_file_is_one_line(name, kind, capsys, tmp_path) -> None:
+    """A pipe was waited for without end, and 6.4 GB of a device were read."""
+    path = tmp_path / name
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        with path.open("wb") as file:
+            file.truncate(20_000_000)
+    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
+    said = capsys.readouterr().err.strip()
+    words = "has 20 MB or more; expected at most 10 MB" if kind == "large" else f"{name} is a {kind}, not a file"
+    assert said == f"icmj: {path}: cannot be read ({words})"
+
+
+def test_names_of_columns_may_have_spaces_around_them(recording, tmp_path) -> None:
+    path = tmp_path / "people.csv"
+    path.write_text("\ufefffile , person, column\n anna.csv , anna ,first\n\nanna.csv,anna,second\n", encoding="utf-8")
+    (found,) = people_of(Fit(model=("event",), table=path))
+    assert (found.label, len(found.trials)) == ("anna", 2)
+
+
+def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatch) -> None:
+    """Of 900,000 rows each copied those of the same person before it, without a word, for minutes."""
+    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda *_, **__: (TrialOf("ap", np.zeros(1)),))
+    path = tmp_path / "people.csv"
+    path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST + 1)))
+    with pytest.raises(FitError, match=f"lists more than {MOST} recordings; fit them in parts"):
+        people_of(Fit(model=("event",), table=path))
+    path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST)))
+    shares: list[float] = []
+    (found,) = people_of(Fit(model=("event",), table=path), lambda _, done: shares.append(done))
+    assert len(found.trials) == len(shares) == MOST
+    assert shares[-1] == 1
+    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda *_, **__: (TrialOf("ap", np.zeros(1)),) * 2)
+    with pytest.raises(FitError, match=f"hold more than {MOST} trials"):
+        people_of(Fit(model=("event",), table=path))
 
 
 def test_a_table_says_whose_trials_belong_together(recording, tmp_path) -> None:

@@ -6,9 +6,10 @@ import pytest
 from icmj.cli.fit_arguments import Fit
 from icmj.cli.fitting import people_of
 from icmj.errors import FitError
-from icmj.fitting.recordings import public_trials, read_trials
+from icmj.fitting.recordings import MOST, public_trials, read_trials
 from icmj.fitting.summaries import SUMMARIES, measures, summarise
 from icmj.measurement.sway import measure_sway
+from icmj.series.even import even_series
 from icmj.series.reading import read_series
 from icmj.series.series import Series
 from icmj.series.writing import write_series
@@ -81,6 +82,37 @@ def test_what_is_no_trial_is_one_line(tmp_path, change, words):
     assert "\n" not in str(caught.value)
 
 
+EPOCH = 1.7e9  # s: a clock that counts from 1970 has times that are rounded to 0.24 microseconds
+
+
+@pytest.mark.parametrize("begin", [0.0, -5.0, EPOCH + 0.3])
+@pytest.mark.parametrize("rate", [40.0, 100.0, 1000.0])
+def test_limits_are_not_decided_by_the_rounding_of_times(tmp_path, begin, rate):
+    """30 s, 40 rows a second and 0.5 s of one value are allowed, wherever the clock begins."""
+    _, x = sway(duration=31.0 if rate == 40 else 30.0, rate=rate)
+    x[300 : 300 + round(0.5 * rate) + 1] = x[300]
+    t = begin + np.arange(len(x)) / rate
+    (one,) = read_trials(written(tmp_path / "r.parquet", t, x, (("ap",), ("mm",))))
+    # a row at 0, and one each hundredth of a second up to the last row
+    assert len(one.cop) == round((len(x) - 1) / rate * 100 - 0.5 + 1e-6) + 1
+
+
+def test_what_is_too_short_after_it_was_resampled_is_refused_when_it_is_read(tmp_path):
+    """The last of 1800 rows at 60 Hz is at 29.98 s, so that at 100 Hz there are 2999."""
+    t, x = sway(duration=30.0, rate=60.0)
+    with pytest.raises(FitError, match=r"ap: 29.99 s; expected at least 30 s"):
+        read_trials(written(tmp_path / "r.parquet", t, x, (("ap",), ("mm",))))
+
+
+@pytest.mark.parametrize("rate", [59.94, 60.0, 120.0])
+def test_the_rate_of_times_that_are_written_to_milliseconds_is_their_mean_one(tmp_path, rate):
+    """At 120 Hz their steps are of 8 and 9 ms, most of them of 8, which is 125 Hz."""
+    t, x = sway(duration=60.0, rate=rate)
+    (one,) = read_trials(written(tmp_path / "r.parquet", np.round(t, 3), x, (("ap",), ("mm",))))
+    assert f"resampled from {rate:.4g} to 100 Hz" in one.notes
+    assert even_series(read_series(tmp_path / "r.parquet")).t[1] == pytest.approx(1 / rate, rel=1e-4)  # 1 ms in 60 s
+
+
 def test_which_column_is_asked_where_it_is_not_clear(tmp_path):
     t, x = sway()
     path = tmp_path / "two.parquet"
@@ -122,6 +154,48 @@ def test_the_public_data_set_is_read_from_its_own_files(tmp_path):
     (tmp_path / "BDSinfo.txt").write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(FitError, match="no column Trial"):
         public_trials(tmp_path)
+
+
+INFO = "Trial\tSubject\tVision\tSurface\tAge\tAgeGroup\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    {
+        "short": (INFO + "BDS1\t1\tOpen\tFirm\t25\tYoung\nBDS2\t1\n", "line 3: lacks the Trial or the Subject"),
+        "cut": (INFO + "BDS1\t1\tOp", "line 2: lacks the Trial"),
+        "empty": (INFO + "BDS1\t\tOpen\tFirm\n", "line 2: lacks the Trial or the Subject"),
+        "long": (INFO + "BDS1\t1\tOpen\tFirm\t25\tYoung\tx\n", "line 2: has 7 cells, and the header 6"),
+        "twice": (
+            INFO.replace("Age\t", "Subject\t") + "BDS1\t1\tOpen\tFirm\t1\tOld\n",
+            "has the column 'Subject' twice",
+        ),
+        "many": (INFO + "BDS1\t1\tOpen\tFirm\n" * (MOST + 1), f"lists more than {MOST} recordings"),
+        "none": ("", "no column Trial"),
+        "name": (INFO + "a\0b\t1\tOpen\tFirm\n" + "x" * 5000 + "\t1\tOpen\tFirm\n", "has none of the 2 files"),
+        "long line": (INFO + "x" * 200_000 + "\t1\tOpen\tFirm\n", "field larger than field limit"),
+    }.values(),
+    ids=["short", "cut", "empty", "long", "twice", "many", "none", "name", "long line"],
+)
+def test_a_damaged_table_of_the_public_data_set_is_one_line(tmp_path, text, words):
+    (tmp_path / "BDSinfo.txt").write_text(text, encoding="utf-8")
+    with pytest.raises(FitError, match=words) as told:
+        public_trials(tmp_path)
+    assert "\n" not in str(told.value)
+
+
+def test_a_table_of_the_public_data_set_may_have_short_rows_and_words_of_any_kind(tmp_path):
+    """A row may end before the age group, and a quotation mark in one must not swallow the rows after it."""
+    for i in (1, 2, 3):
+        (tmp_path / f"BDS{i}.txt").write_text("")
+    (tmp_path / "BDSinfo.txt").write_bytes(
+        b"\xef\xbb\xbfTrial \t Subject\tVision\tSurface\tIllness\tAgeGroup\nBDS1\t1\tOpen\tFirm\n"
+        b'BDS2\t1\tOpen\tFirm\t"\tOld\n\nBDS3\t3\tOpen\tFirm\t\xe7\tYoung\t\t\r\n'
+    )
+    found = public_trials(tmp_path)
+    assert [(one.file.name, one.person, one.group) for one in found] == [
+        ("BDS1.txt", "1", ""), ("BDS2.txt", "1", "Old"), ("BDS3.txt", "3", "Young"),
+    ]  # fmt: skip
 
 
 def test_summaries_are_finite_whatever_stands_there():
