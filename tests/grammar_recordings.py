@@ -80,6 +80,7 @@ def _recording(rng: random.Random, header: bool, whole: bool = False) -> str:
 def _damaged_lines(rng: random.Random, text: str) -> bytes:
     lines = text.splitlines()
     for _ in range(rng.choice((0, 1, 1, 2))):
+        lines = lines or [""]
         at = rng.randrange(min(len(lines), 9)) if rng.random() < 0.7 else rng.randrange(len(lines))
         what = rng.randrange(5)
         if what == 0 and "=" in lines[at]:

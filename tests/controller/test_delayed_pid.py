@@ -15,7 +15,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 
-# PMC5664365, table 1
+# Pasma et al. (2017), Front Comput Neurosci 11:99, table 1
 J, MGH, K, B = 66.0, 75 * 9.81 * 0.83, 40.5, 68.8
 OMEGA, BETA, DELAY = 16.8, 0.99, 0.097
 K_P, K_D, G, TAU = 943.9, 313.5, 0.0018, 17.4
