@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -19,12 +20,14 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.files import open_file
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.c3d_reader import MEMORY, REFUSED
 from icmj.series.series import place
 
 LONGEST = 120.0  # s on the clock
+_MOST = 65535  # frames that a header can count
 GROUPS = ("centres of pressure", "forces", "points", "analog channels")
 # each more takes 40 MB of the addresses that the reader may use, on a machine of sixty processors all of them
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -56,6 +59,7 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
 
     Raises:
         DataError: if ezc3d is not installed, the file cannot be read, or it has fewer frames than its header says.
+        OSError: if it cannot be opened.
     """
     if importlib.util.find_spec("ezc3d") is None:
         raise DataError("ezc3d, which reads C3D, is not installed; `pip install ezc3d`")
@@ -78,7 +82,7 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
             why = one_line(said[-1], 120) if own else f"reading it ended the reader, which may use {MEMORY / 1e9:g} GB"
             raise DataError(f"not a C3D file that can be read ({why})")
         with np.load(found, allow_pickle=False) as data:
-            _refuse_part(*map(int, data["frames"]))
+            _refuse_part(int(data["frames"][0]), _frames(path, data["ends"].tolist()))
             return tuple(
                 Group(
                     kind,
@@ -93,8 +97,28 @@ def groups_of(path: Path, longest: float = LONGEST) -> tuple[Group, ...]:
             )
 
 
+def _frames(path: Path, ends: Sequence[int]) -> int:
+    """The number of frames that a file says that it has; ezc3d replaces it by the number that it found.
+
+    Its header counts to 65535. In a longer file the group TRIAL has the numbers of the first frame and the last; where
+    it does not, the number follows from the size, but for the rest of a block that the data do not fill.
+    """
+    with open_file(path, np.inf) as file:
+        size = os.fstat(file.fileno()).st_size
+        head = file.read(4096).lstrip(b"\0")[:20].ljust(20, b"\0")  # some begin with zeros
+        file.seek(512 * (max(head[0], 1) - 1) + 3)
+        order = ">" if file.read(1) == b"V" else "<"  # 86: numbers as of MIPS
+    points, analogs, first, last, _, scale, begin = struct.unpack(f"{order}5HfH", head[2:18])
+    if last == _MOST and len(ends) == 4:
+        first, last = (low % 65536 + 65536 * (high % 65536) for low, high in (ends[:2], ends[2:]))
+    elif last == _MOST:
+        frame = (4 * points + analogs) * (4 if scale < 0 else 2)  # bytes
+        return max(last - first + 1, (size - 512 * (begin - 1) - 511) // max(frame, 1))
+    return int(last - first + 1)
+
+
 def _refuse_part(read: int, promised: int) -> None:
-    if read < promised and read == 0xFFFF:
+    if read < promised and read == _MOST:
         raise DataError(f"{promised} frames or more, of which ezc3d reads {read}; cut it into parts")
     if read < promised:
         raise DataError(f"{read} frames where its header says {promised}; was it cut short?")

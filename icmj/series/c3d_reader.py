@@ -6,7 +6,6 @@ It imports nothing of this package, and bounds its own memory, because a damaged
 from __future__ import annotations
 
 import os
-import struct
 import sys
 from typing import Any
 
@@ -20,7 +19,8 @@ REFUSED = 3  # exit status with a reason on standard error
 def read(path: str) -> dict[str, Any]:
     """Arrays by the number of the group and what they are; see :class:`icmj.series.c3d.Group`.
 
-    ``frames`` are the number of frames that were read, and of those that the file says that it has.
+    ``frames`` is the number of frames that were read; ``ends`` are the first and the last one as the group TRIAL has
+    them, in two words each.
     """
     import ezc3d
 
@@ -33,7 +33,9 @@ def read(path: str) -> dict[str, Any]:
     parameters, data, header = file["parameters"], file["data"], file["header"]
     start = float(header["points"]["first_frame"]) / float(header["points"]["frame_rate"] or 1)
     analog_rate = float(header["analogs"]["frame_rate"])
-    found: dict[str, Any] = {"frames": np.array([file.c3d_swig.data().nbFrames(), _frames(path, parameters)])}
+    trial = parameters.get("TRIAL", {})
+    ends = [int(word) for end in ("START", "END") for word in trial.get(f"ACTUAL_{end}_FIELD", {}).get("value", [])]
+    found: dict[str, Any] = {"frames": np.array([file.c3d_swig.data().nbFrames()]), "ends": np.array(ends, int)}
 
     def keep(group: int, names: list[str], units: list[str], rate: float, values: Any) -> None:
         if len(names) and values.size and rate > 0:
@@ -71,29 +73,6 @@ def _labels(group: Any) -> list[str]:
     more = [key for key in group if key.startswith("LABELS") and key[6:].isdigit()]
     keys = ["LABELS", *sorted(more, key=lambda key: int(key[6:]))]
     return [str(label).strip() for key in keys for label in group.get(key, {}).get("value", [])]
-
-
-def _frames(path: str, parameters: Any) -> int:
-    """The number of frames that the file says that it has; ezc3d replaces it by the number that it found.
-
-    The header counts to 65535. In a longer file, the group TRIAL has the number or, where it does not, the data follow
-    from the size of the file, but for the rest of a block that fills it up.
-    """
-    with open(path, "rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        file.seek(0)
-        head = file.read(4096).lstrip(b"\0")[:20].ljust(20, b"\0")  # some begin with zeros
-        file.seek(512 * (max(head[0], 1) - 1) + 3)
-        order = ">" if file.read(1) == b"V" else "<"  # 86: numbers as of MIPS
-    points, analogs, first, last, _, scale, begin = struct.unpack(f"{order}5HfH", head[2:18])
-    if last < 0xFFFF:
-        return last - first + 1
-    bounds = [parameters.get("TRIAL", {}).get(f"ACTUAL_{end}_FIELD", {}).get("value", []) for end in ("START", "END")]
-    if all(len(each) == 2 for each in bounds):
-        first, last = (int(low) % 65536 + int(high) % 65536 * 65536 for low, high in bounds)
-        return last - first + 1
-    frame = (4 * points + analogs) * (4 if scale < 0 else 2)
-    return max(last - first + 1, (size - 512 * (begin - 1) - 511) // max(frame, 1))
 
 
 def _bound(path: str) -> None:
