@@ -80,8 +80,8 @@ def test_it_stands_like_young_people(case, people, plant, seeds):
     assert (np.abs(z) <= 1).mean() > 0.75  # of single trials; of people's own it is some two thirds
     curves = [np.interp(people.frequency, point.frequency, point.ratio) for point in points]
     assert np.sqrt(np.mean((np.mean(curves, axis=0) - people.point) ** 2)) < 0.15
-    # docs/people.md: where the spectrum differs. Windows of half a minute give a minute five degrees of freedom, and its
-    # logarithm a deviation of 0.7; three deviations of the mean of 12 are a factor of 1.8, and of 4 one of 2.9
+    # docs/people.md: where the spectrum differs. Windows of half a minute give a minute five degrees of freedom, and
+    # its logarithm a deviation of 0.7; three deviations of the mean of 12 are a factor of 1.8, and of 4 one of 2.9
     over, slow = 10 ** np.mean(powers, axis=0), people.spectrum[0]
     peak = over[(slow > 0.23) & (slow < 0.37)]
     room = {"linear": 1.8, "mujoco": 2.9}[plant]
