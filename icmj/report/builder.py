@@ -16,7 +16,7 @@ from icmj.base.version import VERSION
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
-from icmj.report.moving import moving, script
+from icmj.report.moving import joined, moving, script
 from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.overview import overview_figure
 from icmj.report.pairing import CaseRuns, paired
@@ -167,6 +167,7 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
     )
     environment.filters["notation"] = notation
     environment.globals["symbols"] = SYMBOLS
+    environment.globals["scripts"] = joined
     environment.globals["next_table"] = count(1).__next__
     usual = {"kicker": "Comparison report", "first": None, "motions": "", "paper": False}
     return environment.get_template("page.html.j2").render(sections=parts, version=VERSION, **{**usual, **said})

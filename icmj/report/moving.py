@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Mapping
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -35,6 +37,13 @@ def script(motions: Mapping[str, dict[str, Any]]) -> Markup:
     for sign in "<>&\u2028\u2029":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return Markup(text)
+
+
+def joined(*names: str) -> Markup:
+    """Modules of ``templates/`` as one, each after those that it imports."""
+    here = files("icmj.report") / "templates"
+    text = "\n".join((here / name).read_text(encoding="utf-8") for name in names)
+    return Markup(re.sub(r"^import .*\n|^export (?=\w)", "", text, flags=re.M))
 
 
 def moving(run: Result | Tried) -> dict[str, Any] | None:
@@ -67,7 +76,7 @@ def moving(run: Result | Tried) -> dict[str, Any] | None:
         "events": [round(float(t), 4) for t in events],
         "cycle": _cycle(run),
         "columns": [_column(values) for values in table.T],
-        "body": None if scene is None else _body(scene),
+        "body": None if scene is None else body_of(scene),
     }
 
 
@@ -100,11 +109,10 @@ def _poses(scene: Scene) -> list[Array]:
     return found
 
 
-def _body(scene: Scene) -> dict[str, Any]:
+def body_of(scene: Scene) -> dict[str, Any]:
     """The constant part of a motion: shapes (farthest first), floor, top and middle."""
     geoms = [geom for geom in scene.geoms if geom.type != "plane"]
     geoms.sort(key=lambda geom: -float(scene.xpos[0, geom.body, 1] + geom.pos[1]))
-    shapes = [(geom, *_outline(geom)) for geom in geoms]
     reach = [scene.xpos[0, geom.body, 2] + geom.pos[2] + float(geom.size.max()) for geom in geoms]
     planes = [float(geom.pos[2]) for geom in scene.geoms if geom.type == "plane"]
     floor = planes[0] if planes else float(scene.xpos[0, :, 2].min())
@@ -116,23 +124,22 @@ def _body(scene: Scene) -> dict[str, Any]:
         "middle": round(float(np.median(scene.com[:, 0])), 4),
         "magnification": scene.magnification,
         "shapes": [
-            {
-                "part": geom.body,
-                "radius": round(radius, 4),
-                "points": np.round(points, 4).tolist(),
-                "colour": "rgb({}, {}, {})".format(*np.rint(255 * geom.rgba[:3]).astype(int)),
-            }
-            for geom, points, radius in shapes
+            {"part": geom.body, "colour": np.rint(255 * geom.rgba[:3]).astype(int).tolist(), **_outline(geom)}
+            for geom in geoms
         ],
     }
 
 
-def _outline(geom: Geom) -> tuple[Array, float]:
-    """Points of the part's own frame, and a radius: the shape is what a ball of it sweeps over their convex hull."""
+def _outline(geom: Geom) -> dict[str, Any]:
+    """What is drawn of a shape, in its part's own frame.
+
+    An ellipsoid has a ``centre`` and three half ``axes``. Any other shape is what a ball of a ``radius`` sweeps over the
+    convex hull of ``points``.
+    """
     a, b, c = geom.size
-    ring = np.array([[np.cos(angle), np.sin(angle)] for angle in np.linspace(0, 2 * np.pi, 16, endpoint=False)])
+    ring = np.array([[np.cos(angle), np.sin(angle)] for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False)])
     none, radius = np.zeros(len(ring)), 0.0
-    if geom.type == "sphere" or (geom.type == "ellipsoid" and a == b == c):
+    if geom.type == "sphere":
         points, radius = np.zeros((1, 3)), a
     elif geom.type == "capsule":
         points, radius = np.array([[0, 0, -b], [0, 0, b]]), a
@@ -141,9 +148,14 @@ def _outline(geom: Geom) -> tuple[Array, float]:
     elif geom.type == "box":
         points = np.array([[x, y, z] for x in (-a, a) for y in (-b, b) for z in (-c, c)])
     else:
-        u, w = ring.T
-        circles = (np.column_stack(of) for of in ((u, w, none), (u, none, w), (none, u, w)))
-        points = np.vstack(list(circles)) * geom.size
-    q, r = geom.quat[0], geom.quat[1:]
-    turned = points + 2 * np.cross(r, np.cross(r, points) + q * points)
-    return turned + geom.pos, float(radius)
+        points = np.diag(geom.size)
+    turned = turn(geom.quat, points)
+    if geom.type == "ellipsoid":
+        return {"centre": np.round(geom.pos, 4).tolist(), "axes": np.round(turned, 4).tolist()}
+    return {"radius": round(float(radius), 4), "points": np.round(turned + geom.pos, 4).tolist()}
+
+
+def turn(quat: Array, points: Array) -> Array:
+    """Points turned by a unit quaternion (wxyz), shape (N, 3)."""
+    q, r = quat[0], quat[1:]
+    return np.asarray(points + 2 * np.cross(r, np.cross(r, points) + q * points))

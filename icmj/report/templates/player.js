@@ -1,3 +1,5 @@
+import { cleared, drawFigure } from "./body.js";
+
 // Plays a run: the body from its right, true and magnified, beside its outputs, and linked to the figures of its case.
 (() => {
   "use strict";
@@ -60,38 +62,13 @@
     }
   }
 
-
-  // the side of points that balls of one radius sweep: their convex hull, Andrew's monotone chain
-  function hull(points) {
-    if (points.length < 3) return points;
-    points.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-    const half = (sorted) => {
-      const chain = [];
-      for (const p of sorted) {
-        while (chain.length > 1) {
-          const [a, b] = chain.slice(-2);
-          if ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
-          chain.pop();
-        }
-        chain.push(p);
-      }
-      return chain.slice(0, -1);
-    };
-    return [...half(points), ...half(points.reverse())];
-  }
-
   function drawBody(canvas, motion, time) {
-    const ratio = window.devicePixelRatio || 1;
-    const [wide, high] = [canvas.clientWidth || 300, canvas.clientHeight || 260];
-    if (canvas.width !== Math.round(wide * ratio)) [canvas.width, canvas.height] = [wide * ratio, high * ratio].map(Math.round);
-    const pen = canvas.getContext("2d"), body = motion.body, i = motion.row(time), ink = getComputedStyle(canvas).color;
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, wide, high);
+    const [pen, wide, high] = cleared(canvas), body = motion.body, i = motion.row(time), ink = getComputedStyle(canvas).color;
     const scale = Math.min((high - 30) / (1.1 * body.height), wide / (1.16 * body.height)), ground = high - 20;
     const width = 6 * body.parts + 2;
     [["true sway", 0.25], [`sway × ${body.magnification}`, 0.75]].forEach(([words, share], figure) => {
       const value = (k) => motion.at(motion.poses[figure * width + k], time, i);
-      const place = (x, z) => [share * wide + scale * (x - body.middle), ground - scale * (z - body.floor)];
+      const stand = { x: share * wide - scale * body.middle, y: ground + scale * body.floor, scale };
       pen.save();
       pen.beginPath();
       pen.rect((figure * wide) / 2, 0, wide / 2, high);
@@ -105,42 +82,19 @@
       pen.stroke();
       pen.setLineDash([2, 4]);
       pen.beginPath();
-      pen.moveTo(...place(body.middle, body.floor));
-      pen.lineTo(...place(body.middle, body.floor + 1.08 * body.height));
+      pen.moveTo(share * wide, ground);
+      pen.lineTo(share * wide, ground - 1.08 * scale * body.height);
       pen.stroke();
       pen.setLineDash([]);
       pen.globalAlpha = 1;
       pen.font = "12px sans-serif";
       pen.textAlign = "center";
       pen.fillText(words, share * wide, high - 4);
-      const turned = Array.from({ length: body.parts }, (_, part) => {
-        const [x, z, ...q] = [0, 1, 2, 3, 4, 5].map((k) => value(6 * part + k)), size = Math.hypot(...q) || 1;
-        const [w, a, b, c] = q.map((number) => number / size);
-        return ([p, r, s]) => place(
-          x + (1 - 2 * (b * b + c * c)) * p + 2 * (a * b - w * c) * r + 2 * (a * c + w * b) * s,
-          z + 2 * (a * c - w * b) * p + 2 * (b * c + w * a) * r + (1 - 2 * (a * a + b * b)) * s,
-        );
-      });
-      pen.lineJoin = pen.lineCap = "round";
-      for (const { part, radius, points, colour } of body.shapes) {
-        const outline = new Path2D();
-        hull(points.map(turned[part])).forEach(([x, y], k) => outline[k ? "lineTo" : "moveTo"](x, y));
-        outline.closePath();
-        for (const [paint, more] of [["rgba(0,0,0,.45)", 1.6], [colour, 0]]) {
-          pen.strokeStyle = pen.fillStyle = paint;
-          pen.lineWidth = Math.max(2 * radius * scale + more, 0.1);
-          pen.fill(outline);
-          pen.stroke(outline);
-        }
-      }
-      const [x, y] = place(value(width - 2), value(width - 1));
-      pen.beginPath();
-      pen.arc(x, y, 4, 0, 7);
-      pen.fillStyle = "#f0e442";
-      pen.strokeStyle = "#222";
-      pen.lineWidth = 1.2;
-      pen.fill();
-      pen.stroke();
+      const pose = (part) => {
+        const [x, z, ...turn] = [0, 1, 2, 3, 4, 5].map((k) => value(6 * part + k));
+        return { at: [x, 0, z], turn };
+      };
+      drawFigure(pen, body, stand, pose, { mark: [value(width - 2), 0, value(width - 1)] });
       pen.restore();
     });
   }

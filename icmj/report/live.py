@@ -1,0 +1,307 @@
+"""A page that simulates a case live: the description that its script reads, the predictions, and the page itself.
+
+The script (``templates/live/``) has no controller of its own. It is given the controller's
+:class:`icmj.controller.realisation.Realisation` as numbers, which do not depend on b, and on q_t by a factor alone; maps
+J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.chain`) and as matrices; and a table of
+predictions over b and delay. Sliders move within these.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.environment import single_threaded
+from icmj.base.files import write_text
+from icmj.base.text import one_line
+from icmj.base.version import VERSION
+from icmj.case.case import Case
+from icmj.case.trial import Trial
+from icmj.controller.delay import Delay
+from icmj.controller.realisation import Realisation
+from icmj.engine.chain import Chain, chain_of
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.tableau import fastest_rate
+from icmj.errors import AnalysisError, ReportError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.report.moving import body_of, joined, script, turn
+from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
+from icmj.simulation.ending import limits_of
+from icmj.simulation.scene import Scene
+from icmj.simulation.settings import plant_start
+from icmj.simulation.sources import Noise
+from icmj.theory.error_system import error_system
+from icmj.theory.prediction import predict
+from icmj.view.quantity import quantities
+
+DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2)  # s; between them a slider of the intermittent controller has no place
+GAINS, STEP = (0.6, 1.5), 0.01  # of b
+LONGEST = 0.5  # s, of a delay whose readings the page can be given
+FINE, LINEAR = 0.1, 0.04  # steps in units of the loop's fastest rate: of the body, and of the linear plant
+COARSE = 0.01  # s, the longest step of a plant without a timestep of its own
+BANDWIDTH = 5.0  # Hz, of the torques that a page adds where the run file has no noise
+
+
+def build_live(case: Case | Trial, out: Path | str, *, progress: Callable[[float], None] | None = None) -> None:
+    """Write a page that simulates ``case`` live in a browser: one HTML file that requests nothing from anywhere.
+
+    Args:
+        case: a case or a trial; the run file's state at t = 0 is the page's.
+        out: the page.
+        progress: called repeatedly with the completed fraction of the predictions, 0–1.
+
+    Raises:
+        ReportError: if a page cannot simulate this case; the message names the reason.
+        OSError: if the page cannot be written.
+
+    Example:
+        >>> import icmj
+        >>> icmj.build_live(icmj.prepare(icmj.load_run("simple-0.8")), "live.html")  # doctest: +SKIP
+    """
+    write_text(Path(out), page(describe(case, progress=progress)))
+
+
+def page(description: Mapping[str, Any]) -> str:
+    """The page's HTML."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("icmj.report", "templates"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    code = joined("loop.js", "theory.js", "body.js", "live.js")
+    filled = {"title": description["title"], "version": VERSION, "description": script(description), "code": code}
+    return environment.get_template("live.html.j2").render(filled)
+
+
+@single_threaded()
+def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+    """All that the page's script reads, as plain data.
+
+    Raises:
+        ReportError: as of :func:`build_live`.
+    """
+    run, actual, settings = case.run, case.actual, case.settings
+    law = case.law if isinstance(case, Trial) else case.controller
+    if refusal := _refusal(case):
+        raise ReportError(f"{run.path}: no live page of this case: {refusal}")
+    linear = actual.linearisation.plant
+    links, why = chain_of(actual) if isinstance(actual, MujocoPlant) else (None, "it is given by matrices")
+    chain = None if why else links
+    b = _gain(case)
+    unit = replace(linear, B=linear.B / b, B_d=np.zeros((0, 0)), pushes={})
+    rate, longest = fastest_rate(linear, law), settings.timestep
+    if longest is None:
+        model = actual.model.opt.timestep if isinstance(actual, MujocoPlant) else COARSE
+        longest = min(float(model), FINE / rate)
+    acting, noise = _acting(case, linear)
+    shown = quantities(linear)
+    names = zip(linear.inputs, linear.input_units or ("",) * linear.n_u, strict=True)
+    described: dict[str, Any] = {
+        "name": run.case.name, "title": one_line(run.case.title, 120), "kind": law.kind,
+        "b": b, "delay": 0.0, "q": 1.0, "least": 0.0, "unit": "",
+        "plant": {letter: getattr(unit, letter).tolist() for letter in "ABC"} | {"chain": chain and _links(chain)},
+        "why": why,
+        "start": {"x": plant_start(linear, settings).tolist()},
+        "acting": acting, "noise": noise, "limit": _limits(case, linear),
+        "step": {"body": longest, "linear": min(longest, LINEAR / rate)}, "rate": rate,
+        "outputs": [
+            [one_line(name, 60), quantity.unit.replace("deg", "°"), quantity.factor]
+            for name, quantity in zip(linear.outputs, shown, strict=True)
+        ],
+        "inputs": [[one_line(name, 60), unit] for name, unit in names],
+        "body": links and _body(links, run.study.magnification),
+        "table": None,
+    }  # fmt: skip
+    return described | (_law(case) if isinstance(case, Trial) else _rule(case, unit, progress or (lambda done: None)))
+
+
+def _refusal(case: Case | Trial) -> str:
+    """Why the page's loop cannot simulate a case; empty if it can."""
+    trial = isinstance(case, Trial)
+    law = case.law if isinstance(case, Trial) else case.controller
+    real, settings = law.realisation, case.settings
+    if case.run.setpoint:
+        return "it moves no set-point; leave out [setpoint]"
+    if real.commands or real.period < np.inf or len(real.signals):
+        return f"its loop has no part for a {law.kind} controller, which reads its own commands or is reset by a clock"
+    if not trial and case.controller.sampling_delay:
+        return "its events come at once; leave out sampling_delay"
+    if not trial and case.controller.delay.predicted != case.controller.delay.t_d:
+        return "its controllers know their delay; leave out [actual] delay"
+    if trial and not 0 < real.taps[-1] <= LONGEST:
+        return f"it remembers the last {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
+    if any(source.push is not None or getattr(source, "interval", None) for source in settings.disturbance):
+        return "it has noise of sinusoids, impulses and steps of commands or readings; leave out any other disturbance"
+    gain = np.atleast_1d(case.run.actual.gain)
+    if not (np.ptp(gain) == 0 and gain[0] > 0):
+        return "its slider moves one input gain b, which must be positive and the same for all inputs"
+    return ""
+
+
+def _gain(case: Case | Trial) -> float:
+    if isinstance(case.actual, MujocoPlant):
+        return float(case.actual.linearisation.ports.b[0])
+    return float(np.atleast_1d(case.run.actual.gain)[0])
+
+
+def _links(chain: Chain) -> dict[str, Any]:
+    names = "parent turn axis joint centre mass inertia armature gravity stiffness damping T_a T_u".split()
+    return {name: getattr(chain, name).tolist() for name in names} | {"lags": chain.rates.tolist()}
+
+
+def _body(chain: Chain, magnification: float) -> dict[str, Any]:
+    """The shapes by link, each from the link's joint at the operating point; part 0 is what does not move."""
+    scene, place = chain.scene, np.zeros((1 + len(chain.parent), 3))
+    for i, parent in enumerate(chain.parent):
+        place[1 + i, ::2] = place[1 + parent, ::2] + chain.joint[i]
+    geoms = []
+    for geom in scene.geoms:
+        turned, part = scene.xquat[0, geom.body], 1 + int(chain.link[geom.body])
+        pos = turn(turned, geom.pos[None])[0] + scene.xpos[0, geom.body] - place[part]
+        q, r, v, w = turned[0], turned[1:], geom.quat[0], geom.quat[1:]
+        quat = np.concatenate([[q * v - r @ w], q * w + v * r + np.cross(r, w)])
+        geoms.append(replace(geom, body=part, pos=pos, quat=quat))
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(place), 1))
+    parts = Scene(scene.t, ("",) * len(place), tuple(geoms), *(place[None], still, scene.com) * 2, magnification)
+    return body_of(parts)
+
+
+def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[float]]:
+    """(state, size, name) of each position whose departure ends the run; those without a limit are left out."""
+    actual, limit = case.actual, case.settings.limit
+    if isinstance(actual, MujocoPlant):
+        positions = [i for i, state in enumerate(actual.linearisation.ports.states) if state < actual.model.nv]
+        sizes = actual.limits(limit)[actual.linearisation.ports.states[positions]]
+    else:
+        from icmj.linear.loop import positions_of
+
+        positions = positions_of(plant)
+        units = [(plant.state_units or ("",) * plant.n)[i] for i in positions]
+        sizes = limits_of(limit, [plant.states[i] for i in positions], units)
+    return [[int(i), float(size)] for i, size in zip(positions, sizes, strict=True) if np.isfinite(size)]
+
+
+def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, Any]]:
+    """Terms (on commands 0 or readings 1, index, a, ω, φ, start, end), and what the slider of noise says.
+
+    Where the run file has noise, the slider multiplies it; elsewhere it is torque of one size for all inputs, in
+    proportion to what the predicted orbit, if there is one, asks of each.
+    """
+    parts = acting_on(plant, case.settings)
+    terms = [
+        [on, int(of.input[i]), *(float(each[i]) for each in (of.amplitude, of.omega, of.phase, of.start)), _end(of, i)]
+        for on, of in enumerate((parts.disturbance, parts.errors))
+        for i in range(len(of.input))
+    ]
+    if terms:
+        return terms, {"own": True, "most": 3.0, "start": 1.0, "unit": ""}
+    orbit = None if isinstance(case, Trial) else case.prediction.orbit
+    share = np.ones(plant.n_u) if orbit is None else np.nan_to_num(orbit.u_peak, posinf=1.0)
+    share = share / share[0] if share[0] > 0 and np.isfinite(share).all() else np.ones(plant.n_u)
+    for index, size in enumerate(share):
+        if size > 0:
+            noise = Noise(input=plant.inputs[index], size=float(size), bandwidth=BANDWIDTH, seed=index + 1)
+            terms += [[0, index, *map(float, term[:4]), None] for term in terms_of(noise)]
+    most = 1.0 if orbit is None or not np.isfinite(orbit.u_peak).all() else float(orbit.u_peak[0])
+    return terms, {"own": False, "most": most, "start": 0.0, "unit": (plant.input_units or ("",))[0]}
+
+
+def _end(of: Disturbance, i: int) -> float | None:
+    return float(of.end[i]) if np.isfinite(of.end[i]) else None
+
+
+def _law(trial: Trial) -> dict[str, Any]:
+    """A controller that reads delayed outputs; it has no event rule."""
+    real = trial.law.realisation
+    delay = real.taps[0]
+    return {
+        "delay": delay,
+        "delays": [0.02, LONGEST],
+        "controller": _modes(trial.law.realisation) | {
+            "taps": [tap / delay for tap in real.taps],
+            "guards": [{"Q": guard.Q.tolist(), "c": guard.c} for guard in real.guards],
+            "table": None if real.table is None else real.table.tolist(),
+            "resets": [{"delay": delay, "J": real.J.tolist(), "G": real.G.tolist()}],
+        },
+        "start": {"x": plant_start(trial.actual.linearisation.plant, trial.settings).tolist(), "a": [0.0] * len(real.J)},
+    }  # fmt: skip
+
+
+def _modes(real: Realisation) -> dict[str, Any]:
+    modes = [{"name": mode.name} | {name: getattr(mode, name).tolist() for name in "MNKS"} for mode in real.modes]
+    return {
+        "modes": modes, "R": real.R.tolist(), "cuts": real.cuts.tolist(), "tapped": real.tapped, "taps": [],
+        "guards": [], "table": None, "readings": real.modes[0].S.shape[1], "sizes": list(real.layout.sizes),
+    }  # fmt: skip
+
+
+def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> dict[str, Any]:
+    """The intermittent controller with the delays that its slider offers, and the predictions for each."""
+    own = case.controller.delay.t_d
+    delays = sorted({*DELAYS, own})
+    # the queue of one prediction is there whatever the delay, so that a delay can change where the motion is
+    laws = [replace(case.controller, delay=Delay(delay)) for delay in delays]
+    widest = laws[-1].realisation
+    size = widest.layout.size
+    resets = []
+    for law, delay in zip(laws, delays, strict=True):
+        J, G = np.eye(size), np.eye(size)
+        at = slice(0, law.realisation.layout.size)
+        J[at, at], G[at, at] = law.realisation.J, law.realisation.G
+        resets.append({"delay": delay, "J": J.tolist(), "G": G.tolist()})
+    known = case.controller.design.plant.states
+    x_o = [case.settings.observer.get(name, 0.0) for name in known]
+    start = plant_start(case.actual.linearisation.plant, case.settings).tolist()
+    return {
+        "delay": own, "delays": delays, "q": case.rule.size, "least": case.rule.delta_min,
+        "controller": _modes(widest) | {"resets": resets},
+        "start": {"x": start, "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
+        "table": _table(case, unit, delays, progress),
+    }  # fmt: skip
+
+
+def _table(case: Case, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]) -> dict[str, Any]:
+    """Predictions by delay and b; the orbit is (x, x_o, x_h) at its event, for the threshold of the run file."""
+    first, last = (round(round(g / STEP) * STEP, 6) for g in (min(GAINS[0], _gain(case)), max(GAINS[1], _gain(case))))
+    gains = [round(b, 6) for b in np.arange(first, last + STEP / 2, STEP)]
+    rows: list[list[Any]] = []
+    done, total = 0, len(gains) * len(delays)
+    for delay in delays:
+        for b in gains:
+            rows.append(_row(case, replace(unit, B=unit.B * b), Delay(delay)))
+            done += 1
+            progress(done / total)
+    n = unit.n + 2 * case.controller.design.plant.n
+    packed = np.array([row[-1] if row[-1] is not None else np.zeros(n) for row in rows], dtype="<f4")
+    return {
+        "b": [first, STEP, len(gains)],
+        "last": case.run.analysis.delta_max,
+        "rows": [row[:-1] for row in rows],
+        "orbits": base64.b64encode(packed.tobytes()).decode(),
+    }
+
+
+def _row(case: Case, plant: LinearPlant, delay: Delay) -> list[Any]:
+    """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, and its state; ``None`` for what is not."""
+    design, hold = case.controller.design, case.controller.hold
+    try:
+        system = error_system(plant, design, hold, delay=delay, match="position")
+        found = predict(system, case.rule, delta_max=case.run.analysis.delta_max)
+    except AnalysisError:
+        return [None, 0, 0, None, None]
+    if found.delta_crit is None or found.eigenvalue is None:
+        return [None, 0, 0, None, None]
+    largest, state = None, None
+    if found.multipliers is not None and len(found.multipliers):
+        largest = round(float(min(np.abs(found.multipliers).max(), 99.0)), 4)
+    if found.orbit is not None and np.isfinite(found.orbit.gamma):
+        state = np.concatenate(system.start(found.orbit.x_bar))
+    sign = round(float(np.real(found.eigenvalue)))
+    return [float(f"{found.delta_crit:.8g}"), sign, int(found.cycle), largest, state]
