@@ -9,19 +9,20 @@ predictions over b and delay. Sliders move within these.
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.base.files import write_text
 from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.case.case import Case
+from icmj.case.plants import AnyPlant
 from icmj.case.trial import Trial
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
@@ -104,7 +105,7 @@ def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = N
     shown = quantities(linear)
     names = zip(linear.inputs, linear.input_units or ("",) * linear.n_u, strict=True)
     described: dict[str, Any] = {
-        "name": run.case.name, "title": one_line(run.case.title, 120), "kind": law.kind,
+        "name": run.case.name, "title": re.sub(r", b = [\d.]+$", "", one_line(run.case.title, 120)), "kind": law.kind,
         "b": b, "delay": 0.0, "q": 1.0, "least": 0.0, "unit": "",
         "plant": {letter: getattr(unit, letter).tolist() for letter in "ABC"} | {"chain": chain and _links(chain)},
         "why": why,
@@ -116,7 +117,7 @@ def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = N
             for name, quantity in zip(linear.outputs, shown, strict=True)
         ],
         "inputs": [[one_line(name, 60), unit] for name, unit in names],
-        "body": links and _body(links, run.study.magnification),
+        "body": links and _body(actual, links, run.study.magnification),
         "table": None,
     }  # fmt: skip
     return described | (_law(case) if isinstance(case, Trial) else _rule(case, unit, progress or (lambda done: None)))
@@ -152,11 +153,11 @@ def _gain(case: Case | Trial) -> float:
 
 
 def _links(chain: Chain) -> dict[str, Any]:
-    names = "parent turn axis joint centre mass inertia armature gravity stiffness damping T_a T_u".split()
+    names = [field.name for field in fields(chain) if field.name not in ("rates", "link", "scene")]
     return {name: getattr(chain, name).tolist() for name in names} | {"lags": chain.rates.tolist()}
 
 
-def _body(chain: Chain, magnification: float) -> dict[str, Any]:
+def _body(plant: AnyPlant, chain: Chain, magnification: float) -> dict[str, Any]:
     """The shapes by link, each from the link's joint at the operating point; part 0 is what does not move."""
     scene, place = chain.scene, np.zeros((1 + len(chain.parent), 3))
     for i, parent in enumerate(chain.parent):
@@ -170,7 +171,9 @@ def _body(chain: Chain, magnification: float) -> dict[str, Any]:
         geoms.append(replace(geom, body=part, pos=pos, quat=quat))
     still = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(place), 1))
     parts = Scene(scene.t, ("",) * len(place), tuple(geoms), *(place[None], still, scene.com) * 2, magnification)
-    return body_of(parts)
+    states = plant.linearisation.ports.states.tolist() if isinstance(plant, MujocoPlant) else []
+    positions = [states.index(i) if i in states else -1 for i in range(len(chain.parent))]
+    return body_of(parts) | {"chain": _links(chain), "positions": positions}
 
 
 def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[float]]:

@@ -260,9 +260,9 @@ export class Loop {
     this.armed = this.faces > 0 && this.t > this.watch;
   }
 
-  // an impulse: what it changes of the speeds, at the present instant
+  // an impulse: what it changes of the plant's state, at the present instant
   push(change) {
-    for (let i = 0; i < change.length; i++) this.w[change.length + i] += change[i];
+    for (let i = 0; i < this.n; i++) this.w[i] += change[i];
     if (this.tapped) this.mark(this.t);
     [this.grid, this.count] = [this.t, 0];
     this.refresh();
