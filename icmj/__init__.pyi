@@ -128,6 +128,7 @@ from .plant.push import Push as Push
 from .plant.quality import Quality as Quality
 from .plant.selection import OperatingRule as OperatingRule
 from .plant.selection import Selection as Selection
+from .report import build_live as build_live
 from .report import build_report as build_report
 from .report import plots as plots
 from .result.result import Result as Result

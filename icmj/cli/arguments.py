@@ -229,6 +229,21 @@ class Replay(Shared):
     """Time of the screenshot [s]."""
 
 
+@dataclass(frozen=True)
+class Live(Overrides):
+    """Write a page that simulates one case live in a browser, with sliders for b, threshold, delay and noise.
+
+    The page is one file that needs no network and no installation. Its sliders start at the values of the run file.
+
+    Example: icmj live three-link-0.9 -o live.html
+    """
+
+    run: tyro.conf.Positional[Path]
+    """Run file, or name of a shipped case."""
+    out: Annotated[Path, tyro.conf.arg(aliases=("-o",))] = Path("live.html")
+    """HTML page to write."""
+
+
 Command = (
     Annotated[Cases, tyro.conf.subcommand("cases")]
     | Annotated[New, tyro.conf.subcommand("new")]
@@ -240,6 +255,7 @@ Command = (
     | Annotated[Continue, tyro.conf.subcommand("continue")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Study, tyro.conf.subcommand("study")]
+    | Annotated[Live, tyro.conf.subcommand("live")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Experiment, tyro.conf.subcommand("experiment")]
     | Annotated[Report, tyro.conf.subcommand("report")]
@@ -253,7 +269,7 @@ Command = (
 GROUPS = {
     "Begin": ("cases", "new", "person", "linearise", "schema"),
     "Predict": ("analyse", "cycle", "continue"),
-    "Simulate": ("run", "study", "sweep", "experiment"),
+    "Simulate": ("run", "study", "live", "sweep", "experiment"),
     "Use the logs": ("report", "replay", "export", "measure", "identify", "fit"),
 }
 

@@ -184,6 +184,21 @@ def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
 
 
 @execute.register
+def live(command: arguments.Live) -> None:
+    """Write the page of one case."""
+    from icmj.report.live import build_live
+    from icmj.runfile.overrides import overridden
+    from icmj.runfile.reading import load_run
+    from icmj.study.study import made
+
+    replaceable(command.out)
+    run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    with Working(label := f"predicting {run.case.name}", ERR) as working:
+        build_live(made(run), command.out, progress=lambda done: working.tell(label, done))
+    OUT.say(f"page  {command.out}", wrap=False)
+
+
+@execute.register
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among

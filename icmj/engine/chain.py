@@ -5,8 +5,8 @@ from the operating point, with a the activations of its actuators,
 
     M(q) q̈ + h(q, v) = τ_0 − K q − D v + T_a a + T_u b u,      ȧ = A_q q + A_v v + A_a a + B_a b u
 
-where M and h follow from joints, masses, centres and moments of inertia. Whether that is all that moves the model is not
-looked up in a list of features: the engine itself is asked for its accelerations at a few states.
+where M and h follow from joints, masses, centres and moments of inertia. Whether that is all that moves the model is
+not looked up in a list of features: the engine itself is asked for its accelerations at a few states.
 """
 
 from __future__ import annotations

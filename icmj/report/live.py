@@ -1,9 +1,9 @@
 """A page that simulates a case live: the description that its script reads, the predictions, and the page itself.
 
-The script (``templates/live/``) has no controller of its own. It is given the controller's
-:class:`icmj.controller.realisation.Realisation` as numbers, which do not depend on b, and on q_t by a factor alone; maps
-J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.chain`) and as matrices; and a table of
-predictions over b and delay. Sliders move within these.
+The script (``loop.js``, ``theory.js``, ``live.js`` in ``templates/``) has no controller of its own. It is given the
+controller's :class:`icmj.controller.realisation.Realisation` as numbers, which do not depend on b, and on q_t by a
+factor alone; maps J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.chain`) and as matrices;
+and a table of predictions over b and delay. Sliders move within these.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,19 +24,19 @@ from icmj.base.version import VERSION
 from icmj.case.case import Case
 from icmj.case.plants import AnyPlant
 from icmj.case.trial import Trial
+from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
-from icmj.engine.chain import Chain, chain_of
+from icmj.engine.chain import chain_of
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.tableau import fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.report.moving import body_of, joined, script, turn
+from icmj.report.moving import chain_body, joined, links_of, script
 from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
 from icmj.simulation.ending import limits_of
-from icmj.simulation.scene import Scene
-from icmj.simulation.settings import plant_start
-from icmj.simulation.sources import Noise
+from icmj.simulation.settings import Settings, plant_start
+from icmj.simulation.sources import Gridded, Noise, Placed
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 from icmj.view.quantity import quantities
@@ -44,7 +44,7 @@ from icmj.view.quantity import quantities
 DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2)  # s; between them a slider of the intermittent controller has no place
 GAINS, STEP = (0.6, 1.5), 0.01  # of b
 LONGEST = 0.5  # s, of a delay whose readings the page can be given
-FINE, LINEAR = 0.1, 0.04  # steps in units of the loop's fastest rate: of the body, and of the linear plant
+FINE, LINEAR = 0.05, 0.04  # steps in units of the loop's fastest rate: of the body, and of the linear plant
 COARSE = 0.01  # s, the longest step of a plant without a timestep of its own
 BANDWIDTH = 5.0  # Hz, of the torques that a page adds where the run file has no noise
 
@@ -107,17 +107,16 @@ def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = N
     described: dict[str, Any] = {
         "name": run.case.name, "title": re.sub(r", b = [\d.]+$", "", one_line(run.case.title, 120)), "kind": law.kind,
         "b": b, "delay": 0.0, "q": 1.0, "least": 0.0, "unit": "",
-        "plant": {letter: getattr(unit, letter).tolist() for letter in "ABC"} | {"chain": chain and _links(chain)},
+        "plant": {letter: getattr(unit, letter).tolist() for letter in "ABC"} | {"chain": chain and links_of(chain)},
         "why": why,
-        "start": {"x": plant_start(linear, settings).tolist()},
         "acting": acting, "noise": noise, "limit": _limits(case, linear),
-        "step": {"body": longest, "linear": min(longest, LINEAR / rate)}, "rate": rate,
+        "step": {"body": longest, "linear": min(longest / 4, LINEAR / rate)}, "rate": rate,
         "outputs": [
             [one_line(name, 60), quantity.unit.replace("deg", "°"), quantity.factor]
             for name, quantity in zip(linear.outputs, shown, strict=True)
         ],
         "inputs": [[one_line(name, 60), unit] for name, unit in names],
-        "body": links and _body(actual, links, run.study.magnification),
+        "body": links and chain_body(links, _positions(actual), run.study.magnification),
         "table": None,
     }  # fmt: skip
     return described | (_law(case) if isinstance(case, Trial) else _rule(case, unit, progress or (lambda done: None)))
@@ -125,25 +124,32 @@ def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = N
 
 def _refusal(case: Case | Trial) -> str:
     """Why the page's loop cannot simulate a case; empty if it can."""
-    trial = isinstance(case, Trial)
-    law = case.law if isinstance(case, Trial) else case.controller
-    real, settings = law.realisation, case.settings
+    law, settings = case.law if isinstance(case, Trial) else case.controller, case.settings
+    real = law.realisation
     if case.run.setpoint:
-        return "it moves no set-point; leave out [setpoint]"
+        return "the page moves no set-point; leave out [setpoint]"
     if real.commands or real.period < np.inf or len(real.signals):
-        return f"its loop has no part for a {law.kind} controller, which reads its own commands or is reset by a clock"
-    if not trial and case.controller.sampling_delay:
-        return "its events come at once; leave out sampling_delay"
-    if not trial and case.controller.delay.predicted != case.controller.delay.t_d:
-        return "its controllers know their delay; leave out [actual] delay"
-    if trial and not 0 < real.taps[-1] <= LONGEST:
-        return f"it remembers the last {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
-    if any(source.push is not None or getattr(source, "interval", None) for source in settings.disturbance):
-        return "it has noise of sinusoids, impulses and steps of commands or readings; leave out any other disturbance"
+        return (
+            f"a {law.kind} controller reads its own commands or is reset by a clock, which the page's loop does not do"
+        )
+    if isinstance(law, Controller) and law.sampling_delay:
+        return "events of the page come at once; leave out sampling_delay"
+    if isinstance(law, Controller) and law.delay.predicted != law.delay.t_d:
+        return "the page has one slider for actual and assumed delay; leave out [actual] delay"
+    if real.tapped and real.taps[-1] > LONGEST:
+        return f"the page remembers readings of {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
+    if any(source.push is not None or isinstance(source, Gridded) for source in _placed(settings)):
+        return (
+            "disturbances of the page are sinusoids, impulses and steps of commands or readings; leave out the others"
+        )
     gain = np.atleast_1d(case.run.actual.gain)
     if not (np.ptp(gain) == 0 and gain[0] > 0):
-        return "its slider moves one input gain b, which must be positive and the same for all inputs"
+        return "the page moves one input gain b; give [actual] gain as one positive number"
     return ""
+
+
+def _placed(settings: Settings) -> list[Placed]:
+    return [source for source in settings.disturbance if isinstance(source, Placed)]
 
 
 def _gain(case: Case | Trial) -> float:
@@ -152,40 +158,28 @@ def _gain(case: Case | Trial) -> float:
     return float(np.atleast_1d(case.run.actual.gain)[0])
 
 
-def _links(chain: Chain) -> dict[str, Any]:
-    names = [field.name for field in fields(chain) if field.name not in ("rates", "link", "scene")]
-    return {name: getattr(chain, name).tolist() for name in names} | {"lags": chain.rates.tolist()}
+def _start(case: Case | Trial) -> list[float]:
+    return [float(value) for value in plant_start(case.actual.linearisation.plant, case.settings)]
 
 
-def _body(plant: AnyPlant, chain: Chain, magnification: float) -> dict[str, Any]:
-    """The shapes by link, each from the link's joint at the operating point; part 0 is what does not move."""
-    scene, place = chain.scene, np.zeros((1 + len(chain.parent), 3))
-    for i, parent in enumerate(chain.parent):
-        place[1 + i, ::2] = place[1 + parent, ::2] + chain.joint[i]
-    geoms = []
-    for geom in scene.geoms:
-        turned, part = scene.xquat[0, geom.body], 1 + int(chain.link[geom.body])
-        pos = turn(turned, geom.pos[None])[0] + scene.xpos[0, geom.body] - place[part]
-        q, r, v, w = turned[0], turned[1:], geom.quat[0], geom.quat[1:]
-        quat = np.concatenate([[q * v - r @ w], q * w + v * r + np.cross(r, w)])
-        geoms.append(replace(geom, body=part, pos=pos, quat=quat))
-    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(place), 1))
-    parts = Scene(scene.t, ("",) * len(place), tuple(geoms), *(place[None], still, scene.com) * 2, magnification)
-    states = plant.linearisation.ports.states.tolist() if isinstance(plant, MujocoPlant) else []
-    positions = [states.index(i) if i in states else -1 for i in range(len(chain.parent))]
-    return body_of(parts) | {"chain": _links(chain), "positions": positions}
+def _positions(plant: AnyPlant) -> list[int]:
+    """The state of the plant that is each position of its model; −1 for one that is left out."""
+    assert isinstance(plant, MujocoPlant)
+    states = plant.linearisation.ports.states.tolist()
+    return [states.index(i) if i in states else -1 for i in range(plant.model.nv)]
 
 
 def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[float]]:
     """(state, size, name) of each position whose departure ends the run; those without a limit are left out."""
     actual, limit = case.actual, case.settings.limit
     if isinstance(actual, MujocoPlant):
-        positions = [i for i, state in enumerate(actual.linearisation.ports.states) if state < actual.model.nv]
-        sizes = actual.limits(limit)[actual.linearisation.ports.states[positions]]
+        all_sizes = dict(zip(_positions(actual), actual.limits(limit), strict=True))
+        positions = [i for i in all_sizes if i >= 0]
+        sizes = np.array([all_sizes[i] for i in positions])
     else:
         from icmj.linear.loop import positions_of
 
-        positions = positions_of(plant)
+        positions = positions_of(plant).tolist()
         units = [(plant.state_units or ("",) * plant.n)[i] for i in positions]
         sizes = limits_of(limit, [plant.states[i] for i in positions], units)
     return [[int(i), float(size)] for i, size in zip(positions, sizes, strict=True) if np.isfinite(size)]
@@ -204,7 +198,7 @@ def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], di
         for i in range(len(of.input))
     ]
     if terms:
-        return terms, {"own": True, "most": 3.0, "start": 1.0, "unit": ""}
+        return terms, {"own": True, "noisy": case.settings.noisy, "most": 3.0, "start": 1.0, "unit": ""}
     orbit = None if isinstance(case, Trial) else case.prediction.orbit
     share = np.ones(plant.n_u) if orbit is None else np.nan_to_num(orbit.u_peak, posinf=1.0)
     share = share / share[0] if share[0] > 0 and np.isfinite(share).all() else np.ones(plant.n_u)
@@ -213,7 +207,7 @@ def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], di
             noise = Noise(input=plant.inputs[index], size=float(size), bandwidth=BANDWIDTH, seed=index + 1)
             terms += [[0, index, *map(float, term[:4]), None] for term in terms_of(noise)]
     most = 1.0 if orbit is None or not np.isfinite(orbit.u_peak).all() else float(orbit.u_peak[0])
-    return terms, {"own": False, "most": most, "start": 0.0, "unit": (plant.input_units or ("",))[0]}
+    return terms, {"own": False, "noisy": True, "most": most, "start": 0.0, "unit": (plant.input_units or ("",))[0]}
 
 
 def _end(of: Disturbance, i: int) -> float | None:
@@ -233,7 +227,7 @@ def _law(trial: Trial) -> dict[str, Any]:
             "table": None if real.table is None else real.table.tolist(),
             "resets": [{"delay": delay, "J": real.J.tolist(), "G": real.G.tolist()}],
         },
-        "start": {"x": plant_start(trial.actual.linearisation.plant, trial.settings).tolist(), "a": [0.0] * len(real.J)},
+        "start": {"x": _start(trial), "a": [0.0] * len(real.J)},
     }  # fmt: skip
 
 
@@ -261,11 +255,10 @@ def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> d
         resets.append({"delay": delay, "J": J.tolist(), "G": G.tolist()})
     known = case.controller.design.plant.states
     x_o = [case.settings.observer.get(name, 0.0) for name in known]
-    start = plant_start(case.actual.linearisation.plant, case.settings).tolist()
     return {
         "delay": own, "delays": delays, "q": case.rule.size, "least": case.rule.delta_min,
         "controller": _modes(widest) | {"resets": resets},
-        "start": {"x": start, "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
+        "start": {"x": _start(case), "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
         "table": _table(case, unit, delays, progress),
     }  # fmt: skip
 

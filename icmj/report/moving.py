@@ -10,8 +10,9 @@ import base64
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
@@ -24,6 +25,9 @@ from icmj.result.tried import Tried
 from icmj.simulation.scene import Geom, Scene, frames
 from icmj.view.motion import output_rate
 from icmj.view.quantity import quantities
+
+if TYPE_CHECKING:
+    from icmj.engine.chain import Chain
 
 MOST = 4000  # frames, the last of a run: 80 s of 50 Hz
 LONGEST = 30.0  # s: a longer cycle is not what is played first
@@ -133,8 +137,8 @@ def body_of(scene: Scene) -> dict[str, Any]:
 def _outline(geom: Geom) -> dict[str, Any]:
     """What is drawn of a shape, in its part's own frame.
 
-    An ellipsoid has a ``centre`` and three half ``axes``. Any other shape is what a ball of a ``radius`` sweeps over the
-    convex hull of ``points``.
+    An ellipsoid has a ``centre`` and three half ``axes``. Any other shape is what a ball of a ``radius`` sweeps over
+    the convex hull of ``points``.
     """
     a, b, c = geom.size
     ring = np.array([[np.cos(angle), np.sin(angle)] for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False)])
@@ -159,3 +163,29 @@ def turn(quat: Array, points: Array) -> Array:
     """Points turned by a unit quaternion (wxyz), shape (N, 3)."""
     q, r = quat[0], quat[1:]
     return np.asarray(points + 2 * np.cross(r, np.cross(r, points) + q * points))
+
+
+def links_of(chain: Chain) -> dict[str, Any]:
+    """The numbers of a chain, as the loop of the live page reads them."""
+    names = [field.name for field in fields(chain) if field.name not in ("rates", "link", "scene")]
+    return {name: getattr(chain, name).tolist() for name in names} | {"lags": chain.rates.tolist()}
+
+
+def chain_body(chain: Chain, positions: list[int], magnification: float) -> dict[str, Any]:
+    """The shapes by link, each from the link's joint at the operating point; part 0 is what does not move.
+
+    ``positions`` are the plant's states of the links, −1 for one that is no state.
+    """
+    scene, place = chain.scene, np.zeros((1 + len(chain.parent), 3))
+    for i, parent in enumerate(chain.parent):
+        place[1 + i, ::2] = place[1 + parent, ::2] + chain.joint[i]
+    geoms = []
+    for geom in scene.geoms:
+        turned, part = scene.xquat[0, geom.body], 1 + int(chain.link[geom.body])
+        pos = turn(turned, geom.pos[None])[0] + scene.xpos[0, geom.body] - place[part]
+        q, r, v, w = turned[0], turned[1:], geom.quat[0], geom.quat[1:]
+        quat = np.concatenate([[q * v - r @ w], q * w + v * r + np.cross(r, w)])
+        geoms.append(replace(geom, body=part, pos=pos, quat=quat))
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, len(place), 1))
+    parts = Scene(scene.t, ("",) * len(place), tuple(geoms), *(place[None], still, scene.com) * 2, magnification)
+    return body_of(parts) | {"chain": links_of(chain), "positions": positions}

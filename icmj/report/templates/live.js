@@ -398,7 +398,7 @@ function mirrored() {
 }
 
 function describeMotion() {
-  const { b, noise, delay, q } = loop.settings, all = page.intervals.slice(page.since).map(({ interval }) => interval);
+  const { b, delay } = loop.settings, noise = model.noise.noisy ? loop.settings.noise : 0, all = page.intervals.slice(page.since).map(({ interval }) => interval);
   const recent = all.slice(-20), mean = recent.reduce((sum, value) => sum + value, 0) / (recent.length || 1);
   const spread = Math.sqrt(recent.reduce((sum, value) => sum + (value - mean) ** 2, 0) / Math.max(recent.length - 1, 1));
   const open = loop.t - loop.last, p = noise > 0 ? 0 : period(), said = { number: "–", kind: "", seen: "", theory: "" };
@@ -467,7 +467,7 @@ function say() {
   byId("said").textContent = said.theory;
   byId("measured").textContent = said.number;
   if (ruled) {
-    byId("measuring").textContent = loop.settings.noise > 0 ? "measured, mean ± deviation" : said.kind.startsWith("settled") ? "measured interval" : "last interval";
+    byId("measuring").textContent = model.noise.noisy && loop.settings.noise > 0 ? "measured, mean ± deviation" : said.kind.startsWith("settled") ? "measured interval" : "last interval";
     byId("predicted").textContent = predicted() ? seconds(theory.delta) : "none";
   }
   // a reader of the screen hears of what has changed in kind, and not of every number
@@ -593,13 +593,13 @@ function build() {
     const { delays } = model;
     slider(rest, { name: "delay", label: "delay", min: 0, max: delays.length - 1, step: 1, value: delays.indexOf(model.delay),
       show: (at) => seconds(delays[at] ?? at, 2), set: (at) => (change("delay", delays[at]), at), ends: ["from an event to its action, bridged by prediction"] });
-    slider(rest, { name: "least", label: "least interval", min: 0, max: 1.2, step: 0.01, value: model.least,
+    slider(rest, { name: "least", label: "least interval", min: 0, max: Math.max(1.2, 2 * model.least), step: 0.01, value: model.least,
       show: (value) => seconds(value, 2), set: (value) => (change("least", value)), ends: ["between two events: a refractory period"] });
   } else {
     slider(rest, { name: "delay", label: "delay", min: model.delays[0], max: model.delays[1], step: 0.01, value: model.delay,
       show: (value) => seconds(value, 2), set: (value) => change("delay", value), ends: ["of what is felt, from the body to the command"] });
   }
-  slider(rest, { name: "noise", label: "noise", min: 0, max: noise.most, step: noise.most / 50, value: noise.start,
+  slider(rest, { name: "noise", label: noise.noisy ? "noise" : "disturbance", min: 0, max: noise.most, step: noise.most / 50, value: noise.start,
     show: (value) => (noise.own ? `× ${value.toFixed(2)}` : `${figures(value, 2)}${noise.unit ? ` ${noise.unit}` : ""}`), set: (value) => change("noise", value), ends: [noise.own ? "that of the run file, times this" : `of the torque${model.inputs.length > 1 ? `s, ${model.inputs[0][0].replace(/_torque$/, "")} first` : ""}: standard deviation`] });
 
   outputs.forEach(([name], k) => element("option", { value: k }, byId("output"), name));
