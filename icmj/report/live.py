@@ -169,7 +169,7 @@ def _positions(plant: AnyPlant) -> list[int]:
     return [states.index(i) if i in states else -1 for i in range(plant.model.nv)]
 
 
-def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[float]]:
+def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[Any]]:
     """(state, size, name) of each position whose departure ends the run; those without a limit are left out."""
     actual, limit = case.actual, case.settings.limit
     if isinstance(actual, MujocoPlant):
@@ -182,7 +182,11 @@ def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[float]]:
         positions = positions_of(plant).tolist()
         units = [(plant.state_units or ("",) * plant.n)[i] for i in positions]
         sizes = limits_of(limit, [plant.states[i] for i in positions], units)
-    return [[int(i), float(size)] for i, size in zip(positions, sizes, strict=True) if np.isfinite(size)]
+    return [
+        [int(i), float(size), one_line(plant.states[i], 60)]
+        for i, size in zip(positions, sizes, strict=True)
+        if np.isfinite(size)
+    ]
 
 
 def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, Any]]:

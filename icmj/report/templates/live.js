@@ -443,7 +443,9 @@ function describeMotion() {
   const other = said.kind.startsWith("settled") && !settled && loop.ended === "";
   if (exact) {
     said.theory = "The model is exact (b = 1): its errors die out, no eigenvalue reaches the circle, and no cycle is predicted, hence no interval." +
-      (all.length && said.kind !== "quiet" ? ` Events that still come are due to ${noise > 0 ? "the noise" : loop.settings.linear || !model.plant.chain ? "the start or the last push, and grow rare" : "the start, the last push, or the nonlinear body"}.` : "");
+      (!all.length || said.kind === "quiet" ? "" : noise > 0 ? " Events still come, because of the noise." :
+        loop.settings.linear || !model.plant.chain ? " Events that still come stem from the start or the last push, and grow rare." :
+        " Events that still come stem from the start, the last push, or what the model does not know of the nonlinear body; on the linear plant they grow rare.");
   } else if (delta === null) said.theory = `${wrong}No eigenvalue reaches +1 or −1 within ${model.table.last} s, so no cycle is predicted.`;
   else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but another one has left the circle before: no cycle is predicted.`;
   else {
@@ -452,6 +454,8 @@ function describeMotion() {
     else if (early !== null) said.theory = `${why} But on that orbit the threshold would be reached earlier, after ${seconds(early, 2)}, so there is no such cycle.`;
     else if (noise > 0) said.theory = `${why} The orbit that is drawn, and its interval, are those without noise.`;
     else if (settled) said.theory = `${why} That is the cycle that you see: predicted ${seconds(delta)}, measured ${seconds(last)}.`;
+    else if (other && mirrored() === lambda < 0 && Math.abs(last / delta - 1) < 0.25 && !loop.settings.linear)
+      said.theory = `${why} The motion is near that cycle and not on it: linear theory is for small sway. Lower the threshold, or take the linear plant.`;
     else if (other) said.theory = `${why} ${largest !== null && largest >= 1 ? "But that orbit repels, and the motion has settled on another one" : "The motion has reached another cycle, which exists beside it; start on the predicted orbit to see the one that theory names"}.`;
     else said.theory = `${why}${largest !== null && largest >= 1 ? " But the orbit repels: small departures from it grow." : ""}`;
   }
