@@ -21,7 +21,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import analysis, cycles, linear, noise, precision, startup, stepping, threads
+from benchmarks import analysis, cycles, linear, live, noise, precision, startup, stepping, threads
 from benchmarks.row import Row
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import Terminal
@@ -52,6 +52,7 @@ GROUPS = {
     "startup": startup.rows,
     "analysis": _analysis,
     "cycles": cycles.rows,
+    "live": live.rows,
 }
 
 

@@ -28,6 +28,7 @@ extensions = [
     "command_line",
     "docstrings",
     "links",
+    "live_pages",
     "mathml",
     "pages",
     "public_names",

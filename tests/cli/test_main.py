@@ -19,7 +19,7 @@ from icmj.simulation.disturbance import disturbance_of
 
 COMMANDS = (
     "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
-    "continue", "new", "identify", "experiment", "fit",
+    "continue", "new", "identify", "experiment", "fit", "live",
 )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +50,7 @@ FAULTS = {
     "midpoint": ("(k[0][i] / 6 + k[1][i] / 3 + k[2][i] / 3 + k[3][i] / 6)", "k[1][i]"),
     "least": ("Math.max(settings.least, this.faces ? settings.delay : 0)", "this.faces ? settings.delay : 0"),
 }
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
 
 
 @pytest.fixture
@@ -122,6 +121,7 @@ PERSON = {
 SLIDERS = {"actual.gain": "b", "controller.q_t": "q", "controller.delta_min": "least", "assumed.delay": "delay"}
 
 
+@needs_chromium
 @pytest.mark.browser
 @pytest.mark.slow
 def test_events_come_when_the_engine_says_so_and_with_a_fault_they_do_not(small, tmp_path):
@@ -145,6 +145,7 @@ def test_events_come_when_the_engine_says_so_and_with_a_fault_they_do_not(small,
     assert apart(least, runs["least"]) > ENGINE
 
 
+@needs_chromium
 @pytest.mark.browser
 @pytest.mark.slow
 def test_the_motion_does_not_hang_on_who_looks_on(small, tmp_path):
@@ -155,6 +156,7 @@ def test_the_motion_does_not_hang_on_who_looks_on(small, tmp_path):
     assert found[0]["events"] == found[1]["events"] == found[2]["events"]
 
 
+@needs_chromium
 @pytest.mark.browser
 @pytest.mark.slow
 def test_every_shipped_case_agrees_or_is_refused_with_its_reason(small, root, tmp_path, capsys):
@@ -193,6 +195,7 @@ def test_every_shipped_case_agrees_or_is_refused_with_its_reason(small, root, tm
             assert np.abs(np.array(mine["w"][: run.x.shape[1]]) - run.x[-1]).max() < 1e-6 * size, (name, plant)
 
 
+@needs_chromium
 @pytest.mark.browser
 @pytest.mark.slow
 def test_the_page_draws_the_eigenvalues_of_the_theory_and_outlines_from_any_side(tmp_path, monkeypatch):
@@ -251,28 +254,29 @@ def test_a_model_that_is_no_chain_gets_the_linear_plant_and_the_page_says_so(sma
     links, why = chain_of(plant)
     assert links is not None
     assert "contacts" in why
-    case = loaded("three-link-0.9", **{"actual.edit": None})
-    limited = case.actual.spec.copy()
-    limited.option.disableflags = 0
-    limited.joints[0].limited, limited.joints[0].range = 1, (-1.0, 1.0)
-    _, why = chain_of(replace(case.actual, spec=limited))
-    assert "limits" in why
 
 
-def test_the_links_move_as_the_closed_form_of_a_pendulum_on_a_cart():
+def test_a_spring_on_a_tendon_is_found_to_be_more_than_links(root, tmp_path):
+    """Where the links do not move as the engine moves the model, it is not taken for a chain."""
+    text = (root / "models/three_link.xml").read_text(encoding="utf-8")
+    path = tmp_path / "tied.xml"
+    path.write_text(text.replace('<fixed name="thigh_angle">', '<fixed name="thigh_angle" stiffness="5">'), "utf-8")
+    assert "more acts in it" in chain_of(icmj.load_plant(path))[1]
+
+
+def test_the_links_move_as_the_closed_form_of_a_pendulum_on_a_cart(tmp_path):
     """A slide and a hinge, with a rotor, against Lagrange's equations."""
-    text = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
-      <body><joint name="x" type="slide" axis="1 0 0" damping="0.3"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
-      <body><joint name="q" axis="0 1 0" armature="0.1" stiffness="3"/>
-      <inertial pos="0 0 0.7" mass="1.5" diaginertia="0.2 0.2 0.2"/></body></body></worldbody>
+    text = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag contact="disable"/></option>
+      <worldbody><body>
+        <joint name="x" type="slide" axis="1 0 0" damping="0.3"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+        <body><joint name="q" axis="0 1 0" armature="0.1" stiffness="3"/>
+          <inertial pos="0 0 0.7" mass="1.5" diaginertia="0.2 0.2 0.2"/></body>
+      </body></worldbody>
       <actuator><motor name="f" joint="x" gear="2"/><motor name="m" joint="q"/></actuator>
       <sensor><jointpos joint="q"/></sensor></mujoco>"""
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "cart.xml"
-        path.write_text(text, encoding="utf-8")
-        links, why = chain_of(icmj.load_plant(path))
+    path = tmp_path / "cart.xml"
+    path.write_text(text, encoding="utf-8")
+    links, why = chain_of(icmj.load_plant(path))
     assert why == ""
     q, v, w, f, m = 0.4, 0.3, -1.2, 0.7, 0.5
     M, mass, l, inertia = 2.0, 1.5, 0.7, 0.2 + 0.1
