@@ -46,6 +46,7 @@ GAINS, STEP = (0.6, 1.5), 0.01  # of b
 LONGEST = 0.5  # s, of a delay whose readings the page can be given
 FINE, LINEAR = 0.05, 0.04  # steps in units of the loop's fastest rate: of the body, and of the linear plant
 COARSE = 0.01  # s, the longest step of a plant without a timestep of its own
+HEADING = "Balance with a wrong internal model"
 BANDWIDTH = 5.0  # Hz, of the torques that a page adds where the run file has no noise
 
 
@@ -77,8 +78,10 @@ def page(description: Mapping[str, Any]) -> str:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     code = joined("loop.js", "theory.js", "body.js", "live.js")
-    filled = {"title": description["title"], "version": VERSION, "description": script(description), "code": code}
-    return environment.get_template("live.html.j2").render(filled)
+    return environment.get_template("live.html.j2").render(
+        title=description["title"], heading=HEADING if description["table"] else "", version=VERSION,
+        description=script(description), code=code,
+    )  # fmt: skip
 
 
 @single_threaded()
@@ -270,7 +273,7 @@ def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> d
 def _table(case: Case, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]) -> dict[str, Any]:
     """Predictions by delay and b; the orbit is (x, x_o, x_h) at its event, for the threshold of the run file."""
     first, last = (round(round(g / STEP) * STEP, 6) for g in (min(GAINS[0], _gain(case)), max(GAINS[1], _gain(case))))
-    gains = [round(b, 6) for b in np.arange(first, last + STEP / 2, STEP)]
+    gains = sorted({1.0, _gain(case), *(round(b, 6) for b in np.arange(first, last + STEP / 2, STEP))})
     rows: list[list[Any]] = []
     done, total = 0, len(gains) * len(delays)
     for delay in delays:
@@ -281,7 +284,7 @@ def _table(case: Case, unit: LinearPlant, delays: list[float], progress: Callabl
     n = unit.n + 2 * case.controller.design.plant.n
     packed = np.array([row[-1] if row[-1] is not None else np.zeros(n) for row in rows], dtype="<f4")
     return {
-        "b": [first, STEP, len(gains)],
+        "gains": gains,
         "last": case.run.analysis.delta_max,
         "rows": [row[:-1] for row in rows],
         "orbits": base64.b64encode(packed.tobytes()).decode(),

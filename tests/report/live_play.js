@@ -16,7 +16,7 @@ const start = (settings, seconds, orbit = false) => {
 };
 const slide = (name, value) => {
   const input = document.getElementById(`slide-${name}`);
-  input.value = value;
+  input.value = name === "b" ? L.model.table.gains.indexOf(value) : value;
   input.dispatchEvent(new Event("input"));
 };
 const key = (name) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key: name, bubbles: true }));

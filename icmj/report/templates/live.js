@@ -13,7 +13,7 @@ const BUSY = 14; // ms of a frame for the loop: a slow machine shows slow motion
 
 const chain = model.plant.chain && new Chain(model.plant.chain), loop = new Loop(model, { noise: model.noise.start });
 const outputs = model.outputs, [n, m] = [loop.n, loop.m];
-const page = { on: true, speed: 1, clock: 0, samples: [], intervals: [], output: outputs.length - 1, view: { yaw: 0.42, pitch: 0.1 }, push: null };
+const page = { on: true, speed: 1, clock: 0, samples: [], intervals: [], output: Math.max(outputs.findLastIndex(([, unit]) => !unit.endsWith("/s")), 0), view: { yaw: 0.42, pitch: 0.1 }, push: null };
 
 const element = (tag, attributes, parent, words) => {
   const made = Object.assign(document.createElement(tag), attributes);
@@ -35,10 +35,9 @@ const stored = ruled && (() => {
 })();
 
 function lookUp({ b, delay, q, least }) {
-  const { b: [first, step, count], rows, last } = model.table, { delays, controller } = model;
-  const at = Math.round((b - first) / step), resets = controller.resets[delays.indexOf(delay)];
-  const row = delays.indexOf(delay) * count + at, [delta, lambda, cycle, largest] = rows[row];
-  const found = { delta, lambda, cycle: Boolean(cycle), largest, exact: Math.abs(b - 1) < step / 2, least };
+  const { gains, rows, last } = model.table, { delays, controller } = model, resets = controller.resets[delays.indexOf(delay)];
+  const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [delta, lambda, cycle, largest] = rows[row];
+  const found = { delta, lambda, cycle: Boolean(cycle), largest, exact: b === 1, least };
   const size = rows.length ? stored.length / rows.length : 0;
   if (delta !== null) {
     const start = new Array(loop.size).fill(0);
@@ -57,12 +56,14 @@ function lookUp({ b, delay, q, least }) {
   return found;
 }
 
+const predicted = () => ruled && theory.delta !== null && theory.cycle;
 let theory = null, paths = null, pathsOf = "";
 function predict() {
   const { b, delay } = loop.settings;
   if (!ruled) return;
   theory = lookUp(loop.settings);
-  byId("orbit").disabled = theory.delta === null;
+  byId("orbit").disabled = !predicted();
+  for (const id of ["orbital", "lined"]) byId(id).hidden = !predicted();
   const wanted = `${b} ${delay}`;
   if (wanted !== pathsOf) [pathsOf, paths] = [wanted, null];
 }
@@ -141,8 +142,8 @@ function drawStage() {
 }
 function arrow(pen, on, body, drawn) {
   const { height, way, link } = page.push, facing = Math.cos(page.view.yaw) >= 0 ? way : -way;
-  const shape = drawn.filter(({ shape }) => shape.part === link + 1).pop();
-  const [x, y] = on([shape ? 0 : body.middle, 0, height]), at = shape ? shape.middle[0] : x, fade = 1 - (performance.now() - page.push.when) / 700;
+  const [shape] = drawn.filter(({ shape }) => shape.part === link + 1).sort((a, b) => b.wide - a.wide);
+  const [x, y] = on([body.middle, 0, height]), at = (shape ? shape.middle[0] : x) + facing * (24 - (shape ? shape.wide + 8 : 24)), fade = 1 - (performance.now() - page.push.when) / 700;
   pen.globalAlpha = fade;
   pen.strokeStyle = pen.fillStyle = colour("theory");
   pen.lineWidth = 4;
@@ -272,12 +273,13 @@ const orbitRate = (w) => { // C ẋ of the linear plant
 };
 const orbitPoints = () => {
   const k = page.output, factor = outputs[k][2];
-  if (page.orbitOf === theory && page.orbitOutput === k) return page.orbitDrawn;
-  const once = theory.orbit.map(([, w]) => [factor * model.plant.C[k].reduce((sum, value, j) => sum + value * w[j], 0), factor * orbitRate(w)[k]]);
-  [page.orbitOf, page.orbitOutput] = [theory, k];
+  // an orbit's mirror image is an orbit: the one on the side of the last event
+  const last = page.intervals.at(-1)?.w, side = last && theory.lambda > 0 && theory.start.slice(0, n).reduce((sum, value, i) => sum + value * last[i], 0) < 0 ? -1 : 1;
+  if (page.orbitOf === theory && page.orbitOutput === k && page.orbitSide === side) return page.orbitDrawn;
+  const once = theory.orbit.map(([, w]) => [side * factor * model.plant.C[k].reduce((sum, value, j) => sum + value * w[j], 0), side * factor * orbitRate(w)[k]]);
+  [page.orbitOf, page.orbitOutput, page.orbitSide] = [theory, k, side];
   return (page.orbitDrawn = theory.lambda < 0 ? [...once, ...once.map(([x, y]) => [-x, -y])] : once);
 };
-const predicted = () => ruled && theory.delta !== null && theory.cycle;
 
 function drawPlane() {
   const [pen, wide, high] = cleared(byId("plane"), 300, 262), k = page.output, box = { left: 40, right: wide - 8, top: 20, bottom: high - 32 };
@@ -437,7 +439,7 @@ function describeMotion() {
     said.theory = `This controller has no internal model and no event rule, and so no critical interval. It acts on what was felt ${delay.toFixed(2)} s ago.`;
     return said;
   }
-  const { delta, lambda, cycle, largest, early, exact } = theory, percent = `${Math.abs(100 * (b - 1)).toFixed(0)} %`;
+  const { delta, lambda, cycle, largest, early, exact } = theory, percent = `${+Math.abs(100 * (b - 1)).toPrecision(2)} %`;
   const wrong = exact ? "" : `The muscles do ${percent} ${b < 1 ? "less" : "more"} than the model believes. `;
   const settled = said.kind === "settled 1" && delta !== null && Math.abs(last / delta - 1) < NEAR && mirrored() === lambda < 0;
   const other = said.kind.startsWith("settled") && !settled && loop.ended === "";
@@ -583,13 +585,17 @@ function build() {
       ", and is switched <b>on</b> where the body falls away and <b>off</b> where it comes back by itself." : ", all the time.") +
     " Move the delay and the strength of the muscles, b, and compare with the page of another controller.";
   byId("touch").textContent = model.body ? (chain ? "Tap the body to push it; drag beside it to turn the view." : "Drag to turn the view.") : "";
-  const first = byId("first"), rest = byId("rest"), { noise } = model, [low, step, count] = ruled ? model.table.b : [0.5, 0.01, 101], high = +(low + step * (count - 1)).toFixed(6);
-  const b = slider(first, { name: "b", label: "b", note: "strength of the muscles, actual / believed", min: low, max: high, step,
-    value: model.b, show: (value) => value.toFixed(2), set: (value) => change("b", value), ends: ["weaker", "", "stronger"] });
+  const first = byId("first"), rest = byId("rest"), { noise } = model;
+  const gains = ruled ? model.table.gains : Array.from({ length: 101 }, (_, k) => (50 + k) / 100), last = gains.length - 1;
+  // of places in a list: the b of the run file need not be a round number
+  const b = slider(first, { name: "b", label: "b", note: `strength of the muscles, actual / ${ruled ? "believed" : "of the run file"}`, min: 0, max: last, step: 1,
+    value: gains.reduce((best, each, k) => (Math.abs(each - model.b) < Math.abs(gains[best] - model.b) ? k : best), 0),
+    show: (at) => (gains[at] * 100) % 1 > 1e-6 && (gains[at] * 100) % 1 < 1 - 1e-6 ? gains[at].toFixed(3) : gains[at].toFixed(2),
+    set: (at) => (change("b", gains[at]), at), ends: ["weaker", "", "stronger"] });
   const middle = b.last.children[1];
   middle.className = "middle";
-  middle.style.left = `${(100 * (1 - low)) / (high - low)}%`;
-  middle.textContent = "▲ exact model";
+  middle.style.left = `${(100 * gains.indexOf(1)) / last}%`;
+  middle.textContent = ruled ? "▲ exact model" : "▲ 1";
   if (ruled) {
     const factor = outputs.every(([, unit]) => unit === outputs[0][1]) ? outputs[0][2] : 1, unit = factor === 1 ? "" : unitOf(0);
     slider(rest, { name: "q", label: "threshold", log: true, min: Math.log10(model.q / 100), max: Math.log10(3 * model.q), step: 0.02, value: model.q,
