@@ -34,24 +34,37 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
     return np.lexsort((*(-tie for tie in reversed(ties)), group))
 
 
-def between(values: Array, low: float, high: float = np.inf) -> NDArray[np.bool_]:
+def between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.bool_]:
     """Mask of the values from ``low`` to ``high``, both included, though rounding may have moved them a bit outside."""
+    values = np.asarray(values, dtype=float)
     return np.asarray((values >= low - SAME * abs(low)) & (values <= high + SAME * abs(high)))
 
 
-def whole(count: float) -> int:
-    """How many whole units are in ``count`` ≥ 0 of them; one that is whole but for rounding is: 0.3 / 0.1 is 3."""
-    return int(count * (1 + SAME))
+def whole(count: ArrayLike) -> Any:
+    """Whole units in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
+    count = np.asarray(count, dtype=float)
+    found = np.floor(count + SAME * np.maximum(np.abs(count), 1.0)).astype(np.int64)
+    return int(found) if found.ndim == 0 else found
 
 
 def instants(step: float, end: float, first: int = 0) -> Array:
     """The multiples of ``step`` from ``first`` times it to ``end``, which is one of them if it is but for rounding."""
-    return step * np.arange(first, whole(end / step) + 1, dtype=float)
+    return np.asarray(step * np.arange(first, whole(end / step) + 1, dtype=float))
 
 
-def since(t: Array, start: Array | float) -> NDArray[np.bool_]:
+def since(t: Array | float, start: Array | float) -> NDArray[np.bool_]:
     """Mask of the instants from ``start`` ≥ 0 on, up to the last bits; one that is just before it is told apart."""
     return np.asarray(t >= start * (1 - _LAST_BITS))
+
+
+def extent(values: Array) -> tuple[float, float]:
+    """The range of a histogram of some values; where they are equal but for rounding, as wide as they are large."""
+    low, high = float(values.min()), float(values.max())
+    size = max(abs(low), abs(high))
+    if high - low > SAME * size:
+        return low, high
+    half, middle = size / 2 or 0.5, (low + high) / 2
+    return middle - half, middle + half
 
 
 def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:

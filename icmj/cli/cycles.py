@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.array import between
 from icmj.base.card import plain
 from icmj.base.numbers import amount, root
 from icmj.cli import arguments
@@ -97,7 +98,7 @@ def _rounds(run: RunFile, plant: PlantKind, json: bool) -> None:
 def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
     """Largest and smallest of the outputs in the last period, or in all where there is none."""
     since = 0.0 if np.isnan(period) else max(simulation.t[-1] - period, 0.0)
-    y = simulation.y[simulation.t >= since]
+    y = simulation.y[between(simulation.t, since)]
     return y.max(axis=0), y.min(axis=0)
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.base.environment import INTERPRETED
 from icmj.controller.controller import layout_of
 from icmj.engine.closed_loop import ComposedLoop, Record
@@ -128,7 +128,7 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     usable = record.rows[~np.isin(record.rows[:, 0], record.events[:, 0])]
     if len(usable) < 3 or loop.controller.delay:
         return _nothing(loop)
-    first, last = usable[np.searchsorted(usable[:, 0], usable[-1, 0] - 1.0)], usable[-1]
+    first, last = usable[between(usable[:, 0], usable[-1, 0] - 1.0)][0], usable[-1]
     stretch = float(last[0] - first[0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.base.card import Card, Shown
 from icmj.errors import AnalysisError, DataError
 from icmj.series.even import even_series
@@ -79,7 +79,7 @@ class IntersectionPoint(Shown):
         rows = tuple(
             (f"{at:g} Hz", f"{np.interp(at, f, shown):.3f}{of or ' m'}")
             for at in (0.5, 1, 2, 4, 7)
-            if f[0] <= at <= f[-1]
+            if between(at, f[0], f[-1])
         )
         source = f"{self.windows} windows" if self.windows else "theory"
         return Card(f"intersection point from {f[0]:.3g} to {f[-1]:.3g} Hz, {source}", rows)
@@ -121,7 +121,7 @@ def intersection_point(
     if len(pair) < length:
         raise DataError(f"{len(pair) * step:.4g} s of record for windows of {window:g} s; expected at least one window")
     frequency, S, windows = _cross_spectrum(np.stack([theta, p], axis=1), step, length)
-    kept = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0)
+    kept = between(frequency, *band) & (frequency > 0)
     if not kept.any():
         raise DataError(f"no line of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
     if not (np.ptp(theta) > 0 and np.ptp(p) > 0):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, instants
 from icmj.base.card import Card, Shown
 from icmj.case.case import Case, PlantKind, prepare, simulate, simulate_plant
 from icmj.case.plants import linear_plant
@@ -229,8 +229,7 @@ def reseeded(settings: Settings, seed: int) -> Settings:
 
 
 def _grid(settings: Settings) -> Array:
-    step = settings.record_interval
-    return step * np.arange(int(settings.duration / step * (1 + 1e-12)) + 1, dtype=float)
+    return instants(settings.record_interval, settings.duration)
 
 
 def _named(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:

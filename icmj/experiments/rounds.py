@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.controller.switching import SwitchingPD
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
@@ -100,7 +100,7 @@ def rounds_of(run: Simulation) -> Rounds:
             growth = float(np.log(abs(factor)) / period)
             left = _left(x[(len(x) - 1) % q :: q], factor)
             return Rounds(abs(factor), period, q, factor < 0, growth, float(max(apart, late)), left)
-    later = run.events.t >= run.events.t[-1] / 2
+    later = between(run.events.t, run.events.t[-1] / 2) & (size > 0)
     growth = np.polyfit(run.events.t[later], np.log(size[later]), 1)[0] if later.sum() > 1 else np.nan
     return Rounds(np.nan, np.nan, 0, False, float(growth), closure)
 

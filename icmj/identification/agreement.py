@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.case.case import PlantKind, simulate
 from icmj.errors import IcmjError
 from icmj.identification.observed import Observed
@@ -160,7 +160,7 @@ def _at_events(run: Simulation, observed: Observed, found: Rhythm) -> Agreement:
 
 def _of_samples(run: Simulation, observed: Observed, found: Rhythm) -> Agreement:
     """Outputs over the last part of the record, with the rhythm and the phase that fit best."""
-    kept = observed.t >= observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0])
+    kept = between(observed.t, observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0]))
     t, y = observed.t[kept], observed.y[kept]
     wave = _Wave(run)
     unsure, middle = observed.unsure(wave.peak), (t[0] + t[-1]) / 2

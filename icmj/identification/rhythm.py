@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, between, leading
 from icmj.identification.observed import Observed
 
 SETTLED = 1e-3  # relative: intervals that agree so well have settled
@@ -102,7 +102,7 @@ def _of_samples(observed: Observed) -> Rhythm | None:
     # from two halves of the part, how well it is known
     half = [minimize_scalar(_part(curve, a, sign), bounds=(0.98 * shift, 1.02 * shift), method="bounded").x
             for a in np.split(at, 2)]  # fmt: skip
-    count = np.sum(t >= end - span) * y.shape[1]
+    count = np.sum(between(t, end - span)) * y.shape[1]
     known = 1.96 * left_over * size / (rate * np.sqrt(count))
     return Rhythm(
         shift, float(max(np.hypot(half[0] - half[1], known), _EXACT * shift)), sign, max(1, int(span / shift))

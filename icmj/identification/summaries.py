@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.identification.observed import Observed
 
 FEWEST = 8  # intervals
@@ -26,7 +26,7 @@ def summaries(observed: Observed, least: float, reference: float) -> Array | Non
 
 def _of_events(observed: Observed, least: float) -> Array | None:
     begin = observed.begin + SKIPPED * observed.duration
-    kept = observed.times >= begin
+    kept = between(observed.times, begin)
     intervals = np.maximum(np.diff(observed.times[kept]), 1e-9)
     if len(intervals) < FEWEST:
         return None
@@ -41,7 +41,7 @@ def _of_events(observed: Observed, least: float) -> Array | None:
 
 
 def _of_samples(observed: Observed, reference: float) -> Array | None:
-    kept = observed.t >= observed.t[0] + SKIPPED * (observed.t[-1] - observed.t[0])
+    kept = between(observed.t, observed.t[0] + SKIPPED * (observed.t[-1] - observed.t[0]))
     t, y = observed.t[kept], observed.y[kept]
     if t[-1] - t[0] < 4 * reference:
         return None
@@ -51,7 +51,8 @@ def _of_samples(observed: Observed, reference: float) -> Array | None:
         size = np.sqrt(np.mean(column**2))
         told.append(float(np.log(size + 1e-300)))
         for lag in _LAGS:
-            later = np.interp(t[t + lag * reference <= t[-1]] + lag * reference, t, column)
+            ahead = t + lag * reference
+            later = np.interp(ahead[between(ahead, t[0], t[-1])], t, column)
             told.append(float(np.mean(later * column[: len(later)]) / max(size**2, 1e-300)))
     return np.array(told)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import rerun as rr
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.log.sink import time_column
@@ -174,7 +174,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
     laid = laid_orbit(result) if result.prediction.cycle else None
     orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
-    late = simulation.t >= simulation.t[-1] * (1 - LATE)
+    late = between(simulation.t, simulation.t[-1] * (1 - LATE))
     seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])
     scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote
 
+from icmj.base.array import between
 from icmj.base.files import replaceable, write_bytes
 from icmj.base.signals import heard_once, terminable
 from icmj.base.text import one_line
@@ -119,7 +120,7 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     outcome = read_summary(log).get("outcome", {})
     end = float(outcome.get("time", 0.0))
     at = 0.9 * end if time is None else time
-    if not 0 <= at <= end:
+    if not between(at, 0.0, end):
         raise LogError(f"{log}: no instant {at:g} s in this log; it runs from 0 to {end:g} s")
     port = _free_port()
     command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}", str(log)]

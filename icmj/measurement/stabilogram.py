@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between, whole
 
 SHORT = (0.05, 0.5)
 LONG = (2.5, 10.0)
@@ -81,7 +81,7 @@ def diffusion(
         short, long: windows of the fits [s].
     """
     N = len(values)
-    most = min(int(np.floor(long[1] * rate * (1 + 1e-9))), int((N - 1) / FEWEST))
+    most = min(whole(long[1] * rate), whole((N - 1) / FEWEST))
     lags = np.arange(1, most + 1)
     displacement = np.zeros(most)
     for column in np.atleast_2d(values.T):
@@ -105,8 +105,8 @@ def _mean_squares(values: Array, most: int) -> Array:
 
 
 def _regime(lag: Array, displacement: Array, window: tuple[float, float]) -> Regime | None:
-    inside = (lag >= window[0] * (1 - 1e-9)) & (lag <= window[1] * (1 + 1e-9))
-    if inside.sum() < 3 or not (displacement[inside] > 0).all() or lag[-1] < window[1] * (1 - 1e-9):
+    inside, reaches = between(lag, *window), between(lag[-1:], window[1]).any()
+    if inside.sum() < 3 or not (displacement[inside] > 0).all() or not reaches:
         return None
     t, square = lag[inside], displacement[inside]
     slope, offset = _line(t, square)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between, extent
 from icmj.measurement.spectrum import Spectrum, spectrum
 from icmj.series.even import evenly
 from icmj.simulation.simulation import Simulation
@@ -18,7 +18,6 @@ from icmj.simulation.simulation import Simulation
 BLOCKS = 10
 TRANSIENT = 0.1  # part of the run that is left to the start
 FEWEST = 20  # rows below which there is nothing to tell
-_SAME = 1e-9  # relative: an interval this close to the least one is it
 
 
 @dataclass(frozen=True)
@@ -119,15 +118,16 @@ def statistics(simulation: Simulation) -> Statistics | None:
     """The statistics of a run on either plant; ``None`` if it fell or diverged, or is too short."""
     end = float(simulation.t[-1])
     start = TRANSIENT * end
-    rows = simulation.t >= start
+    rows = between(simulation.t, start)
     if simulation.outcome.kind in ("fell", "diverged") or rows.sum() < FEWEST:
         return None
     t, y = simulation.t[rows], simulation.y[rows]
     _, even = evenly(t, y)
-    intervals = simulation.events.interval[simulation.events.t >= start]
+    intervals = simulation.events.interval[between(simulation.events.t, start)]
     several = len(intervals) >= 2
-    counts, edges = np.histogram(intervals, bins=_bins(intervals)) if several else (np.zeros(0), np.zeros(0))
-    at_least = np.abs(intervals - simulation.least) <= _SAME * simulation.least
+    none = np.zeros(0), np.zeros(0)
+    counts, edges = np.histogram(intervals, _bins(intervals), extent(intervals)) if several else none
+    at_least = between(intervals, simulation.least, simulation.least)
     return Statistics(
         start=start,
         end=end,

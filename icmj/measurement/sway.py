@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import SAME, Array, between
 from icmj.base.card import Card, Shown
 from icmj.base.numbers import amount
 from icmj.errors import DataError
@@ -205,12 +205,12 @@ def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0
     Args:
         frequency: [Hz], rising, shape (F,).
         power: density, shape (F,).
-        band: what of it counts [Hz].
+        band: what of it counts [Hz], both ends included.
 
     Raises:
         DataError: if fewer than two lines are in the band.
     """
-    inside = (frequency >= band[0]) & (frequency <= band[1])
+    inside = between(frequency, *band)
     f, P = frequency[inside], power[inside]
     if len(f) < 2:
         raise DataError(f"no two lines of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
@@ -223,7 +223,7 @@ def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0
 
 
 def _slope(f: Array, P: Array) -> float:
-    low = (f >= SLOPE[0]) & (f <= SLOPE[1]) & (P > 0)
+    low = between(f, *SLOPE) & (P > 0)
     return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1)[1]) if low.sum() >= 4 else np.nan
 
 
@@ -268,7 +268,7 @@ def _filtered(values: Array, corner: float, rate: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
     lowest = rate / len(values)  # beneath one period in the record nothing is left, and the filter's poles round to 1
-    if not lowest <= corner < rate / 2:
+    if not (between(corner, lowest) and corner < (1 - SAME) * rate / 2):
         raise DataError(
             f"a low-pass of {corner:g} Hz; expected from {lowest:.3g} Hz, one period in the record, to below half the "
             f"rate, {rate / 2:g} Hz"

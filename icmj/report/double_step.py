@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base.array import between
 from icmj.errors import ReportError
 from icmj.experiments.double_step.reconstruction import Reconstruction
 from icmj.experiments.double_step.refractoriness import Refractoriness
@@ -55,7 +56,7 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
     if not -len(pairs) <= pair < len(pairs):
         raise ReportError(f"no pair {pair} of {len(pairs)}")
     (first, second), rt = pairs.t[pair], found.rt[pair]
-    shown = (found.t >= first - _BEFORE) & (found.t <= second + _AFTER)
+    shown = between(found.t, first - _BEFORE, second + _AFTER)
     t, u = found.t[shown] - first, found.u[shown]
     axes.plot(t, u, color="#8a8a8a", linewidth=1.6, label="control")
     axes.plot(t, found.fit[shown], color="#222222", linewidth=0.9, linestyle=(0, (5, 1.5)), label="linear model")

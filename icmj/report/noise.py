@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base.array import between
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.view.quantity import quantities
@@ -57,7 +58,7 @@ def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:
         if result.statistics is None:
             continue
         spectrum = result.statistics.spectrum
-        drawn = (spectrum.frequency > 0) & (spectrum.frequency <= FASTEST)
+        drawn = (spectrum.frequency > 0) & between(spectrum.frequency, 0.0, FASTEST)
         frequency = spectrum.frequency[drawn]
         power, low, high = (
             values[drawn, output] * shown.factor**2 for values in (spectrum.power, spectrum.low, spectrum.high)

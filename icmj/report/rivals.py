@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base.array import between, whole
 from icmj.errors import DataError
 from icmj.measurement.sway import Sway, measure_sway
 from icmj.report import style
@@ -59,7 +60,7 @@ def _rival(run: Result | Tried) -> Rival | None:
     """The controller's entry; ``None`` if the run is too short or not finite."""
     simulation, shown = run.simulation, quantities(run.actual)
     start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
-    t = start + np.arange(int((end - start) * RATE)) / RATE
+    t = start + np.arange(whole((end - start) * RATE)) / RATE
     if not np.isfinite(simulation.y).all() or not len(t):
         return None
     columns = zip(simulation.y.T, shown, strict=True)
@@ -80,7 +81,7 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
         largest = 0.0
         for n, rival in enumerate(group):
             found = rival.sway.spectrum
-            drawn = (found.frequency > 0) & (found.frequency <= FASTEST)
+            drawn = (found.frequency > 0) & between(found.frequency, 0.0, FASTEST)
             power = found.power[drawn, i]
             largest = max(largest, float(power.max(initial=0.0)))
             axes.loglog(found.frequency[drawn], power, color=COLOURS[n % len(COLOURS)], linewidth=1.2, label=str(n + 1))
@@ -99,7 +100,7 @@ def paths_figure(group: Sequence[Rival]) -> Figure:
         shown = quantities(plant)[i]
         for n, rival in enumerate(group):
             simulation = rival.run.simulation
-            late = simulation.t >= simulation.t[-1] - SHOWN
+            late = between(simulation.t, simulation.t[-1] - SHOWN)
             v = output_rate(rival.run, simulation.x[late], simulation.u[late])[:, i]
             y = shown.factor * simulation.y[late, i]
             axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=str(n + 1))
@@ -124,7 +125,7 @@ def trial_figure(runs: Sequence[Tried]) -> Figure:
     for axes in stack:
         axes.set_xlim(max(0.0, end - LONGEST), end)
         drawn = [np.asarray(line.get_xydata(), dtype=float) for line in axes.get_lines()]
-        seen = np.concatenate([points[points[:, 0] >= end - LONGEST, 1] for points in drawn])
+        seen = np.concatenate([points[between(points[:, 0], end - LONGEST), 1] for points in drawn])
         low, high = float(seen.min()), float(seen.max())
         if np.isfinite(high - low) and high > low:
             axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))

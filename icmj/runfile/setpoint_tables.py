@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from icmj.base.array import Array
+from icmj.base.array import Array, instants
 from icmj.controller.setpoint import Target, polygon, pulse, ramp, sines, step, ternary
 from icmj.controller.step_pairs import StepPairs, double_steps
 from icmj.errors import AnalysisError, RunFileError
@@ -236,7 +236,7 @@ class FileSetpoint(TargetTable):
                     f"setpoint: interval {self.interval:g} s makes {count:.3g} pieces of {path}; expected at most "
                     f"{MOST_INTERVALS}"
                 )
-            at = np.append(np.arange(int(count) + 1) * self.interval, t[-1:])
+            at = np.append(instants(self.interval, float(t[-1])), t[-1:])
             at = at[np.diff(at, prepend=-1.0) > 1e-9]
             t, values = at, np.interp(at, t, values)
         return t + self.start, values, unit

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.case.case import Case, PlantKind
 from icmj.case.trial import Trial
 from icmj.engine.plant import MujocoPlant
@@ -60,9 +60,8 @@ class FoundPoint:
     @property
     def numbers(self) -> Mapping[str, float]:
         f, (by, unit) = self.point.frequency, self.unit
-        found = {
-            f"z at {at:g} Hz ({unit})": float(np.interp(at, f, self.point.z / by)) for at in TOLD if f[0] <= at <= f[-1]
-        }
+        told = [at for at in TOLD if between(at, f[0], f[-1])]
+        found = {f"z at {at:g} Hz ({unit})": float(np.interp(at, f, self.point.z / by)) for at in told}
         if self.point.height is not None:
             found["crosses the centre of mass at (Hz)"] = self.point.crossing()
         found["share of variance"] = float(self.point.share.mean())
@@ -189,10 +188,10 @@ def _density(source: Source, frequency: Array) -> Array:
         # a sum of sinusoids ends somewhere
         end = LOW_PASS_END if isinstance(source, Noise) else np.inf
         whole = source.corner * np.arctan(end) * (1 + (frequency / source.corner) ** 2)
-        return np.asarray(source.size / np.sqrt(whole) * (frequency <= end * source.corner))
+        return np.asarray(source.size / np.sqrt(whole) * between(frequency, 0.0, end * source.corner))
     if isinstance(source, Noise):
         assert source.bandwidth is not None
-        return np.asarray(source.size / np.sqrt(source.bandwidth) * (frequency <= source.bandwidth))
+        return np.asarray(source.size / np.sqrt(source.bandwidth) * between(frequency, 0.0, source.bandwidth))
     return (
         np.full(len(frequency), source.size * np.sqrt(2 * source.interval)) * np.sinc(frequency * source.interval) ** 2
     )

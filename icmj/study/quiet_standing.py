@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base.array import between
 from icmj.case.case import Case, PlantKind
 from icmj.case.trial import Trial
 from icmj.engine.plant import MujocoPlant
@@ -52,7 +53,7 @@ class QuietStandingKind(Kind):
         self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
     ) -> Standing:
         settle = self.settings.settle if case is not None else 0.0
-        later = [Recording(one.series, one.events[one.events >= settle], one.outcome) for one in recordings]
+        later = [Recording(one.series, one.events[between(one.events, settle)], one.outcome) for one in recordings]
         return quiet_standing(later, low_pass=self.settings.low_pass)
 
     def drawn(self, found: Sequence[Told]) -> Figure:

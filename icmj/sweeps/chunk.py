@@ -13,6 +13,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base.array import between
 from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate
@@ -188,7 +189,7 @@ def tried_row(run: RunFile, plants: Sequence[PlantKind]) -> dict[str, Any]:
         pass
     for plant in plants:
         motion = simulate_trial(trial, plant)
-        moved = Moved(motion, rounds_of(motion), motion.y[motion.t >= motion.t[-1] / 2])
+        moved = Moved(motion, rounds_of(motion), motion.y[between(motion.t, motion.t[-1] / 2)])
         row |= columns.row_of(plant, TRIED, moved, trial.assumed.linearisation.plant.outputs)
         row |= {f"{plant}_{name}": value for name, value in columns.own(measured_by(trial.run, motion)).items()}
     return row

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from icmj.base.array import falling, leading
+from icmj.base.array import between, extent, falling, instants, leading, since, whole
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.eigenstructure import eigenstructure
@@ -16,6 +17,64 @@ from icmj.theory.orbit import critical_vectors
 from icmj.theory.return_map import multipliers
 
 EPS = np.finfo(float).eps
+
+
+def decimals(seed: int, count: int = 2000) -> list[Fraction]:
+    """Decimal fractions from a millisecond to a minute, exactly."""
+    random = np.random.default_rng(seed)
+    return [Fraction(int(n), int(10 ** random.integers(1, 4))) for n in random.integers(1, 60_000, count)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_grid_has_the_points_that_exact_fractions_have(seed: int) -> None:
+    random, naive = np.random.default_rng(seed), 0
+    for step in decimals(seed):
+        number = int(random.integers(1, 500))
+        end, first = step * number, int(random.integers(0, number))
+        assert whole(float(end) / float(step)) == number
+        assert len(instants(float(step), float(end), first)) == number - first + 1
+        # one that does not come out even, by a thousandth of a step
+        assert whole(float(end - step / 1000) / float(step)) == number - 1
+        assert -whole(-float(end + step / 1000) / float(step)) == number + 1
+        naive += int(float(end) / float(step)) != number
+    assert naive > 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_band_holds_the_lines_that_exact_fractions_are_in(seed: int) -> None:
+    random, naive = np.random.default_rng(seed), 0
+    for spacing in decimals(seed, 300):
+        low, high = sorted(spacing * int(k) for k in random.integers(0, 200, 2))
+        lines = [k * spacing for k in range(200)]
+        floats = np.fft.rfftfreq(400, float(1 / (400 * spacing)))[:200]  # of a rate that is measured
+        expected = np.array([low <= line <= high for line in lines])
+        np.testing.assert_array_equal(between(floats, float(low), float(high)), expected)
+        naive += ((floats >= float(low)) & (floats <= float(high)) != expected).any()
+    assert naive > 0
+
+
+def test_an_instant_is_at_a_cut_whichever_way_it_was_worked_out_and_just_before_it_is_before() -> None:
+    random, naive = np.random.default_rng(0), 0
+    for step in decimals(0):
+        number = int(random.integers(1, 500))
+        cut, t = float(step * number), float(step) * number
+        assert since(t, cut)
+        assert since(cut, t)
+        assert not since(cut * (1 - 1e-13), cut)
+        naive += t < cut
+    assert naive > 0
+    assert not since(1e9, np.inf)
+
+
+def test_equal_values_have_a_histogram() -> None:
+    for size in (0.0, 1e-12, 0.3, -7.0, 1e9):
+        values = size * (1 + EPS * np.array([0, 1, 0, -1, 2]))
+        low, high = extent(values)
+        counts, edges = np.histogram(values, 100, (low, high))
+        assert counts.sum() == 5
+        assert (np.diff(edges) > 0).all()
+        assert low < size < high
+    assert extent(np.array([1.0, 1.0 + 1e-6])) == (1.0, 1.0 + 1e-6)
 
 
 def shaken(values: np.ndarray, seed: int) -> np.ndarray:

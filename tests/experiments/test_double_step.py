@@ -1,5 +1,7 @@
 """Double steps: reaction times by definition of each kind of controller, to rounding and to the sampling interval."""
 
+from dataclasses import replace
+
 import double_step_cases as cases
 import numpy as np
 import pytest
@@ -184,6 +186,35 @@ def test_every_interval_and_direction_comes_as_often_in_an_order_of_its_seed() -
     assert np.abs(np.cumsum(made.sizes.ravel())).max() <= 6.0
     assert (double_steps((0.1, 0.5), 6, 2.0, recovery=(1.0, 1.5), seed=7).t == made.t).all()
     assert (double_steps((0.1, 0.5), 6, 2.0, recovery=(1.0, 1.5), seed=8).t != made.t).any()
+
+
+def test_the_shortest_interval_takes_part_whatever_the_times_of_its_steps_make_of_it() -> None:
+    """An interval is the difference of two times: of 0.1 s it is a bit more or less, as the seed has it."""
+    below = 0
+    for seed in range(6):
+        pairs = double_steps((0.1, 0.2, 0.3, 0.5), 3, seed=seed)
+        rt = 0.2 + np.column_stack([0 * pairs.isi, np.maximum(0, 0.35 - pairs.isi)])
+        at, under = (refractoriness(pairs.isi, rt, shortest=s, resamples=200).fixed for s in (0.1, 0.09))
+        assert at == under
+        below += refractoriness(pairs.isi, rt, resamples=200).isi[0] < 0.1
+    assert below > 0
+
+
+def test_a_record_that_just_suffices_is_taken_on_every_grid() -> None:
+    """From 0.2 s before the first step to ``latest`` after the last, and ``latest`` between pairs, in random rows."""
+    random, response, naive = np.random.default_rng(1), None, 0
+    for _ in range(30):
+        step = random.integers(5, 50) / 1000
+        early, latest, begin = -(-0.2 // step), random.integers(10, 20) * step, random.integers(0, 99) * step
+        at = early + np.cumsum([0, *(4, round(latest / step)) * 3, 4])
+        series = series_of(steps(*at.astype(int), rows=int(at[-1] + round(latest / step)) + 1), step=step)
+        series = replace(series, t=begin + series.t)
+        pairs = find_step_pairs(series, "r")
+        response = response or own_response(cases.controller("event", pairs))
+        earliest = 0.2 - early * step  # from the first row on
+        reconstruct_steps(series, "u", pairs, response=response, earliest=earliest, latest=latest)
+        naive += pairs.t[-1, 1] + latest > series.t[-1] or (pairs.t[1:, 0] - pairs.t[:-1, 1]).min() < latest
+    assert naive > 0
 
 
 def series_of(r, u=None, step=0.01):

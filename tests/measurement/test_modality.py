@@ -44,6 +44,14 @@ def test_the_critical_bandwidth_of_two_points_is_half_their_distance():
     assert found.bandwidth == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.parametrize("rest", [0.3, 0.3 * (1 + 2e-16 * np.arange(97))], ids=["equal", "but for rounding"])
+def test_what_rests_at_one_value_but_for_its_tails_has_one_mode(rest):
+    values = np.append(np.ones(97) * rest, [1.0, 2.0, 3.0])
+    for signal in (False, True):
+        found = modality(values, signal=signal, resamples=19)
+        assert (found.p, found.bandwidth) == (1.0, 0.0)
+
+
 def test_what_has_no_distribution_is_refused():
     for wrong, words in ((np.zeros(5), "expected at least 20"), (np.full(50, 3.0), "all values are the same")):
         with pytest.raises(DataError, match=words):

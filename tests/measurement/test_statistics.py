@@ -111,6 +111,15 @@ def test_numbers_of_a_run_known_by_construction() -> None:
     assert "at the least of 0.3 s in" in told.words
 
 
+@pytest.mark.parametrize("K", range(2, 13))
+def test_intervals_that_are_equal_but_for_rounding_have_statistics(K: int) -> None:
+    for interval in np.random.default_rng(K).integers(1, 900, 20) / 1000:
+        told = statistics(hand_made(np.full(K, interval), 0.0))
+        if told is not None and told.interval is not None:
+            assert told.counts.sum() == told.events
+            assert told.interval.value == pytest.approx(interval)
+
+
 def test_a_noisy_run_is_told_by_its_statistics() -> None:
     noise = Noise(input="torque", size=0.02, corner=0.5, seed=1)
     plant, controller = PENDULUM.scaled(0.8), event_controller(pendulum_design(), delta_min=0.25)

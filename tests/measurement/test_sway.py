@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -73,6 +74,27 @@ def test_frequencies_of_spectra_known_in_closed_form():
     assert np.isnan(frequencies(f[::1000], np.exp(-f[::1000])).slope)
     with pytest.raises(DataError, match="no two lines"):
         frequencies(f, f, (70, 80))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_slope_is_that_of_the_lines_which_are_in_its_band_exactly(seed):
+    """Durations and rates of which lines fall on 0.1 and 0.7 Hz; of a minute at 100 Hz both do."""
+    random, naive = np.random.default_rng(seed), 0
+    for _ in range(20):
+        rate, duration = int(random.choice([20, 25, 50, 100, 128, 200, 250])), 20 * int(random.integers(1, 6))
+        x = np.cumsum(random.standard_normal(rate * duration))
+        t = np.arange(len(x)) / rate
+        found = measure_sway(Series(t, x[:, None], ("x",), ("m",)))
+        length = len(x) // 2
+        inside = [k for k in range(length // 2) if Fraction(1, 10) <= Fraction(k * rate, length) <= Fraction(7, 10)]
+        assert Fraction(inside[0] * rate, length) == Fraction(1, 10)
+        assert Fraction(inside[-1] * rate, length) == Fraction(7, 10)
+        f, P = signal.welch(x, rate, "hann", length)
+        slope = np.polyfit(np.log(f[inside]), np.log(P[inside]), 1)[0]
+        assert found.coordinates[0].frequencies.slope == pytest.approx(slope, rel=1e-6)
+        lines = found.spectrum.frequency
+        naive += np.sum((lines >= 0.1) & (lines <= 0.7)) != len(inside)
+    assert naive > 0
 
 
 def test_the_low_pass_is_butterworths_run_forth_and_back():

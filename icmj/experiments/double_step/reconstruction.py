@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.base.card import Card, Shown
 from icmj.base.numbers import amount
 from icmj.controller.step_pairs import StepPairs
@@ -151,16 +151,18 @@ def _check(
         )
     if not earliest < latest:
         raise DataError(f"reaction times from {earliest:g} to {latest:g} s; expected the earliest before the latest")
-    if pairs.t[0, 0] + min(earliest, 0.0) - BEFORE < t[0] or pairs.t[-1, 1] + latest > t[-1]:
+    ends = np.array([pairs.t[0, 0] + min(earliest, 0.0) - BEFORE, pairs.t[-1, 1] + latest]) - t[0]
+    # counted from a row before the first, as no rounding is small relative to zero
+    if not between(ends + step, step, t[-1] - t[0] + step).all():
         raise DataError(
             f"the record is from {t[0]:g} to {t[-1]:g} s; expected {BEFORE - min(earliest, 0.0):g} s before the first "
             f"step ({pairs.t[0, 0]:g} s) and {latest:g} s after the last ({pairs.t[-1, 1]:g} s)"
         )
-    if pairs.isi.min() < 2 * step:
+    if not between(pairs.isi, 2 * step).all():
         raise DataError(
             f"steps {pairs.isi.min():g} s apart in rows {step:g} s apart; expected rows twice as close, or closer"
         )
-    if len(pairs) > 1 and (pairs.t[1:, 0] - pairs.t[:-1, 1]).min() < latest:
+    if not between(pairs.t[1:, 0] - pairs.t[:-1, 1], latest).all():
         at = int(np.argmin(pairs.t[1:, 0] - pairs.t[:-1, 1]))
         raise DataError(
             f"a pair at {pairs.t[at + 1, 0]:g} s begins before the response to the one before it may be over, "

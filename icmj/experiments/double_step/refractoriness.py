@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.base.card import Card, Shown
 from icmj.base.numbers import amount
 from icmj.errors import DataError
@@ -123,9 +123,9 @@ def refractoriness(
         raise DataError(f"{resamples} resamples; expected at least {FEWEST_RESAMPLES} for a confidence interval")
     each, times = usual(*reactions(isi, rt), outlying, alike)
     values, which = grouped(each, alike)
-    if (values >= shortest).sum() < FEWEST_INTERVALS:
+    if (left := int(between(values, shortest).sum())) < FEWEST_INTERVALS:
         raise DataError(
-            f"{int((values >= shortest).sum())} inter-step intervals of {shortest:g} s or more; expected at least "
+            f"{left} inter-step intervals of {shortest:g} s or more; expected at least "
             f"{FEWEST_INTERVALS} to estimate a trend"
         )
     count = np.bincount(which)
@@ -178,14 +178,14 @@ def reactions(isi: ArrayLike, rt: ArrayLike) -> tuple[Array, Array]:
 def usual(isi: Array, rt: Array, outlying: float, least: float) -> tuple[Array, Array]:
     """The pairs whose first reaction time is not far from the others'."""
     away = np.abs(rt[:, 0] - np.median(rt[:, 0])) if len(rt) else np.zeros(0)
-    kept = away <= max(outlying * _NORMAL * float(np.median(away)) if len(rt) else 0.0, least)
+    kept = between(away, 0.0, max(outlying * _NORMAL * float(np.median(away)) if len(rt) else 0.0, least))
     return isi[kept], rt[kept]
 
 
 def grouped(isi: Array, alike: float) -> tuple[Array, np.ndarray]:
     """Intervals that are the same but for how exactly times are known, as one: (K,) [s], and which each is (P,)."""
     order = np.argsort(isi, kind="stable")
-    new = np.diff(isi[order], prepend=-np.inf) > alike
+    new = ~between(np.diff(isi[order], prepend=-np.inf), 0.0, alike)
     which = np.empty(len(isi), dtype=int)
     which[order] = np.cumsum(new) - 1
     return np.array([isi[which == k].mean() for k in range(int(new.sum()))]), which
@@ -214,7 +214,7 @@ def _estimates(isi: Array, shortest: float, count: np.ndarray, mean: Array, vari
     """Free intercept, its slope, that of slope −1, largest interval, and range; shape (D, 5)."""
     rt1 = mean[:, :, 0] @ (count / count.sum())
     later = mean[:, :, 1] - rt1[:, None]
-    seen = isi >= shortest
+    seen = between(isi, shortest)
     free, slope = _broken_line(isi[seen], later[:, seen])
     fixed = _fixed_line(isi[seen], later[:, seen])
     return np.column_stack([free, slope, fixed, _largest(isi, count, mean, variance), np.ptp(mean[:, :, 1], axis=1)])
@@ -285,6 +285,6 @@ def _p_of(mean1: Array, n1: int, own: Array, means: Array, count: np.ndarray, wi
     n = np.append(n1, count)
     all_means = np.column_stack([mean1, means])
     grand = all_means @ n / n.sum()
-    between = ((all_means - grand[:, None]) ** 2) @ n / len(count)
+    across = ((all_means - grand[:, None]) ** 2) @ n / len(count)
     left = np.maximum((own + within) / (n.sum() - len(n)), 1e-24)
-    return np.asarray(fisher.sf(between / left, len(count), n.sum() - len(n)))
+    return np.asarray(fisher.sf(across / left, len(count), n.sum() - len(n)))

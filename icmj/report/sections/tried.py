@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
+from icmj.base.array import between
 from icmj.report.rivals import Rival
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
@@ -68,7 +69,7 @@ def _outputs(run: Tried) -> list[str]:
 def _row(run: Tried) -> dict[str, Any]:
     """RMS of every output over the second half of the run, weighted by time, and the outcome."""
     simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
-    late = simulation.t >= simulation.t[-1] / 2
+    late = between(simulation.t, simulation.t[-1] / 2)
     t, y = simulation.t[late], simulation.y[late]
     length = float(t[-1] - t[0])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -109,7 +110,7 @@ def rivals(found: Sequence[tuple[Sequence[Rival], tuple[Picture, Picture]]], fir
 
 def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
     simulation = rival.run.simulation
-    late = simulation.events.t[simulation.events.t >= simulation.t[-1] / 2]
+    late = simulation.events.t[between(simulation.events.t, simulation.t[-1] / 2)]
     return {
         "name": f"{number}. {rival.name}",
         "rate": numbers.number(len(late) / rival.sway.duration, 3),
