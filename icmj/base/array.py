@@ -71,10 +71,15 @@ def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
     """A new array of real numbers; complex numbers are accepted if their imaginary parts are zero.
 
     Raises:
-        error: if ``given`` is no array of numbers, or one has an imaginary part; the message begins with ``what``.
+        error: if ``given`` is no array of numbers, as truth and text are not, or one has an imaginary part; the message
+            begins with ``what``.
     """
     try:
         array = np.array(given)
+        # a list of both becomes an array of numbers
+        each = [array.dtype.type()] if isinstance(given, np.ndarray) else np.array(given, dtype=object).flat
+        if any(isinstance(value, bool | np.bool_ | str | bytes) for value in each):
+            raise TypeError
         if np.iscomplexobj(array):
             if np.any(array.imag):
                 raise error(

@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.controller.controller import Controller
 from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.keys import to_toml
+from icmj.runfile.keys import plain, to_toml
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings
@@ -49,7 +49,7 @@ def compose_run(
         | ({"sampling_delay": controller.sampling_delay} if controller.sampling_delay else {}),
         "simulation": _settings(settings or Settings()),
     }
-    return parse_run(FIRST + to_toml(_plain(data)), Path(f"{name}.toml"))
+    return parse_run(FIRST + to_toml(plain(data)), Path(f"{name}.toml"))
 
 
 def _plant(plant: LinearPlant) -> dict[str, Any]:
@@ -80,12 +80,3 @@ def _settings(settings: Settings) -> dict[str, Any]:
 def _source(source: Source) -> dict[str, Any]:
     on_body = getattr(source, "body", None) is not None
     return {key: value for key, value in asdict(source).items() if on_body or key not in ("force", "torque", "point")}
-
-
-def _plain(value: Any) -> Any:
-    """The same as plain Python data, without entries that are ``None``."""
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items() if each is not None}
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value

@@ -15,7 +15,7 @@ from icmj.runfile.family_tables import FamilyFile
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Rises with every change after which a file that was valid is not any more, or means something else."""
 KINDS: dict[str, tuple[type[BaseModel], str]] = {
     "run": (RunFile, "icmj run file"),

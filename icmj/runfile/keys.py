@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from typing import Any
+
+import numpy as np
 
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
@@ -52,6 +55,15 @@ def put(data: dict[str, Any], key: str, value: object) -> None:
         inside.pop(last, None)
     else:
         inside[last] = value
+
+
+def plain(value: object) -> Any:
+    """A copy in the types of TOML: of NumPy's numbers and arrays, and of tuples."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else deepcopy(value)
 
 
 def _check(key: str, said: str, inside: object, part: str | int) -> None:

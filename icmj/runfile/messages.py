@@ -7,6 +7,7 @@ may be, what it is, and for a key that does not exist the one that was probably 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import date, time
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -55,6 +56,8 @@ def short(value: object, longest: int = 60) -> str:
         value = dict(list(value.items())[:longest])
     elif isinstance(value, str):
         value = value[: 2 * longest]
+    elif isinstance(value, date | time):
+        return value.isoformat()
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # an integer with thousands of digits, a list in a list in a list …
@@ -77,11 +80,11 @@ def _resolve(loc: _Place, schema: type[BaseModel]) -> tuple[_Place, int | None, 
         if isinstance(part, int):
             place.append(part)
             annotation = _element(annotation)
+        elif len(models) > 1 and part in {_tag(model) for model in models}:  # first: "file" is a kind, and a key of it
+            annotation = next(model for model in models if _tag(model) == part)
         elif models and any(part in model.model_fields for model in models):
             place.append(part)
             annotation = next(m.model_fields[part].annotation for m in models if part in m.model_fields)
-        elif models and part in {_tag(model) for model in models}:
-            annotation = next(model for model in models if _tag(model) == part)
         elif models and len(models) == len(members):
             place.append(part)  # a key that does not exist
         elif tables and len(members) == 1:
@@ -195,7 +198,9 @@ def _expected(annotation: Any) -> str:
 
 
 def _plural(annotation: Any) -> str:
-    kinds = {float: "numbers", int: "whole numbers", str: "texts", bool: "true or false"}
+    kinds = {float: "numbers", int: "whole numbers", str: "texts", bool: "true or false", Any: "values"}
+    if choices := _choices(annotation):
+        return _either([repr(choice) for choice in choices])
     return " or ".join(kinds.get(member, "tables") for member in _members(annotation))
 
 

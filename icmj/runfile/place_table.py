@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from icmj.errors import SimulationError
 from icmj.plant.push import ZERO
-from icmj.runfile.table import Finite, TomlTable
+from icmj.runfile.table import LISTED, Finite, TomlTable
 from icmj.simulation.sources import On, Source
 from icmj.simulation.surface import tilted
 
-Vector = tuple[Finite, Finite, Finite]
+Vector = Annotated[tuple[Finite, Finite, Finite], LISTED]
 
 
 class PlaceTable(TomlTable):

@@ -15,6 +15,8 @@ from icmj.plant.change import Change, What
 from icmj.plant.person import Person
 from icmj.plant.selection import OperatingKind, OperatingRule, Selection
 from icmj.runfile.table import (
+    CHOICE,
+    LISTED,
     Finite,
     Matrix,
     NonNegative,
@@ -93,7 +95,7 @@ class PersonTable(TomlTable):
     """Height of the person [m]."""
     mass: Positive = 80.0
     """Mass of the person [kg]."""
-    stiffness: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.8, 0.8)
+    stiffness: Annotated[tuple[NonNegative, NonNegative, NonNegative], LISTED] = (0.0, 0.8, 0.8)
     """Passive stiffness of ankle, knee and hip, as shares of the toppling stiffness."""
     damping: NonNegative = 0.005
     """Passive damping of every joint, divided by its toppling stiffness [s]."""
@@ -121,7 +123,7 @@ class ActivationTable(TomlTable):
     One number applies to all inputs; ``{ ankle = 0.1, hip = 0.05 }`` adds a lag only to the inputs that it names.
     """
 
-    order: Literal[0, 1, 2]
+    order: Annotated[Literal[0, 1, 2], CHOICE]
     """Order of the lag: 1 is ``1/(τs + 1)``, 2 is ``ω₀²/(s² + 2ζω₀s + ω₀²)``; 0 is none where the assumed plant has
     one."""
     time_constant: _Each | None = None

@@ -7,7 +7,6 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,7 +18,7 @@ from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.kept import Kept
-from icmj.runfile.keys import put, to_toml
+from icmj.runfile.keys import plain, put, to_toml
 from icmj.runfile.law_tables import AnyController, Channelled, DelayedPIDTable, OwnController, Predictor, Switching
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
@@ -27,6 +26,7 @@ from icmj.runfile.setpoint_tables import SetpointTable, followed_files
 from icmj.runfile.simulation_tables import SimulationTable, StudyTable
 from icmj.runfile.source_tables import drawn_of
 from icmj.runfile.table import (
+    CHOICE,
     MOST,
     Line,
     Positive,
@@ -46,7 +46,7 @@ class Paper(TomlTable):
     """Name of the figure in the source of the paper, by which the report finds its statements."""
     delta_crit: Positive | None = None
     """Critical interval as printed [s]."""
-    eigenvalue: Literal[1, -1] | None = None
+    eigenvalue: Annotated[Literal[1, -1], CHOICE] | None = None
     """Eigenvalue at the critical interval."""
     cycle: bool | None = None
     """Whether a limit cycle is reported."""
@@ -123,7 +123,7 @@ class RunFile(TomlTable):
         data = self._data()
         for key, value in changes.items():
             try:
-                put(data, key, deepcopy(value))
+                put(data, key, plain(value))
             except RunFileError as error:
                 raise RunFileError(f"{self._path}: {error}") from error
         changed = type(self).validated(data, self._path)

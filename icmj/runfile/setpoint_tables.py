@@ -15,7 +15,7 @@ from icmj.controller.setpoint import Target, polygon, pulse, ramp, sines, step, 
 from icmj.controller.step_pairs import StepPairs, double_steps
 from icmj.errors import AnalysisError, RunFileError
 from icmj.runfile.sampled_tables import read_column
-from icmj.runfile.table import MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
+from icmj.runfile.table import LISTED, MOST, Finite, Line, NonNegative, Numbers, Positive, Positives, TomlTable
 
 MOST_STEPS = 10_000  # of pairs of steps
 MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a run carries
@@ -162,7 +162,7 @@ class DoubleStepsSetpoint(TargetTable):
     """Inter-step intervals, from the first to the second step [s]."""
     repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
     """Number of repetitions of each interval in each direction."""
-    recovery: tuple[Positive, Positive] = (2.0, 3.0)
+    recovery: Annotated[tuple[Positive, Positive], LISTED] = (2.0, 3.0)
     """Shortest and longest time from a pair to the next [s]. Times are uniformly distributed between them."""
     directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
     """Directions of the second step."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from icmj.controller.setpoint import TERNARY_INTERVALS
-from icmj.runfile.table import MOST, Finite, Line, NonNegative, Positive, Positives, TomlTable
+from icmj.runfile.table import LISTED, MOST, Finite, Line, NonNegative, Positive, Positives, TomlTable
 
 _Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]
 _Text = Annotated[Line, Field(min_length=1)]
@@ -38,7 +38,7 @@ class IntersectionPointTable(TomlTable):
     """
     angle: _Text = "force_angle"
     """For a recording: column of the angle −F_x / F_z [rad, deg]. Without it, the angle is computed from ``force``."""
-    force: tuple[_Text, _Text] = ("force.x", "force.z")
+    force: Annotated[tuple[_Text, _Text], LISTED] = ("force.x", "force.z")
     """For a recording: columns of the horizontal and the vertical force."""
     cop: _Text = "cop.x"
     """For a recording: column of the centre of pressure [m, cm, mm]."""
@@ -180,7 +180,7 @@ class DoubleStepTable(TomlTable):
     """Number of repetitions of each interval in each direction, in one trial."""
     directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
     """Directions of the second step. A reversal is twice as large as the step before it."""
-    recovery: tuple[Positive, Positive] = (2.0, 3.0)
+    recovery: Annotated[tuple[Positive, Positive], LISTED] = (2.0, 3.0)
     """Shortest and longest time from a pair to the next [s]."""
     rate: _Rate = 100.0
     """Sampling rate [Hz]."""

@@ -103,9 +103,12 @@ def _listed(vary: VaryTable) -> tuple[Value, ...]:
     if vary.values is not None:
         return tuple(vary.values)
     assert vary.count is not None
+    assert vary.low is not None
+    assert vary.high is not None
     values = _between(vary, np.linspace(0, 1, vary.count))
-    # both ends are as they were written
-    return (vary.low, *map(float, values[1:-1]), vary.high)
+    # both ends are as they were written; a field of whole numbers, such as a seed, takes only those
+    each = (vary.low, *map(float, values[1:-1]), vary.high)
+    return tuple(int(value) if value.is_integer() else value for value in each)
 
 
 def _kind(listed: tuple[Value, ...]) -> str:
