@@ -31,6 +31,18 @@ class AnalysisError(IcmjError):
     """A matrix or an interval given to the analysis has the wrong shape or is not finite."""
 
 
+def expect(value: object, kind: type, what: str, instead: str = "") -> None:
+    """Check the class of an argument; ``what`` it is for begins the message, and what to do ``instead`` ends it.
+
+    Raises:
+        AnalysisError: if it is of another class.
+    """
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        words = f"{what} takes {article} {kind.__name__}, got {type(value).__name__}"
+        raise AnalysisError(words + (f"; {instead}" if instead else ""))
+
+
 def beyond_arithmetic(error: BaseException) -> bool:
     """Whether an unforeseen error of linear algebra means that numbers differ too much in magnitude."""
     return type(error).__name__ in ("LinAlgError", "OverflowError")

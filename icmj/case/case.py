@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
@@ -14,21 +14,21 @@ from icmj.base.card import Card, Shown
 from icmj.base.environment import single_threaded
 from icmj.base.numbers import count
 from icmj.base.text import did_you_mean
-from icmj.case.designs import controlled
+from icmj.case.designs import controlled, setpoint_of
 from icmj.case.doubts import doubts, followed, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.controller.setpoint import Setpoint, setpoint
+from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pressure import with_pressure
-from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError
+from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, named
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import targets
+from icmj.runfile.setpoint_tables import SetpointTable
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
@@ -45,7 +45,7 @@ class Case(Shown):
     Attributes:
         run: the run file.
         assumed, actual: the plants, each with its linearisation: MuJoCo models, or plants given by matrices.
-        controller: design on the assumed plant, hold and event rule.
+        controller: design on the assumed plant, hold, event rule, delay and set-point.
         rule: the event rule, which is the controller's trigger.
         settings: settings of its runs.
         system: error system of the actual plant under that controller.
@@ -69,10 +69,10 @@ class Case(Shown):
         limits = reach(self.actual, self.prediction)
         return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
 
-    @cached_property
+    @property
     def setpoint(self) -> Setpoint | None:
-        """The set-point r(t) of its runs, ``None`` if there is none; theory, cycles and growth apply to r = 0."""
-        return setpoint(self.controller.plant, targets(self.run.setpoint, self.run.simulation.duration, self.run.path))
+        """The set-point r(t) of its controller, ``None`` if there is none; the prediction applies to r = 0."""
+        return self.controller.setpoint
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -117,6 +117,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         ModelError: if a property of a plant makes a prediction meaningless and the run file does not allow it.
         ModelError, DesignError, AnalysisError: if a plant, a design or the analysis fails.
     """
+    expect(run, RunFile, "prepare")
     run.intermittent  # noqa: B018, nothing is loaded for another controller
     run = run.drawn()
     known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
@@ -132,9 +133,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
         prediction = predict(system, rule, delta_max=run.analysis.delta_max, progress=progress)
-        case = Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
-        _ = case.setpoint  # what it cannot be is told before anything is run
-        return case
+        return Case(run, assumed, actual, controller, rule, run.simulation.settings(), system, prediction, notices)
     except IcmjError as error:
         reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
@@ -142,31 +141,44 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
 
 
 def revised(case: Case, run: RunFile) -> Case:
-    """The same case under a run file that differs only in the threshold q_t and in settings of simulation and study.
+    """The same case under a run file that differs only in q_t, its set-point, and settings of simulation and study.
 
-    Nothing is loaded or searched again: all that theory says of another threshold is that sizes are in proportion.
+    Nothing is loaded or searched again: all that theory says of another threshold is that sizes are in proportion, and
+    of a set-point it says nothing.
 
     Raises:
         RunFileError: if it departs in anything else, or names what the plants do not have.
+        AnalysisError: if the assumed plant has no such set-point.
     """
     known = case.run
+    _expect_known(run, run.simulation.duration, known.simulation.duration)
+    run = run.drawn()
     same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
     control = run.intermittent.model_copy(update={"q_t": known.intermittent.q_t})
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
     check_names(run, case.assumed.linearisation.plant, case.actual)
     rule = run.intermittent.trigger(case.controller.design, run.code)
+    with named(run.path):
+        followed = setpoint_of(run, case.controller.plant)
     prediction = case.prediction
     if rule.size != case.rule.size:
         prediction = scaled(prediction, rule.size / case.rule.size)
     return replace(
         case,
         run=run,
-        controller=case.controller.triggered_by(rule),
+        controller=replace(case.controller.triggered_by(rule), setpoint=followed),
         rule=rule,
         settings=run.simulation.settings(),
         prediction=prediction,
     )
+
+
+def undriven(case: Case) -> Case:
+    """The same case without set-point and disturbances: the loop itself, of which eigenvalues and orbits are."""
+    controller, settings = replace(case.controller, setpoint=None), replace(case.settings, disturbance=())
+    run = case.run.with_(**{"setpoint": None, "simulation.disturbance": None})
+    return replace(case, run=run, controller=controller, settings=settings)
 
 
 def simulate(
@@ -187,17 +199,18 @@ def simulate(
         trigger: a clock or continuous control, to replace the case's event rule.
         start: state of plant, observer and, if given, hold at t = 0, instead of the states of the run file; shapes
             (n,), (n̂,), (n̂,).
-        duration: duration instead of that of the run file [s].
+        duration: duration instead of that of the run file [s]; not longer, if the run file has a set-point or a
+            disturbance that is read, drawn or computed to its end.
         refinement: factor on the timestep of the run file or, without one, of the model; a tolerance is multiplied by
             its fourth power.
         progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
         SimulationError: if the simulation cannot be started.
+        AnalysisError: if it is no case.
     """
+    expect(case, Case, "simulate", "a Trial is simulated by simulate_trial")
     parts = _parts(case, plant, trigger, duration, refinement)
-    if case.setpoint:
-        parts = (parts[0], replace(parts[1], setpoint=case.setpoint), parts[2])
     x0, x_o0, x_h0 = (*(start or (None, None)), None)[:3]
     run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
     on_floor = plant == "linear" and isinstance(case.actual, MujocoPlant)
@@ -233,6 +246,7 @@ def simulate_plant(
         SimulationError, ModelError, AnalysisError: if plant and controller do not fit together, or the initial state is
             invalid.
     """
+    expect(controller, Law, "simulate_plant", "give case.controller, or trial.law")
     if isinstance(plant, LinearPlant):
         plant = matched(plant, controller.plant, match)
         from icmj.linear.run import simulate as simulate_linear
@@ -262,8 +276,10 @@ def open_loop(
         duration: maximum duration of the simulation [s], counted from t = 0; by default that of the run file.
 
     Raises:
-        SimulationError: if the simulation cannot be prepared.
+        SimulationError: if the simulation cannot be prepared, or the case has a set-point.
+        AnalysisError: if it is no case.
     """
+    expect(case, Case, "open_loop", "a Trial has no events from which an interval could begin")
     parts = _parts(case, plant, trigger, duration, refinement)
     if plant == "linear":
         from icmj.linear.open_loop import open_loop as linear_open_loop
@@ -278,8 +294,10 @@ def _parts(
     case: Case, plant: PlantKind, trigger: Trigger | None, duration: float | None, refinement: float
 ) -> tuple[Any, Controller, Settings]:
     """Plant, controller and settings of a run of the case."""
+    expect_plant(plant)
     settings = case.settings
     if duration is not None:
+        _expect_known(case.run, duration, case.run.simulation.duration, case.run.setpoint)
         settings = replace(settings, duration=duration)
     controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
     if refinement != 1.0 and plant == "mujoco":
@@ -287,6 +305,32 @@ def _parts(
 
         settings = refined(case.model, controller, settings, refinement)
     return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings
+
+
+def expect_plant(plant: str) -> None:
+    """Check the name of a plant.
+
+    Raises:
+        SimulationError: if it is another.
+    """
+    if plant not in get_args(PlantKind):
+        raise SimulationError(f"plant {plant!r}; expected one of {', '.join(get_args(PlantKind))}")
+
+
+def _expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
+    """Refuse a duration [s] beyond the ``end`` [s] to which what came from code or a file, or is a sequence, is known.
+
+    Raises:
+        RunFileError: if it is longer, and there is such a disturbance in the run file, or such a set-point.
+    """
+    made_by = (vars(table).get("made_by") for table in run.simulation.disturbance)
+    known = [f"disturbance from {origin}" for origin in made_by if origin]
+    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.kind in ("ternary", "file")]
+    if known and duration > end:
+        raise RunFileError(
+            f"{run.path}: its {known[0]} is known for a run of {end:g} s, not of {duration:g} s; set "
+            "simulation.duration in the run file"
+        )
 
 
 def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:

@@ -10,7 +10,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
 from icmj.controller.law import Law
-from icmj.controller.setpoint import setpoint
+from icmj.controller.setpoint import Setpoint, setpoint
 from icmj.controller.trigger import EventRule
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant
@@ -24,13 +24,25 @@ from icmj.runfile.setpoint_tables import targets
 def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
     """The controller of a run file and its event rule, for its assumed plant; with a ``design`` that is at hand.
 
+    The set-point is part of it, so that whatever simulates the controller follows the set-point.
+
     Raises:
-        DesignError, AnalysisError: if the weights give none, or rule or delay do not fit.
+        DesignError, AnalysisError: if the weights give none, or rule, delay or set-point do not fit.
+        RunFileError: if a file of the set-point cannot be read.
     """
     design = design or designed(assumed.linearisation.plant, run.design)
     rule = run.intermittent.trigger(design, run.code)
     hold, late = run.intermittent.made_hold(design, run.code), run.intermittent.sampling_delay
-    return Controller(design, hold, rule, delay_of(run), sampling_delay=late), rule
+    return Controller(design, hold, rule, delay_of(run), setpoint_of(run, design.plant), sampling_delay=late), rule
+
+
+def setpoint_of(run: RunFile, assumed: LinearPlant) -> Setpoint | None:
+    """The set-point of a run file, until the end of its run; ``None`` if it has none.
+
+    Raises:
+        RunFileError, AnalysisError: if a file of it cannot be read, or the assumed plant has no such set-point.
+    """
+    return setpoint(assumed, targets(run.setpoint, run.simulation.duration, run.path))
 
 
 def rival(run: RunFile, assumed: LinearPlant) -> Law:
@@ -43,8 +55,7 @@ def rival(run: RunFile, assumed: LinearPlant) -> Law:
     table, delay = run.rival, delay_of(run)
     if not isinstance(table, Predictor):
         return table.law(assumed, delay.t_d, run.code)
-    followed = setpoint(assumed, targets(run.setpoint, run.simulation.duration, run.path))
-    return table.predictor(designed(assumed, run.design), delay, followed)
+    return table.predictor(designed(assumed, run.design), delay, setpoint_of(run, assumed))
 
 
 def designed(plant: LinearPlant, weights: Weights) -> Design:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from icmj.case.plants import AnyPlant
 from icmj.controller.controller import Controller
 from icmj.engine.plant import MujocoPlant
-from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.errors import AnalysisError, expect
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched
 
 if TYPE_CHECKING:
@@ -43,10 +43,13 @@ def to_iosystem(
         match: how inputs and outputs of the plant are assigned to those of the controller's model.
 
     Raises:
-        AnalysisError: if there is a delay or a set-point, an event rule without ``dt`` or ``dt`` without an event rule,
-            a MuJoCo model under other than continuous control, or plant and controller do not fit together.
+        AnalysisError: if the controller is not intermittent, if there is a delay or a set-point, an event rule without
+            ``dt`` or ``dt`` without an event rule, a MuJoCo model under other than continuous control, or plant and
+            controller do not fit together.
     """
-    linear = plant if isinstance(plant, LinearPlant) else plant.linearisation.plant
+    given: Any = plant
+    linear: LinearPlant = getattr(getattr(given, "linearisation", None), "plant", given)
+    expect_linear(linear, "the plant")
     engine = plant if isinstance(plant, MujocoPlant) else None
     if controller is None:
         if engine is None:
@@ -54,6 +57,8 @@ def to_iosystem(
         from icmj.engine.dynamics import plant_system
 
         return plant_system(engine)
+    words = "it has no such form; simulate it with simulate_plant, and take to_timeresponse() of the run"
+    expect(controller, Controller, "to_iosystem", words)
     trigger = controller.trigger
     if len(controller.realisation.signals):
         raise AnalysisError(

@@ -13,14 +13,14 @@ import numpy as np
 
 from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
-from icmj.case.case import PlantKind, check_names, simulate_plant
+from icmj.case.case import PlantKind, check_names, expect_plant, simulate_plant
 from icmj.case.designs import rival
 from icmj.case.doubts import doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
 from icmj.engine.plant import MujocoPlant
-from icmj.errors import RunFileError, SimulationError, named
+from icmj.errors import RunFileError, SimulationError, expect, named
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
@@ -54,8 +54,12 @@ class Trial:
 
 
 @single_threaded()
-def prepare_trial(run: RunFile) -> Trial:
+def prepare_trial(run: RunFile, like: Trial | None = None) -> Trial:
     """Load and linearise both plants, and make the controller.
+
+    Args:
+        run: the run file.
+        like: another trial, whose plants are reused if the run files agree on them.
 
     Raises:
         RunFileError: if the controller of the run file is intermittent, or the run file names something that its
@@ -63,16 +67,22 @@ def prepare_trial(run: RunFile) -> Trial:
         ModelError, AnalysisError: if a plant or the controller fails.
         SimulationError: if a disturbance needs another controller.
     """
+    expect(run, RunFile, "prepare_trial")
     run.rival  # noqa: B018, nothing is loaded for the intermittent one
     run = run.drawn()
-    assumed = assumed_plant(run)
-    actual = actual_plant(run, assumed)
+    same = like and (like.run.assumed, like.run.actual, like.run.path) == (run.assumed, run.actual, run.path)
+    assumed, actual = (like.assumed, like.actual) if like and same else _plants(run)
     check_names(run, assumed.linearisation.plant, actual)
     told = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     with named(run.path):
         law, settings = rival(run, assumed.linearisation.plant), run.simulation.settings()
         expect_held(law, settings)
     return Trial(run, assumed, actual, law, settings, (*told, *slow_noise(settings)))
+
+
+def _plants(run: RunFile) -> tuple[AnyPlant, AnyPlant]:
+    assumed = assumed_plant(run)
+    return assumed, actual_plant(run, assumed)
 
 
 def simulate_trial(
@@ -82,7 +92,10 @@ def simulate_trial(
 
     Raises:
         SimulationError: if the simulation cannot be started.
+        AnalysisError: if it is no trial.
     """
+    expect(trial, Trial, "simulate_trial", "a Case is simulated by simulate")
+    expect_plant(plant)
     if plant == "linear":
         there: AnyPlant | object = linear_plant(trial.actual, trial.settings)
     elif isinstance(trial.actual, MujocoPlant):

@@ -24,7 +24,7 @@ from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Realisation
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 MOST = 5  # channels that switch: the table of modes has 8^m entries
 
@@ -104,6 +104,7 @@ class SwitchingChannels(Law):
     delay: float
 
     def __post_init__(self) -> None:
+        expect_linear(self.assumed, "the assumed plant")
         inputs = self.assumed.inputs
         if not self.channels:
             raise AnalysisError("a switching controller needs at least one channel")

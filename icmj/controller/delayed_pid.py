@@ -23,7 +23,7 @@ from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,7 @@ class DelayedPID(Law):
     force_time: float = 1.0
 
     def __post_init__(self) -> None:
+        expect_linear(self.assumed, "the assumed plant")
         inputs, outputs = self.assumed.inputs, self.assumed.outputs
         named = {"position": self.position, "rate": self.rate} | ({"force": self.force} if self.force else {})
         for what, name in named.items():

@@ -30,6 +30,7 @@ class Design:
     L: Array
 
     def __post_init__(self) -> None:
+        expect_linear(self.plant, "the plant of the design")
         k, L = np.atleast_2d(real(self.k, "k", DesignError)), np.atleast_2d(real(self.L, "L", DesignError))
         if k.shape != (self.plant.n_u, self.plant.n) or L.shape != (self.plant.n, self.plant.n_y):
             raise DesignError(

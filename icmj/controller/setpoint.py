@@ -21,7 +21,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 _REST = 1e-9  # relative: what a steady state may miss, by rounding of its equations
 _REGISTER, _TAPS = (2, 0, 2, 0, 2), (0, 0, 1, -1, -1)
@@ -122,10 +122,11 @@ def setpoint(plant: LinearPlant, targets: Sequence[Target]) -> Setpoint | None:
     smallest state.
 
     Raises:
-        AnalysisError: if a target names something that is neither an output nor a state of the plant, if two targets
-            with the same name differ in their combination, or if the plant has no such steady state: it cannot rest
-            there, or there are too many set-points.
+        AnalysisError: if the plant is not linear, if a target names something that is neither an output nor a state of
+            it, if two targets with the same name differ in their combination, or if the plant has no such steady state:
+            it cannot rest there, or there are too many set-points.
     """
+    expect_linear(plant, "the assumed plant")
     if not targets:
         return None
     rows: dict[str, Array] = {}

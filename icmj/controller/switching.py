@@ -23,7 +23,7 @@ from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Realisation
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 ON, OFF = 0, 1
 
@@ -72,6 +72,7 @@ class SwitchingPD(Law):
     switches: bool = True
 
     def __post_init__(self) -> None:
+        expect_linear(self.assumed, "the assumed plant")
         n_u, outputs = self.assumed.n_u, self.assumed.outputs
         for what, name in (("position", self.position), ("rate", self.rate)):
             if name not in outputs:

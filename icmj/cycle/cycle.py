@@ -16,7 +16,7 @@ from icmj.case.plants import linear_plant
 from icmj.cycle.jacobian import fast_jacobian, jacobian, multipliers
 from icmj.cycle.newton import CLOSED, Closed, Guess, from_prediction, from_simulation, newton, shortest
 from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
-from icmj.errors import CycleError
+from icmj.errors import CycleError, expect
 
 Start = Literal["auto", "prediction", "simulation"]
 LONGEST = 20.0  # of the first guess's intervals: a flight this long without an event does not come back
@@ -126,6 +126,8 @@ def find_cycle(
 ) -> Cycle:
     """The cycle of a case that is nearest to a first guess, by Newton's method on the return map.
 
+    Like the prediction, it is that of r = 0, as the notices of a case with a set-point say.
+
     Args:
         case: the case.
         plant: ``linear`` or ``mujoco``.
@@ -141,10 +143,12 @@ def find_cycle(
         CycleError: if there is no cycle near the guess, with the reason, or if a disturbance changes in time.
         SimulationError: if a flight cannot be prepared.
     """
+    expect(case, Case, "find_cycle", "a cycle of switched feedback is computed by icmj cycle")
     rule = case.rule if size is None else case.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
     actual = linear_plant(case.actual, settings) if plant == "linear" else case.model
-    loop = ReturnMap(actual, case.controller.triggered_by(rule), settings).refined(refinement)
+    controller = replace(case.controller.triggered_by(rule), setpoint=None)
+    loop = ReturnMap(actual, controller, settings).refined(refinement)
     orbit = case.prediction.orbit
     if start == "auto":
         start = "prediction" if orbit is not None and np.isfinite(orbit.gamma) else "simulation"

@@ -149,8 +149,8 @@ class Family:
         )
         designed = (self._bare(run), run.design)
         design = self._once("design", designed, lambda: controlled(run, assumed)[0].design)
-        controller, _ = controlled(run, assumed, design)
-        settings = run.simulation.settings()
+        controller = replace(controlled(run, assumed, design)[0], setpoint=None)
+        settings = run.drawn().simulation.settings()
         if longest is not None:
             settings = replace(settings, duration=longest)
         if self.plant == "linear":

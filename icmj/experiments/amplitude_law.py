@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import Case, simulate
+from icmj.case.case import Case, simulate, undriven
+from icmj.errors import expect
 from icmj.measurement.measurement import measure
 from icmj.result.result import AmplitudeLaw
 
@@ -22,10 +23,14 @@ REFINEMENT = 0.5  # of the run file's timestep: at the smallest thresholds the e
 def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
     """Simulate the case in MuJoCo at each threshold, starting on the predicted orbit, and fit the slopes.
 
+    Like the predicted orbit, it is of the loop itself: set-point and disturbances of the case are left out.
+
     Returns:
         The law; ``None`` if no attracting cycle is predicted or there are fewer than two thresholds. A threshold at
         which the run does not settle has NaN errors and is left out of the fit.
     """
+    expect(case, Case, "measure_law")
+    case = undriven(case)
     orbit, trigger = case.prediction.orbit, case.rule
     if len(q_t) < 2 or orbit is None or case.prediction.verdict != "attracting":
         return None

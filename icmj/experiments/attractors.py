@@ -10,7 +10,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
-from icmj.errors import SimulationError
+from icmj.errors import SimulationError, expect
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import Measurement, event_states, measure, reduced_states
 from icmj.plant.linear_plant import LinearPlant, transformation
@@ -58,9 +58,10 @@ def attractors(
             :func:`icmj.case.case.simulate_plant`.
 
     Raises:
-        AnalysisError: if they do not correspond.
+        AnalysisError: if they do not correspond, or the controller is not intermittent.
         SimulationError: as :func:`icmj.linear.run.simulate`, or if the run that sets the scale stays at zero.
     """
+    expect(controller, Controller, "the search for attractors", "simulate other controllers from starts of your own")
     plant = matched(plant, controller.design.plant, match)
     T_hat = transformation(controller.design.plant, plant)
     settings = replace(settings, limit=1e9, record_interval=settings.duration / 50)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.case.case import Case, PlantKind, open_loop
+from icmj.case.case import Case, PlantKind, open_loop, undriven
 from icmj.controller.trigger import ClockTrigger
-from icmj.errors import SimulationError
+from icmj.errors import SimulationError, expect
 from icmj.measurement.measurement import growth_per_interval, reduced_states
 from icmj.result.result import Growth
 
@@ -17,12 +17,15 @@ INTERVALS = 6  # the least that a growth is measured from
 def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
     """Simulate the case under clocks with intervals around Δ_crit, and measure the growth of x̄ from event to event.
 
-    Each run starts along the dominant eigenvector of φ(Δ), so that the growth appears immediately.
+    Each run starts along the dominant eigenvector of φ(Δ), so that the growth appears immediately. Like φ(Δ), it is of
+    the loop itself: set-point and disturbances of the case are left out.
 
     Returns:
         The points; ``None`` if ``points`` is 0. If Δ_crit is undefined, they are spread over the interval searched.
         Values that overflow are NaN.
     """
+    expect(case, Case, "measure_growth")
+    case = undriven(case)
     if points == 0:
         return None
     delta_crit = case.prediction.delta_crit

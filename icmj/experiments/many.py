@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,18 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, instants
 from icmj.base.card import Card, Shown
-from icmj.case.case import Case, PlantKind, prepare, simulate, simulate_plant
+from icmj.case.case import Case, PlantKind, prepare, revised, simulate, simulate_plant
 from icmj.case.plants import linear_plant
-from icmj.errors import SimulationError
+from icmj.case.trial import Trial, prepare_trial, simulate_trial
+from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import FEWEST, measure_sway
+from icmj.runfile.messages import short
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Gaussian, Noise
-from icmj.work.workers import Task, Workers, processors
+from icmj.work.workers import Task, Workers, processes
 
 SIGNALS = ("x", "y", "u", "x_o", "x_h")
 NAMES = (*SIGNALS, "events", "sway")
@@ -37,7 +40,7 @@ class Batch(Shown):
     """Many runs of one case; see :func:`simulate_many`.
 
     Attributes:
-        file: the run file from which all runs are derived.
+        base: the case or trial of which all runs are.
         seeds: seed of each run, shape (n,).
         varied: varied values by key of the run file, each of shape (n,).
         t: times of the rows of the signals [s], shape (K,).
@@ -45,7 +48,7 @@ class Batch(Shown):
         kept: the requested quantities by name, each of shape (n, …); see :func:`simulate_many`.
     """
 
-    file: RunFile
+    base: Case | Trial
     seeds: np.ndarray
     varied: Mapping[str, np.ndarray]
     t: Array
@@ -59,10 +62,9 @@ class Batch(Shown):
         """The quantity that was kept under this name."""
         return self.kept[name]
 
-    def case(self, index: int) -> Case:
-        """The case of one of these runs, which can be simulated again with its complete record."""
-        varied = {key: values[index].item() for key, values in self.varied.items()}
-        case = prepare(self.file.with_(**varied) if varied else self.file)
+    def case(self, index: int) -> Case | Trial:
+        """The case or trial of one of these runs, which can be simulated again with its complete record."""
+        case = _varied(self.base, {key: values[index].item() for key, values in self.varied.items()})
         return replace(case, settings=reseeded(case.settings, int(self.seeds[index])))
 
     def card(self) -> Card:
@@ -72,9 +74,14 @@ class Batch(Shown):
         words = ", ".join(f"{count} {kind}" for kind, count in ended.items())
         return Card(f"{len(self)} runs of {self.file.case.name}: {words}", rows)
 
+    @property
+    def file(self) -> RunFile:
+        """The run file of all runs, before the varied values."""
+        return self.base.run
+
 
 def simulate_many(
-    case: Case,
+    case: Case | Trial,
     n: int | None = None,
     *,
     plant: PlantKind = "linear",
@@ -87,7 +94,7 @@ def simulate_many(
     """Simulate one case many times, with different noise seeds or values, and keep the same quantities of every run.
 
     Args:
-        case: the case.
+        case: the case, or the trial of a controller that is not intermittent.
         n: number of runs; by default the number of ``seeds`` or of values to ``vary``.
         plant: ``linear`` or ``mujoco``.
         seeds: one seed for each run, by default 0, 1, 2, …. Together with the seed of each noise it determines the
@@ -105,35 +112,44 @@ def simulate_many(
         progress: called repeatedly with the completed fraction, 0–1.
 
     Raises:
-        SimulationError: if numbers of runs differ, or a quantity to be kept is unknown.
+        SimulationError: if numbers of runs differ, a seed or a number is not whole, or a quantity to be kept is unknown
+            or, from a function, no table of numbers.
         RunFileError: if a key is unknown, or a value not allowed.
+        AnalysisError: if it is neither case nor trial.
+        StudyError: if the number of processes is not positive.
     """
-    varied = {key: np.asarray(values) for key, values in (vary or {}).items()}
-    lengths = {key: len(np.atleast_1d(values)) for key, values in varied.items()}
-    if seeds is not None:
-        lengths["seeds"] = len(seeds)
+    expect(case, Trial if isinstance(case, Trial) else Case, "simulate_many")
+    varied = {key: _vector(key, values) for key, values in (vary or {}).items()}
+    each = None if seeds is None else _seeds(seeds)
+    lengths = {key: len(values) for key, values in varied.items()} | ({} if each is None else {"seeds": len(each)})
     n = n if n is not None else next(iter(lengths.values()), 1)
     wrong = [f"{key} has {length}" for key, length in lengths.items() if length != n]
-    if wrong or n < 1 or any(values.ndim != 1 for values in varied.values()):
-        raise SimulationError(
-            f"{n} runs, but {', '.join(wrong) or 'a value for each is asked for'}; give one for each run"
-        )
-    unknown = [] if callable(keep) else [name for name in keep if name not in NAMES]
+    if not _whole(n) or n < 1:
+        raise SimulationError(f"n: {short(n)}; expected a whole number of runs, at least 1")
+    if wrong:
+        raise SimulationError(f"{n} runs, but {', '.join(wrong)}; give one for each run")
+    each = np.arange(n) if each is None else each
+    unknown = [] if callable(keep) or isinstance(keep, str) else [name for name in _listed(keep) if name not in NAMES]
     if unknown or isinstance(keep, str):
         raise SimulationError(f"keep: {unknown[:1] or [keep]}; expected some of {', '.join(NAMES)}, or a function")
-    each = np.arange(n) if seeds is None else np.asarray(seeds, dtype=np.int64)
-    if (each < 0).any():
-        raise SimulationError(f"seeds: {each.min()} is negative")
-    jobs = min(jobs or processors(), -(-n // _ALONE))
-    parts = [range(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE)]
+    jobs = processes(jobs, -(-n // _ALONE))
+    parts = _parts(case, bool(varied))
+    runs = [range(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE)]
     if jobs > 1:
         size = min(_AT_ONCE, -(-n // (2 * jobs)))
-        parts = [range(first, min(first + size, n)) for first in range(0, n, size)]
+        runs = [range(first, min(first + size, n)) for first in range(0, n, size)]
     work = [
-        (case.run, plant, each[part.start : part.stop], {k: v[part.start : part.stop] for k, v in varied.items()}, keep)
-        for part in parts
+        (
+            case.run,
+            parts,
+            plant,
+            each[run.start : run.stop],
+            {k: v[run.start : run.stop] for k, v in varied.items()},
+            keep,
+        )
+        for run in runs
     ]
-    found: list[_Told] = [_Told([], {})] * len(parts)
+    found: list[_Told] = [_Told([], {})] * len(runs)
     if jobs == 1:
         for index, arguments in enumerate(work):
             found[index] = _some(*arguments, like=case)
@@ -151,7 +167,7 @@ def simulate_many(
     names = list(dict.fromkeys(name for part in found for name in part.kept))
     kept = {name: _stacked([array for part in found for array in part.kept[name]]) for name in names}
     outcome = tuple(kind for part in found for kind in part.outcome)
-    return Batch(case.run, each, varied, _grid(case.settings), outcome, kept)
+    return Batch(case, each, varied, _grid(case.settings), outcome, kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,27 +180,30 @@ class _Told:
 
 def _some(
     run: RunFile,
+    parts: Mapping[str, Any],
     plant: PlantKind,
     seeds: np.ndarray,
     varied: Mapping[str, np.ndarray],
     keep: Keep,
-    like: Case | None = None,
+    like: Case | Trial | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> _Told:
     """Carry out some of the runs, one after the other."""
-    told, base = _Told([], {}), like or _PREPARED.get(run)
+    told, base = _Told([], {}), like or replace(_PREPARED.get(run), **parts)
     for index, seed in enumerate(seeds):
         case = _varied(base, {key: values[index].item() for key, values in varied.items()})
         case = replace(case, settings=reseeded(case.settings, int(seed)))
-        if callable(keep) or plant != "linear":
+        if isinstance(case, Trial):
+            found = simulate_trial(case, plant)
+        elif callable(keep) or plant != "linear":
             found = simulate(case, plant)
         else:  # without the centre of pressure, which nobody asks for
             actual = linear_plant(case.actual, case.settings)
             found = simulate_plant(actual, case.controller, case.settings, match="position")
         told.outcome.append(found.outcome.kind)
-        values = keep(found) if callable(keep) else _named(found, keep, case.settings)
+        values = _numbers(keep(found)) if callable(keep) else _named(found, keep, case.settings)
         for name, value in values.items():
-            told.kept.setdefault(name, []).append(np.asarray(value, dtype=float))
+            told.kept.setdefault(name, []).append(value)
         if progress is not None:
             progress((index + 1) / len(seeds))
     return told
@@ -195,26 +214,91 @@ class _Prepared:
 
     def __init__(self) -> None:
         self._run: RunFile | None = None
-        self._case: Case | None = None
+        self._case: Case | Trial | None = None
 
-    def get(self, run: RunFile) -> Case:
+    def get(self, run: RunFile) -> Case | Trial:
         """The case of a run file."""
         if self._case is None or self._run != run:
-            self._run, self._case = run, prepare(run)
+            self._run, self._case = run, _prepared(run)
         return self._case
 
 
 _PREPARED = _Prepared()
 
 
-def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
+def _parts(case: Case | Trial, varies: bool) -> dict[str, Any]:
+    """What another process takes of the case beside its run file: they may have been replaced in it.
+
+    Raises:
+        SimulationError: if values of the run file vary, and the case is not what its run file says.
+    """
+    own = isinstance(case, Case) and case.controller.trigger is not case.rule
+    if varies and (own or case.settings != case.run.simulation.settings()):
+        raise SimulationError(
+            "vary: these are values of the run file, and settings or trigger of this case are others than those of its "
+            "run file; prepare one that says the same"
+        )
+    law = case.controller.trigger if isinstance(case, Case) else case.law
+    names = ["controller", "rule"] if isinstance(case, Case) else ["law"]
+    there = type(law).__module__.startswith("icmj.")  # code of the user's own is known by the run file alone
+    return {name: getattr(case, name) for name in ("settings", *(names if there else ()))}
+
+
+def _prepared(run: RunFile, like: Case | Trial | None = None) -> Case | Trial:
+    if run.tries:
+        return prepare_trial(run, like if isinstance(like, Trial) else None)
+    return prepare(run, like=like if isinstance(like, Case) else None)
+
+
+def _varied(case: Case | Trial, changes: Mapping[str, Any]) -> Case | Trial:
     """The case with other values; changes of the simulation alone reuse plants and design."""
     if not changes:
         return case
     run = case.run.with_(**changes)
-    if all(key.startswith("simulation.") for key in changes):
-        return replace(case, run=run, settings=run.simulation.settings())
-    return prepare(run, like=case)
+    if isinstance(case, Case) and all(key.startswith("simulation.") for key in changes):
+        return revised(case, run)
+    return _prepared(run, case)
+
+
+def _vector(key: str, values: ArrayLike) -> np.ndarray:
+    try:
+        vector = np.asarray(values)
+    except ValueError:
+        vector = np.zeros((0, 0))
+    if vector.ndim != 1:
+        raise SimulationError(f"vary: {key}: expected a vector of values, one for each run")
+    return vector
+
+
+def _whole(number: object) -> bool:
+    return isinstance(number, Integral) and not isinstance(number, bool)
+
+
+def _seeds(given: Sequence[int]) -> np.ndarray:
+    seeds = given.tolist() if isinstance(given, np.ndarray) else _listed(given)
+    for seed in seeds:
+        if not _whole(seed) or not 0 <= seed < 2**63:
+            raise SimulationError(f"seeds: {short(seed)}; expected whole numbers from 0 to 2^63 − 1, one for each run")
+    return np.array(seeds, dtype=np.int64)
+
+
+def _listed(given: Any) -> list[Any]:
+    """The entries of an argument, or the argument itself."""
+    return list(given) if isinstance(given, Iterable) else [given]
+
+
+def _numbers(told: object) -> dict[str, Array]:
+    """What a function keeps of a run, as arrays by name.
+
+    Raises:
+        SimulationError: if it is something else.
+    """
+    try:
+        if isinstance(told, Mapping):
+            return {str(name): np.asarray(value, dtype=float) for name, value in told.items()}
+    except (TypeError, ValueError):
+        pass
+    raise SimulationError(f"keep: the function returned {short(told)}; expected numbers or arrays by name")
 
 
 def reseeded(settings: Settings, seed: int) -> Settings:

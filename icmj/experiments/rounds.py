@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
 from icmj.controller.switching import SwitchingPD
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, expect
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 
@@ -126,6 +126,8 @@ def rounds(
     Raises:
         AnalysisError: if the law has a dead zone.
     """
+    expect_linear(plant, "the plant")
+    expect(law, SwitchingPD, "the analysis of rounds")
     if law.dead_zone:
         raise AnalysisError(
             f"the dead zone is {law.dead_zone:g}; only without one are rounds in proportion: give dead_zone=0, or "

@@ -99,11 +99,11 @@ def _identified(
     seed: int,
     progress: Callable[[float], None] | None,
 ) -> Identification:
-    if unknown.run.simulation.settings().noisy:
+    if unknown.run.drawn().simulation.settings().noisy:
         if not isinstance(known, Bank):
             known = bank(unknown, observed, plant, seed=seed, progress=progress)
         return _under_noise(unknown, observed, known)
-    found = rhythm(observed)
+    found = None if unknown.run.setpoint else rhythm(observed)  # what is predicted of a rhythm is that of r = 0
     case = unknown.checked()
     least = case.controller.least
     if found is not None and found.interval <= least * (1 + 1e-3) + observed.resolution:
@@ -127,10 +127,8 @@ def _identified(
             f"no value between {unknown.low:g} and {unknown.high:g} predicts an attracting cycle with an interval of "
             f"{found.interval:.6g} s",
         )
-    return _cannot(
-        unknown,
-        "the motion does not settle; its initial state is not known, and the run file has no noise to explain it",
-    )
+    why = "a set-point moves it" if unknown.run.setpoint else "the motion does not settle"
+    return _cannot(unknown, f"{why}; its initial state is not known, and the run file has no noise to explain it")
 
 
 def _from_rhythm(

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from icmj.controller.controller import Controller
-from icmj.plant.linear_plant import LinearPlant
+from icmj.errors import AnalysisError, RunFileError, expect
+from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.runfile.keys import plain, to_toml
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Source
+from icmj.simulation.sources import Gaussian, Source
 
 FIRST = "# written from a plant and a controller that were put together in code\n"
 
@@ -37,6 +38,16 @@ def compose_run(
     Raises:
         RunFileError: if a run file cannot represent a part of it.
     """
+    try:
+        expect(controller, Controller, "a composed run file", "write the table [controller] of another kind yourself")
+        expect_linear(actual, "the actual plant")
+    except AnalysisError as error:
+        raise RunFileError(str(error)) from error
+    if controller.setpoint:
+        raise RunFileError(
+            "the controller has a set-point, which a run file has in tables of its own; compose it with "
+            "replace(controller, setpoint=None), and add them with run.with_(setpoint=[...])"
+        )
     design, delay = controller.design, controller.delay
     rule = dict(controller.trigger.facts())
     data = {
@@ -78,5 +89,7 @@ def _settings(settings: Settings) -> dict[str, Any]:
 
 
 def _source(source: Source) -> dict[str, Any]:
-    on_body = getattr(source, "body", None) is not None
-    return {key: value for key, value in asdict(source).items() if on_body or key not in ("force", "torque", "point")}
+    foreign = set() if getattr(source, "body", None) is not None else {"force", "torque", "point"}
+    if isinstance(source, Gaussian):
+        foreign.add("size" if source.share else "share")
+    return {key: value for key, value in asdict(source).items() if key not in foreign}

@@ -168,6 +168,8 @@ class SweepFile(FileOfRuns):
                 f"{path}: ask: cycle and attractors are for intermittent control; the controller is of kind "
                 f"{made._base.controller.kind!r}, ask for its motion"
             )
+        if made._base.setpoint and made.ask.cycle:
+            raise RunFileError(f"{path}: ask: a cycle is that of r = 0; take setpoint out of the run file")
         return made
 
     @model_validator(mode="after")

@@ -124,7 +124,7 @@ def in_words(seconds: float) -> str:
 def _acting(case: Case) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
     plant, settings = case.actual.linearisation.plant, case.settings
-    return acting_on(plant, settings, replace(case.controller, setpoint=case.setpoint)).omega
+    return acting_on(plant, settings, case.controller).omega
 
 
 def _rate(case: Case) -> float:
@@ -174,7 +174,7 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
 def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
     """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
-    controller = replace(case.controller, setpoint=case.setpoint)
+    controller = case.controller
     if controller.delay.t_d >= settings.duration:  # no such run could start
         controller = replace(controller, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too

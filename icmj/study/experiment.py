@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.environment import single_threaded
-from icmj.case.case import Case, PlantKind, check_names, prepare, simulate
+from icmj.case.case import Case, PlantKind, prepare, revised, simulate
 from icmj.case.trial import Trial, prepare_trial, simulate_trial
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
@@ -36,7 +36,7 @@ from icmj.study.multisine import MultisineKind
 from icmj.study.perturbed_stance import PerturbedStanceKind
 from icmj.study.quiet_standing import QuietStandingKind
 from icmj.study.trials import Folder, no_folder, opened, write_results
-from icmj.work.workers import Task, Workers, processors
+from icmj.work.workers import Task, Workers, processes
 
 KIND_OF: dict[str, type[Kind]] = {
     "double_step": DoubleStepKind,
@@ -194,7 +194,7 @@ def _trials(
     every = [(one, i) for one in conditions for i in range(count)]
     known = {(one, i): found for one, i in every if (found := folder.read(f"{one.case}.{one.plant}", i)) is not None}
     left = [each for each in every if each not in known]
-    jobs = min(jobs or processors(), max(len(left), 1))
+    jobs = processes(jobs, len(left))
 
     def keep(place: int, found: Recording) -> None:
         one, i = left[place]
@@ -227,10 +227,8 @@ def _trials(
 @single_threaded()
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
-    run = kind.stimulated(one.run, seed).drawn()
-    base = _KEPT.get(run)
-    check_names(run, base.assumed.linearisation.plant, base.actual)
-    case = replace(base, run=run, settings=reseeded(run.simulation.settings(), seed))
+    case = _KEPT.get(kind.stimulated(one.run, seed))
+    case = replace(case, settings=reseeded(case.settings, seed))
     if isinstance(case, Trial):
         found = simulate_trial(case, one.plant, progress=progress)
     else:
@@ -240,18 +238,22 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
 
 
 class _Kept:
-    """The case that this process prepared last: the next trial mostly is of the same."""
+    """The case that this process prepared last: the next trial mostly differs in simulation and set-point alone."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._case: Case | Trial | None = None
 
     def get(self, run: RunFile) -> Case | Trial:
-        """The case of a run file without its simulation and set-point."""
+        """The case of a run file."""
         key = (run.path, run.assumed, run.actual, run.design, run.controller, run.analysis)
-        if self._case is None or self._key != key:
-            self._case = prepare_trial(run) if run.tries else prepare(run)
-            self._key = key
+        if self._key != key:
+            self._case = None
+        if run.tries:
+            self._case = prepare_trial(run, self._case if isinstance(self._case, Trial) else None)
+        else:
+            self._case = revised(self._case, run) if isinstance(self._case, Case) else prepare(run)
+        self._key = key
         return self._case
 
 

@@ -147,9 +147,9 @@ class IntersectionPointKind(Kind):
         return intersection_figure(found)
 
     def _theory(self, case: Case | Trial, like: IntersectionPoint) -> IntersectionPoint | None:
-        """Curve of the continuous loop under the same noise; ``None`` if control is intermittent or has no curve."""
+        """Curve of the continuous loop under noise alone; ``None`` if control is intermittent or has no curve."""
         law = case.law if isinstance(case, Trial) else case.controller
-        if isinstance(case, Case) and case.controller.trigger.kind == "event":
+        if law.setpoint or (isinstance(case, Case) and case.controller.trigger.kind == "event"):
             return None
         plant = case.actual.linearisation.plant
         try:

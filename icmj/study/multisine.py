@@ -159,8 +159,6 @@ class MultisineKind(Kind):
 
     def _theory(self, case: Case | Trial, line: Array) -> np.ndarray | None:
         law = case.law if isinstance(case, Trial) else case.controller
-        if isinstance(case, Case):
-            law = replace(case.controller, setpoint=case.setpoint)
         plant = case.actual.linearisation.plant
         try:
             found = frequency_response(plant, law, line, match="position")

@@ -14,7 +14,7 @@ from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shipped import RUNS
 from icmj.study.page import Page, report
-from icmj.work.workers import Task, Tell, Workers, processors
+from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
@@ -269,7 +269,7 @@ def run_study(
         raise RunFileError("no run file given")
     tell = progress or (lambda label, done: None)
     cases = [(run, plant) for run in runs for plant in plants_of(run)]
-    jobs = max(1, min(jobs or processors(), len(cases)))
+    jobs = processes(jobs, len(cases))
     checks = [Task(f"{run.path}", check, (run, longest)) for run in runs]
     work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in _in_turn(cases)]
     logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.controller.predictor import PredictorController
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, expect
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import matched
 from icmj.theory.delay_roots import DelayLoop
@@ -104,6 +104,7 @@ def predictor_loop(plant: LinearPlant, law: PredictorController) -> PredictorLoo
     :func:`icmj.rightmost_roots` computes its characteristic roots. With an exact model these are exactly the
     eigenvalues of Â − B̂k̂ and Â − LĈ, for any delay.
     """
+    expect(law, PredictorController, "the loop of a predictor")
     plant = matched(plant, law.plant)
     D, t_d, assumed, k = law.design, law.delay.t_d, law.delay.predicted, law.design.k
     n, m, E, B = plant.n, law.plant.n, law.E, law.plant.B
@@ -141,6 +142,7 @@ def predictor_covariance(law: PredictorController, W: ArrayLike, V: ArrayLike = 
     """
     from scipy.linalg import expm, solve_continuous_lyapunov
 
+    expect(law, PredictorController, "the covariance")
     D, t_d, n = law.design, law.delay.t_d, law.plant.n
     if len(law.realisation.taps) > 1 or "p" not in law.realisation.layout.names:
         raise AnalysisError("the covariance is that of a controller that knows its delay; this one assumes another")

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from icmj.base.text import one_line
 from icmj.errors import SweepError
-from icmj.work.workers import Task, Workers, processors
+from icmj.work.workers import Task, Workers, processes
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
 _PATIENCE = 30.0  # s for the scheduler to answer, as long as Dask itself waits
@@ -178,13 +178,12 @@ def crew(function: Callable[..., Any], jobs: int | None = None, dask: str | None
         dask: address of a Dask scheduler, whose workers are used instead.
 
     Raises:
-        SweepError: if there is no such cluster, or the number of processes is not positive.
+        SweepError: if there is no such cluster.
+        StudyError: if the number of processes is not positive.
     """
     if dask is not None:
         with cluster(dask, function) as found:
             yield found
         return
-    if jobs is not None and jobs < 1:
-        raise SweepError(f"{jobs} processes: expected at least 1")
-    with Workers(jobs or processors()) as workers:
+    with Workers(processes(jobs)) as workers:
         yield Local(workers, function)

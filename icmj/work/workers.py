@@ -100,6 +100,18 @@ def processors() -> int:
     return (os.cpu_count() or 1) if allotted is None else len(allotted(0))
 
 
+def processes(jobs: int | None, tasks: int | None = None) -> int:
+    """The number of processes for so many tasks: ``jobs``, by default one for each processor, and not more than tasks.
+
+    Raises:
+        StudyError: if ``jobs`` is no whole number, or not positive.
+    """
+    if jobs is not None and (isinstance(jobs, bool) or not hasattr(jobs, "__index__") or jobs < 1):
+        raise StudyError(f"jobs: {jobs!r}; expected a whole number, at least 1")
+    jobs = jobs or processors()
+    return jobs if tasks is None else max(1, min(jobs, tasks))
+
+
 class Workers:
     """So many processes; a context manager, on leaving which they are gone."""
 

@@ -9,7 +9,8 @@ import icmj
 from icmj.case.case import open_loop, prepare, simulate
 from icmj.cli.main import main
 from icmj.engine.pose import scene
-from icmj.errors import AnalysisError, CycleError, LogError, RunFileError
+from icmj.errors import AnalysisError, CycleError, LogError, RunFileError, SimulationError
+from icmj.experiments.growth import measure_growth
 from icmj.log.archive import pack, unpack
 from icmj.log.signals import groups
 from icmj.runfile.composing import compose_run
@@ -81,8 +82,13 @@ def test_what_is_of_theory_knows_nothing_of_it(case, root):
     bare = prepare(case.run.with_(setpoint=None))
     assert bare.prediction.delta_crit == case.prediction.delta_crit
     assert not bare.setpoint
-    start = 0.01 * np.ones(6), np.zeros(6)
-    assert open_loop(case, "linear")(*start).length == open_loop(bare, "linear")(*start).length
+    for of in (icmj.find_cycle, lambda case, plant: measure_growth(case, plant, 2)):
+        mine, theirs = (of(one, "linear") for one in (case, bare))
+        for name in ("states", "measured"):
+            np.testing.assert_array_equal(getattr(mine, name, 0), getattr(theirs, name, 0))
+    for plant in ("linear", "mujoco"):
+        with pytest.raises(SimulationError, match="an interval is no function of the state at its event"):
+            open_loop(case, plant)
 
 
 @pytest.mark.slow
@@ -221,7 +227,8 @@ def test_the_scene_shows_the_posture_that_is_asked_for(case):
     for lines, factor in ((found.target, 1.0), (found.magnified_target, 10.0)):
         dx, dz = np.moveaxis(np.diff(lines, axis=2)[:, :, 0, [0, 2]], -1, 0)
         np.testing.assert_allclose(np.arctan2(dx, dz), factor * of_outputs, atol=1e-9)
-    assert scene(case.actual, simulate(replace(case, run=case.run.with_(setpoint=[])), "linear"), 10.0).target is None
+    still = replace(case, controller=replace(case.controller, setpoint=None))
+    assert scene(case.actual, simulate(still, "linear"), 10.0).target is None
 
 
 def test_a_sampling_delay_is_logged_told_of_and_no_cycle_is_sought_with_it(root, tmp_path) -> None:

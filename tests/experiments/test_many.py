@@ -1,10 +1,13 @@
 """Many runs of one case are what each is alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import icmj
-from icmj.errors import RunFileError, SimulationError
+from icmj.controller.setpoint import step
+from icmj.errors import AnalysisError, RunFileError, SimulationError, StudyError
 from icmj.series.series import Series
 
 
@@ -80,13 +83,64 @@ def test_processes_change_no_bit(standing):
         ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
         ("expected some of x, y", {"n": 1, "keep": ("z",)}),
         ("expected some of x, y", {"n": 1, "keep": "y"}),
-        ("is negative", {"seeds": [-1]}),
-        ("give one for each run", {"n": 0}),
+        ("seeds: -1; expected whole numbers from 0", {"seeds": [-1]}),
+        ("seeds: nan; expected whole numbers", {"seeds": [float("nan")]}),
+        ("seeds: 9223372036854775808; expected", {"seeds": [2**63]}),
+        ("seeds: 1.5; expected", {"seeds": np.array([1.5])}),
+        ("seeds: true; expected", {"seeds": [True]}),
+        *((f"n: {n}; expected a whole number of runs", {"n": n}) for n in (0, 2.5, float("nan"))),
+        ("n: true; expected", {"n": True}),
+        ("the function returned None; expected numbers", {"n": 1, "keep": lambda run: None}),
+        ("the function returned 3; expected numbers", {"n": 1, "keep": lambda run: 3}),
+        ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
+        ("expected some of x, y", {"n": 1, "keep": None}),
+        ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
+        ("vary: actual.gain: expected a vector", {"vary": {"actual.gain": 1.0}}),
+        ("vary: actual.gain: expected a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
     ],
 )
 def test_what_does_not_fit_is_refused(standing, words, asked):
     with pytest.raises(SimulationError, match=words):
         icmj.simulate_many(standing, jobs=1, **asked)
+
+
+@pytest.mark.parametrize("jobs", [-3, 0, 1.5, True])
+def test_so_is_a_number_of_processes_that_is_none(standing, jobs):
+    with pytest.raises(StudyError, match=r"jobs: .*; expected a whole number, at least 1"):
+        icmj.simulate_many(standing, 20, jobs=jobs)
+
+
+def test_it_takes_a_case_or_a_trial(standing):
+    for other in (standing.run, standing.controller, None):
+        with pytest.raises(AnalysisError, match="simulate_many takes a Case, got"):
+            icmj.simulate_many(other, 1, jobs=1)
+
+
+def test_a_set_point_is_followed(root):
+    """As by one run; without it there are fewer events."""
+    lean = [{"kind": "step", "output": "shank", "size": 0.02, "start": 1.0}]
+    run = icmj.load_run(root / "runs" / "three-link-0.9.toml").with_(**{"simulation.duration": 10.0, "setpoint": lean})
+    case = icmj.prepare(run)
+    events = icmj.simulate_many(case, 1, keep=("events",), jobs=1)["events"][0]
+    np.testing.assert_array_equal(events, icmj.simulate(case, "linear").events.t)
+    bare = icmj.simulate(icmj.prepare(run.with_(setpoint=None)), "linear").events.t
+    assert len(bare) < len(events)
+
+
+@pytest.mark.slow
+def test_what_was_replaced_in_a_case_is_in_every_process(standing):
+    """A trigger, a set-point and settings that its run file does not say."""
+    plant = standing.controller.plant
+    moved = icmj.setpoint(plant, [icmj.Target({plant.outputs[0]: 1.0}, step(0.01, 0.5))])
+    law = replace(standing.controller.triggered_by(icmj.ClockTrigger(0.3)), setpoint=moved)
+    other = replace(standing, controller=law, settings=replace(standing.settings, duration=2.0))
+    alone, apart = (icmj.simulate_many(other, 20, keep=("y", "events"), jobs=jobs) for jobs in (1, 2))
+    assert alone["events"].shape == (20, 6)
+    for name in ("y", "events"):
+        np.testing.assert_array_equal(alone[name], apart[name])
+    np.testing.assert_array_equal(icmj.simulate(alone.case(7), "linear").events.t, alone["events"][7])
+    with pytest.raises(SimulationError, match="settings or trigger of this case are others"):
+        icmj.simulate_many(other, vary={"actual.gain": [0.9]}, jobs=1)
 
 
 def test_an_unknown_key_is_refused(standing):

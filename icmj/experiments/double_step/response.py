@@ -9,7 +9,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
-from icmj.errors import AnalysisError, DataError
+from icmj.errors import AnalysisError, DataError, expect
 
 MOST_POLES, MOST_ZEROS = 3, 3  # of a fitted model
 _ITERATIONS = 6  # of a fit; its poles have settled by then
@@ -120,6 +120,7 @@ def own_response(controller: Controller, channel: int = 0, input: int = 0) -> St
     Raises:
         AnalysisError: if the controller has no set-point.
     """
+    expect(controller, Controller, "its own response")
     design, followed = controller.design, controller.setpoint
     if followed is None:
         raise AnalysisError("the controller has no set-point to respond to")
