@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from icmj.base.text import one_line
 
 Array = NDArray[np.float64]
 
@@ -40,7 +44,7 @@ def between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.b
     return np.asarray((values >= low - SAME * abs(low)) & (values <= high + SAME * abs(high)))
 
 
-def whole(count: ArrayLike) -> Any:
+def units(count: ArrayLike) -> Any:
     """Whole units in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
     count = np.asarray(count, dtype=float)
     found = np.floor(count + SAME * np.maximum(np.abs(count), 1.0)).astype(np.int64)
@@ -49,7 +53,7 @@ def whole(count: ArrayLike) -> Any:
 
 def instants(step: float, end: float, first: int = 0) -> Array:
     """The multiples of ``step`` from ``first`` times it to ``end``, which is one of them if it is but for rounding."""
-    return np.asarray(step * np.arange(first, whole(end / step) + 1, dtype=float))
+    return np.asarray(step * np.arange(first, units(end / step) + 1, dtype=float))
 
 
 def since(t: Array | float, start: Array | float) -> NDArray[np.bool_]:
@@ -91,3 +95,17 @@ def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
         raise error(
             f"{what} is not a matrix: rows differ in length, or contain a value that is not a number"
         ) from reason
+
+
+def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:
+    """A vector of whole numbers from 0 to 2⁶³ − 1, or of one such number.
+
+    Raises:
+        error: at the first entry that is none, as truth and 1.0 are not; the message begins with ``what``.
+    """
+    numbers = given.tolist() if isinstance(given, np.ndarray) else given
+    each = list(numbers) if isinstance(numbers, Iterable) else [numbers]
+    for number in each:
+        if isinstance(number, bool) or not isinstance(number, Integral) or not 0 <= int(number) < 2**63:
+            raise error(f"{what}: {one_line(repr(number), 60)}; expected a whole number from 0 to 2^63 − 1")
+    return np.array(each, dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -13,9 +13,8 @@ from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.base.environment import single_threaded
 from icmj.base.numbers import count
-from icmj.base.text import did_you_mean
 from icmj.case.designs import controlled, setpoint_of
-from icmj.case.doubts import doubts, followed, reach, slow_noise
+from icmj.case.doubts import check_names, doubts, expect_known, followed, reach, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
@@ -28,7 +27,6 @@ from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched
 from icmj.plant.notice import Notice, permitted
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import SetpointTable
 from icmj.simulation.interval import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
@@ -151,7 +149,7 @@ def revised(case: Case, run: RunFile) -> Case:
         AnalysisError: if the assumed plant has no such set-point.
     """
     known = case.run
-    _expect_known(run, run.simulation.duration, known.simulation.duration)
+    expect_known(run, run.simulation.duration, known.simulation.duration)
     run = run.drawn()
     same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
     control = run.intermittent.model_copy(update={"q_t": known.intermittent.q_t})
@@ -172,13 +170,6 @@ def revised(case: Case, run: RunFile) -> Case:
         settings=run.simulation.settings(),
         prediction=prediction,
     )
-
-
-def undriven(case: Case) -> Case:
-    """The same case without set-point and disturbances: the loop itself, of which eigenvalues and orbits are."""
-    controller, settings = replace(case.controller, setpoint=None), replace(case.settings, disturbance=())
-    run = case.run.with_(**{"setpoint": None, "simulation.disturbance": None})
-    return replace(case, run=run, controller=controller, settings=settings)
 
 
 def simulate(
@@ -297,7 +288,7 @@ def _parts(
     expect_plant(plant)
     settings = case.settings
     if duration is not None:
-        _expect_known(case.run, duration, case.run.simulation.duration, case.run.setpoint)
+        expect_known(case.run, duration, case.run.simulation.duration, case.run.setpoint)
         settings = replace(settings, duration=duration)
     controller = case.controller if trigger is None else case.controller.triggered_by(trigger)
     if refinement != 1.0 and plant == "mujoco":
@@ -315,36 +306,3 @@ def expect_plant(plant: str) -> None:
     """
     if plant not in get_args(PlantKind):
         raise SimulationError(f"plant {plant!r}; expected one of {', '.join(get_args(PlantKind))}")
-
-
-def _expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
-    """Refuse a duration [s] beyond the ``end`` [s] to which what came from code or a file, or is a sequence, is known.
-
-    Raises:
-        RunFileError: if it is longer, and there is such a disturbance in the run file, or such a set-point.
-    """
-    made_by = (vars(table).get("made_by") for table in run.simulation.disturbance)
-    known = [f"disturbance from {origin}" for origin in made_by if origin]
-    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.kind in ("ternary", "file")]
-    if known and duration > end:
-        raise RunFileError(
-            f"{run.path}: its {known[0]} is known for a run of {end:g} s, not of {duration:g} s; set "
-            "simulation.duration in the run file"
-        )
-
-
-def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
-    """Names in the run file are checked before anything is computed from them."""
-    settings, actual = run.simulation, plant.linearisation.plant
-    bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()
-    wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
-    wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
-    if isinstance(settings.limit, dict):
-        wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
-    for which, there in (("input", actual.inputs), ("output", actual.outputs), ("body", bodies)):
-        named = (getattr(source, which, None) for source in settings.disturbance)
-        wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
-    for key, name, known in wanted:
-        if name not in known:
-            hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
-            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")

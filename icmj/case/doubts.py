@@ -1,17 +1,21 @@
-"""Doubts about a case before it runs."""
+"""Doubts about a case before it runs, and what of its run file its plants do not have."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from icmj.base.text import did_you_mean
 from icmj.case.plants import AnyPlant, keyframe_of
 from icmj.engine.corners import corners
 from icmj.engine.plant import MujocoPlant
+from icmj.errors import RunFileError
+from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Notice
 from icmj.runfile.schema import RunFile
+from icmj.runfile.setpoint_tables import SetpointTable
 from icmj.simulation.disturbance import expected, realised
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Noise
@@ -101,3 +105,36 @@ def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
     if orbit.sign < 0:  # the other half is the mirror image
         x, u = np.vstack([x, -x]), np.vstack([u, -u])
     yield from corners(actual, x, u)
+
+
+def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
+    """Names in the run file are checked before anything is computed from them."""
+    settings, actual = run.simulation, plant.linearisation.plant
+    bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()
+    wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
+    wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
+    if isinstance(settings.limit, dict):
+        wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
+    for which, there in (("input", actual.inputs), ("output", actual.outputs), ("body", bodies)):
+        named = (getattr(source, which, None) for source in settings.disturbance)
+        wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
+    for key, name, known in wanted:
+        if name not in known:
+            hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
+            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")
+
+
+def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
+    """Refuse a duration [s] beyond the ``end`` [s] to which what came from code or a file, or is a sequence, is known.
+
+    Raises:
+        RunFileError: if it is longer, and there is such a disturbance in the run file, or such a set-point.
+    """
+    made_by = (vars(table).get("made_by") for table in run.simulation.disturbance)
+    known = [f"disturbance from {origin}" for origin in made_by if origin]
+    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.kind in ("ternary", "file")]
+    if known and duration > end:
+        raise RunFileError(
+            f"{run.path}: its {known[0]} is known for a run of {end:g} s, not of {duration:g} s; set "
+            "simulation.duration in the run file"
+        )

@@ -13,9 +13,9 @@ import numpy as np
 
 from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
-from icmj.case.case import PlantKind, check_names, expect_plant, simulate_plant
+from icmj.case.case import PlantKind, expect_plant, simulate_plant
 from icmj.case.designs import rival
-from icmj.case.doubts import doubts, slow_noise
+from icmj.case.doubts import check_names, doubts, slow_noise
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import Case, simulate, undriven
+from icmj.case.case import Case, simulate
 from icmj.errors import expect
+from icmj.experiments.growth import undriven
 from icmj.measurement.measurement import measure
 from icmj.result.result import AmplitudeLaw
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from icmj.case.case import Case, PlantKind, open_loop, undriven
+from icmj.case.case import Case, PlantKind, open_loop
 from icmj.controller.trigger import ClockTrigger
 from icmj.errors import SimulationError, expect
 from icmj.measurement.measurement import growth_per_interval, reduced_states
@@ -12,6 +14,13 @@ from icmj.result.result import Growth
 
 SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
 INTERVALS = 6  # the least that a growth is measured from
+
+
+def undriven(case: Case) -> Case:
+    """The same case without set-point and disturbances: the loop itself, of which eigenvalues and orbits are."""
+    controller, settings = replace(case.controller, setpoint=None), replace(case.settings, disturbance=())
+    run = case.run.with_(**{"setpoint": None, "simulation.disturbance": None})
+    return replace(case, run=run, controller=controller, settings=settings)
 
 
 def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:

@@ -4,32 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, instants
+from icmj.base.array import Array, instants, naturals
 from icmj.base.card import Card, Shown
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.case.trial import Trial, prepare_trial, simulate_trial
 from icmj.errors import SimulationError, expect
-from icmj.measurement.sway import FEWEST, measure_sway
+from icmj.experiments.quiet_standing import sway_numbers
 from icmj.runfile.messages import short
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, reseeded
 from icmj.simulation.simulation import Simulation
-from icmj.simulation.sources import Gaussian, Noise
 from icmj.work.workers import Task, Workers, processes
 
 SIGNALS = ("x", "y", "u", "x_o", "x_h")
 NAMES = (*SIGNALS, "events", "sway")
 Keep = Sequence[str] | Callable[[Simulation], Mapping[str, ArrayLike]]
-_MEASURES = ("mean", "rms", "mean_distance", "range", "prediction_range", "speed", "rotation_frequency")
-_FREQUENCIES, _STRETCH = ("mean", "median", "edge", "slope"), ("H", "D")
 _AT_ONCE = 50  # runs that a process is given
 _SAME = 1e-9  # s
 _ALONE = 8  # runs that are not worth a process
@@ -120,35 +116,21 @@ def simulate_many(
     """
     expect(case, Trial if isinstance(case, Trial) else Case, "simulate_many")
     varied = {key: _vector(key, values) for key, values in (vary or {}).items()}
-    each = None if seeds is None else _seeds(seeds)
+    each = None if seeds is None else naturals(seeds, "seeds", SimulationError)
     lengths = {key: len(values) for key, values in varied.items()} | ({} if each is None else {"seeds": len(each)})
-    n = n if n is not None else next(iter(lengths.values()), 1)
+    n = int(naturals(next(iter(lengths.values()), 1) if n is None else n, "n", SimulationError)[0])
     wrong = [f"{key} has {length}" for key, length in lengths.items() if length != n]
-    if not _whole(n) or n < 1:
-        raise SimulationError(f"n: {short(n)}; expected a whole number of runs, at least 1")
-    if wrong:
-        raise SimulationError(f"{n} runs, but {', '.join(wrong)}; give one for each run")
+    if wrong or n < 1:
+        raise SimulationError(f"{n} runs{', but ' * bool(wrong)}{', '.join(wrong)}; give one value for each run")
     each = np.arange(n) if each is None else each
-    unknown = [] if callable(keep) or isinstance(keep, str) else [name for name in _listed(keep) if name not in NAMES]
-    if unknown or isinstance(keep, str):
-        raise SimulationError(f"keep: {unknown[:1] or [keep]}; expected some of {', '.join(NAMES)}, or a function")
+    listed = isinstance(keep, Iterable) and not isinstance(keep, str) and all(name in NAMES for name in keep)
+    if not (listed or callable(keep)):
+        raise SimulationError(f"keep: {short(keep)}; expected some of {', '.join(NAMES)}, or a function")
     jobs = processes(jobs, -(-n // _ALONE))
     parts = _parts(case, bool(varied))
-    runs = [range(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE)]
-    if jobs > 1:
-        size = min(_AT_ONCE, -(-n // (2 * jobs)))
-        runs = [range(first, min(first + size, n)) for first in range(0, n, size)]
-    work = [
-        (
-            case.run,
-            parts,
-            plant,
-            each[run.start : run.stop],
-            {k: v[run.start : run.stop] for k, v in varied.items()},
-            keep,
-        )
-        for run in runs
-    ]
+    size = _AT_ONCE if jobs == 1 else min(_AT_ONCE, -(-n // (2 * jobs)))
+    runs = [slice(first, first + size) for first in range(0, n, size)]
+    work = [(case.run, parts, plant, each[of], {k: values[of] for k, values in varied.items()}, keep) for of in runs]
     found: list[_Told] = [_Told([], {})] * len(runs)
     if jobs == 1:
         for index, arguments in enumerate(work):
@@ -227,11 +209,7 @@ _PREPARED = _Prepared()
 
 
 def _parts(case: Case | Trial, varies: bool) -> dict[str, Any]:
-    """What another process takes of the case beside its run file: they may have been replaced in it.
-
-    Raises:
-        SimulationError: if values of the run file vary, and the case is not what its run file says.
-    """
+    """What another process takes of the case beside its run file: they may have been replaced in it."""
     own = isinstance(case, Case) and case.controller.trigger is not case.rule
     if varies and (own or case.settings != case.run.simulation.settings()):
         raise SimulationError(
@@ -245,9 +223,8 @@ def _parts(case: Case | Trial, varies: bool) -> dict[str, Any]:
 
 
 def _prepared(run: RunFile, like: Case | Trial | None = None) -> Case | Trial:
-    if run.tries:
-        return prepare_trial(run, like if isinstance(like, Trial) else None)
-    return prepare(run, like=like if isinstance(like, Case) else None)
+    like = like if like and like.run.tries == run.tries else None
+    return prepare_trial(run, like) if run.tries else prepare(run, like=like)  # type: ignore[arg-type]
 
 
 def _varied(case: Case | Trial, changes: Mapping[str, Any]) -> Case | Trial:
@@ -265,51 +242,19 @@ def _vector(key: str, values: ArrayLike) -> np.ndarray:
         vector = np.asarray(values)
     except ValueError:
         vector = np.zeros((0, 0))
-    if vector.ndim != 1:
-        raise SimulationError(f"vary: {key}: expected a vector of values, one for each run")
-    return vector
-
-
-def _whole(number: object) -> bool:
-    return isinstance(number, Integral) and not isinstance(number, bool)
-
-
-def _seeds(given: Sequence[int]) -> np.ndarray:
-    seeds = given.tolist() if isinstance(given, np.ndarray) else _listed(given)
-    for seed in seeds:
-        if not _whole(seed) or not 0 <= seed < 2**63:
-            raise SimulationError(f"seeds: {short(seed)}; expected whole numbers from 0 to 2^63 − 1, one for each run")
-    return np.array(seeds, dtype=np.int64)
-
-
-def _listed(given: Any) -> list[Any]:
-    """The entries of an argument, or the argument itself."""
-    return list(given) if isinstance(given, Iterable) else [given]
+    if vector.ndim == 1:
+        return vector
+    raise SimulationError(f"vary: {key}: expected a vector of values, one for each run")
 
 
 def _numbers(told: object) -> dict[str, Array]:
-    """What a function keeps of a run, as arrays by name.
-
-    Raises:
-        SimulationError: if it is something else.
-    """
+    """What a function keeps of a run, as arrays by name."""
     try:
         if isinstance(told, Mapping):
             return {str(name): np.asarray(value, dtype=float) for name, value in told.items()}
     except (TypeError, ValueError):
         pass
     raise SimulationError(f"keep: the function returned {short(told)}; expected numbers or arrays by name")
-
-
-def reseeded(settings: Settings, seed: int) -> Settings:
-    """The run file with other noise: each noise's seed is made of its own seed and this one."""
-    sources = tuple(
-        replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
-        if isinstance(of, Noise | Gaussian)
-        else of
-        for of in settings.disturbance
-    )
-    return replace(settings, disturbance=sources)
 
 
 def _grid(settings: Settings) -> Array:
@@ -347,22 +292,6 @@ def _rows(found: Simulation, name: str, settings: Settings) -> Array:
     columns = [place for place, column in enumerate(series.names) if column.startswith(f"{name}.")]
     rows[: len(series)] = series.values[: len(t), columns]
     return rows
-
-
-def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
-    """Measures of sway as numbers by name, such as ``trunk.frequency.median``; NaN of a run that was too short."""
-    sway = measure_sway(series, low_pass=low_pass) if len(series) >= FEWEST else None
-    found: dict[str, Array] = {}
-    for place, signal in enumerate(series.names):
-        parts: list[tuple[object, str, tuple[str, ...]]] = [(None, "", _MEASURES), (None, "frequency.", _FREQUENCIES)]
-        parts += [(None, "short.", _STRETCH), (None, "long.", _STRETCH)]
-        if sway is not None:
-            of = sway.coordinates[place]
-            whole = (of, of.frequencies, of.diffusion.short, of.diffusion.long)
-            parts = [(part, *names) for part, (_, *names) in zip(whole, parts, strict=True)]  # type: ignore[misc]
-        for part, where, names in parts:
-            found |= {f"{signal}.{where}{name}": np.asarray(getattr(part, name, np.nan)) for name in names}
-    return found
 
 
 def _stacked(arrays: list[Array]) -> Array:

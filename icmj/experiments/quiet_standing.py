@@ -9,9 +9,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.errors import DataError
-from icmj.experiments.many import sway_numbers
 from icmj.experiments.recording import Recording, completed
+from icmj.measurement import sway
 from icmj.measurement.modality import FEWEST, Modality, modality
+from icmj.series.series import Series
 
 SURE = 0.01  # a p that says so: of flat distributions more than that are as small
 WORDS = {
@@ -99,6 +100,21 @@ class Standing:
                 mark = _unit(key, unit)
                 found[f"{name}, {words}" + (f" ({mark})" if mark else "")] = self.measures[f"{name}.{key}"]
         return found
+
+
+def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
+    """Measures of sway as numbers by name, such as ``trunk.frequency.median``; NaN of a run that was too short."""
+    measured = sway.measure_sway(series, low_pass=low_pass) if len(series) >= sway.FEWEST else None
+    found: dict[str, Array] = {}
+    for place, signal in enumerate(series.names):
+        parts: dict[str, object] = {}
+        if measured is not None:
+            of = measured.coordinates[place]
+            parts = {"": of, "frequency": of.frequencies, "short": of.diffusion.short, "long": of.diffusion.long}
+        for key in WORDS:
+            part, _, name = key.rpartition(".")
+            found[f"{signal}.{key}"] = np.asarray(getattr(parts.get(part), name, np.nan))
+    return found
 
 
 def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:

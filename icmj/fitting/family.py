@@ -14,13 +14,12 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.case.case import check_names
 from icmj.case.designs import controlled, rival
+from icmj.case.doubts import check_names
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
 from icmj.errors import FitError
-from icmj.experiments.many import reseeded
 from icmj.fitting.prior import Prior
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
@@ -28,7 +27,7 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import matched
 from icmj.runfile.family_tables import PRESSURE, FamilyFile, load_family_file
 from icmj.runfile.schema import RunFile
-from icmj.simulation.settings import Settings, start_states
+from icmj.simulation.settings import Settings, reseeded, start_states
 
 RATE = 100.0  # Hz
 DURATION = 60.0  # s, of a trial

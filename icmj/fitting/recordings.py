@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
+from icmj.base.array import Array
 from icmj.base.files import read_bytes
-from icmj.base.array import Array, between, instants, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE

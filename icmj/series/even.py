@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from icmj.base.array import SAME, Array, instants
+from icmj.base.array import Array
 from icmj.errors import DataError
 from icmj.series.series import EVEN, Series
 

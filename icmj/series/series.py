@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.base.numbers import MISSING, amount
 from icmj.errors import DataError

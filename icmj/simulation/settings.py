@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -116,6 +116,17 @@ class Settings:
             f"duration / record_interval asks for {rows:.3g} rows; expected at most {MOST_ROWS:.0e}, "
             "raise record_interval",
         )
+
+
+def reseeded(settings: Settings, seed: int) -> Settings:
+    """The settings with other noise: each noise's seed is made of its own seed and this one."""
+    sources = tuple(
+        replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))
+        if isinstance(of, Noise | Gaussian)
+        else of
+        for of in settings.disturbance
+    )
+    return replace(settings, disturbance=sources)
 
 
 def start_states(

@@ -24,11 +24,11 @@ from icmj.case.trial import Trial, prepare_trial, simulate_trial
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.errors import DataError, IcmjError, RunFileError
-from icmj.experiments.many import reseeded
 from icmj.experiments.recording import Recording
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
 from icmj.series.reading import read_series
+from icmj.simulation.settings import reseeded
 from icmj.study.double_step import DoubleStepKind
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Experiment, Kind, Told

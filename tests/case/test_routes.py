@@ -17,13 +17,13 @@ from icmj.case.case import revised
 from icmj.case.plants import linear_plant
 from icmj.cycle.parameter import Family, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
-from icmj.experiments.many import reseeded
 from icmj.log.reader import read_any
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
+from icmj.simulation.settings import reseeded
 from icmj.simulation.simulation import Simulation
 from icmj.study.double_step import DoubleStepKind
 from icmj.study.experiment import Condition, trial

@@ -10,11 +10,11 @@ import pytest
 import icmj
 from icmj.case.trial import prepare_trial, simulate_trial
 from icmj.errors import FitError, RunFileError
-from icmj.experiments.many import reseeded
 from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
 from icmj.fitting.summaries import SUMMARIES, measures
 from icmj.runfile.shipped import FAMILIES
+from icmj.simulation.settings import reseeded
 
 
 def same(one, other):
