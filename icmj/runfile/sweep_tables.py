@@ -127,7 +127,8 @@ class AskTable(TomlTable):
     motion: Annotated[list[_Plant], Field(max_length=2)] = []
     """Plants on which the case is simulated and its motion measured; under noise, its statistics."""
     cycle: Annotated[list[_Plant], Field(max_length=2)] = []
-    """Plants whose exact cycle is computed by Newton's method, attracting or not."""
+    """Plants whose exact cycle is computed by Newton's method, attracting or not; needs a run file
+    without a set-point."""
     attractors: Annotated[int, Field(ge=0, le=1000)] = 0
     """Number of random starts of the linear plant in the search for coexisting motions; seed and scale are those of the
     run file."""
