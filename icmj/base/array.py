@@ -44,8 +44,8 @@ def between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.b
     return np.asarray((values >= low - SAME * abs(low)) & (values <= high + SAME * abs(high)))
 
 
-def units(count: ArrayLike) -> Any:
-    """Whole units in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
+def steps_in(count: ArrayLike) -> Any:
+    """Whole steps in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
     count = np.asarray(count, dtype=float)
     found = np.floor(count + SAME * np.maximum(np.abs(count), 1.0)).astype(np.int64)
     return int(found) if found.ndim == 0 else found
@@ -53,7 +53,7 @@ def units(count: ArrayLike) -> Any:
 
 def instants(step: float, end: float, first: int = 0) -> Array:
     """The multiples of ``step`` from ``first`` times it to ``end``, which is one of them if it is but for rounding."""
-    return np.asarray(step * np.arange(first, units(end / step) + 1, dtype=float))
+    return np.asarray(step * np.arange(first, steps_in(end / step) + 1, dtype=float))
 
 
 def since(t: Array | float, start: Array | float) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between, units
+from icmj.base.array import Array, between, steps_in
 from icmj.errors import FitError
 from icmj.measurement.sway import measure_sway
 from icmj.series.series import Series
@@ -52,7 +52,7 @@ def summarise(cop: ArrayLike, rate: float = 100.0) -> Array:
         FitError: if it is too short, has values that are not finite, or does not move.
     """
     x = np.asarray(cop, dtype=float)
-    if x.ndim != 1 or len(x) < units(LEAST * rate):
+    if x.ndim != 1 or len(x) < steps_in(LEAST * rate):
         raise FitError(f"a trial of shape {x.shape} at {rate:g} Hz; expected at least {LEAST:g} s of one coordinate")
     if not np.isfinite(x).all():
         raise FitError("a trial contains values that are not finite")
@@ -87,7 +87,7 @@ def _field(x: Array, rate: float) -> Array:
     from scipy.signal import detrend
 
     N = len(x)
-    edge = units(rate)  # mirrored at both ends, where a jump would ring through velocity and acceleration
+    edge = steps_in(rate)  # mirrored at both ends, where a jump would ring through velocity and acceleration
     straight = detrend(x)
     longer = np.concatenate(
         [2 * straight[0] - straight[edge:0:-1], straight, 2 * straight[-1] - straight[-2 : -edge - 2 : -1]]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array, between, units
+from icmj.base.array import Array, between, steps_in
 
 SHORT = (0.05, 0.5)
 LONG = (2.5, 10.0)
@@ -81,7 +81,7 @@ def diffusion(
         short, long: windows of the fits [s].
     """
     N = len(values)
-    most = min(units(long[1] * rate), units((N - 1) / FEWEST))
+    most = min(steps_in(long[1] * rate), steps_in((N - 1) / FEWEST))
     lags = np.arange(1, most + 1)
     displacement = np.zeros(most)
     for column in np.atleast_2d(values.T):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, between, steps_in
 from icmj.report import style
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def sway_figure(
     room = 1000 * max(float(np.ptp(x)) for x, _, _ in lines)
     for i, (x, colour, name) in enumerate(lines):
         path.plot(np.arange(len(x)) / rate, 1000 * (x - x.mean()) - 1.05 * i * room, color=colour, linewidth=0.7)
-        f, power = welch(x, rate, nperseg=min(len(x), units(20.48 * rate)), detrend="linear")
+        f, power = welch(x, rate, nperseg=min(len(x), steps_in(20.48 * rate)), detrend="linear")
         kept = (f > 0) & between(f, 0.0, 10.0)
         label = None if name in told else name
         spectrum.loglog(f[kept], 1e6 * power[kept], color=colour, linewidth=0.8, alpha=0.8, label=label)

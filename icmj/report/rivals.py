@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import between, units
+from icmj.base.array import between, steps_in
 from icmj.errors import DataError
 from icmj.measurement.sway import Sway, measure_sway
 from icmj.report import style
@@ -60,7 +60,7 @@ def _rival(run: Result | Tried) -> Rival | None:
     """The controller's entry; ``None`` if the run is too short or not finite."""
     simulation, shown = run.simulation, quantities(run.actual)
     start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
-    t = start + np.arange(units((end - start) * RATE)) / RATE
+    t = start + np.arange(steps_in((end - start) * RATE)) / RATE
     if not np.isfinite(simulation.y).all() or not len(t):
         return None
     columns = zip(simulation.y.T, shown, strict=True)

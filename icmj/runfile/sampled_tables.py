@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from icmj.base.array import Array, units
+from icmj.base.array import Array, steps_in
 from icmj.errors import DataError, RunFileError, SimulationError
 from icmj.runfile.place_table import PlaceTable
 from icmj.runfile.table import Finite, Line, NonNegative, Positive
@@ -105,7 +105,7 @@ class FileTable(PlaceTable):
                 f"disturbance: {self.file} makes {count:.3g} values {self.interval:g} s apart; expected at most "
                 f"{MOST_VALUES}; set its interval"
             )
-        at = self.interval * np.arange(1 - units(-count))
+        at = self.interval * np.arange(1 - steps_in(-count))
         taken = self.size * np.interp(at, times + self.start, values)
         kept = self.model_dump(exclude={"kind", "file", "column", "size"}, exclude_unset=True, mode="json")
         return {**kept, "kind": "sampled", "values": taken.tolist(), "made_by": f"{self.file}: {self.column}"}

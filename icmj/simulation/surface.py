@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from icmj.base.array import Array, units
+from icmj.base.array import Array, steps_in
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.push import Vector
@@ -74,7 +74,7 @@ def ternary_lines(size: float, interval: float, highest: float) -> Array:
             "bandwidth or a shorter interval"
         )
     slopes = ternary(size, interval, 0.0, period)
-    k = np.arange(1, units(highest * period) + 1)
+    k = np.arange(1, steps_in(highest * period) + 1)
     omega = 2 * np.pi * k / period
     # of a periodic path with slopes v_j from t_j to t_j': c_k = Σ v_j (e^{−iωt_j'} − e^{−iωt_j}) / (ω² T)
     turns = np.exp(-1j * np.outer(omega, slopes[:, 4])) - np.exp(-1j * np.outer(omega, slopes[:, 3]))

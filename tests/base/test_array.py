@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from icmj.base.array import between, extent, falling, instants, leading, since, units
+from icmj.base.array import between, extent, falling, instants, leading, since, steps_in
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.eigenstructure import eigenstructure
@@ -31,11 +31,11 @@ def test_a_grid_has_the_points_that_exact_fractions_have(seed: int) -> None:
     for step in decimals(seed):
         number = int(random.integers(1, 500))
         end, first = step * number, int(random.integers(0, number))
-        assert units(float(end) / float(step)) == number
+        assert steps_in(float(end) / float(step)) == number
         assert len(instants(float(step), float(end), first)) == number - first + 1
         # one that does not come out even, by a thousandth of a step
-        assert units(float(end - step / 1000) / float(step)) == number - 1
-        assert -units(-float(end + step / 1000) / float(step)) == number + 1
+        assert steps_in(float(end - step / 1000) / float(step)) == number - 1
+        assert -steps_in(-float(end + step / 1000) / float(step)) == number + 1
         naive += int(float(end) / float(step)) != number
     assert naive > 0
 

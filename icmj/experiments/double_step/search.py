@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from icmj.base.array import Array, units
+from icmj.base.array import Array, steps_in
 from icmj.controller.step_pairs import StepPairs
 from icmj.experiments.double_step.response import Sampled
 
@@ -27,10 +27,10 @@ class Windows:
         """Windows for N rows from ``start`` on."""
         self.at = at = (pairs.t - start) / step
         self.soonest = round(earliest / step)
-        self.first = units(at + earliest / step)  # where the search begins
-        self.many = 1 - units((earliest - latest) / step)
+        self.first = steps_in(at + earliest / step)  # where the search begins
+        self.many = 1 - steps_in((earliest - latest) / step)
         self.begin = np.maximum(self.first[:, 0] - round(BEFORE / step), 0)
-        after = np.append(units(at[1:, 0]), N)
+        after = np.append(steps_in(at[1:, 0]), N)
         self.end = np.minimum(self.first[:, 1] + self.many + round(TAIL / step), after)
         self.memory = min(round(_MEMORY / step), N) + 1
         self.step = step
