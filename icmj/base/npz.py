@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from icmj.base.files import open_file
 from icmj.base.text import one_line
 
 _END = ".npy"
+_LARGEST = 1e9  # bytes of a file
 
 
-def read_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> dict[str, Any]:
-    """The arrays in ``path`` by name, or only those of some names; what is pickled is refused, other files left out.
+def read_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> dict[str, Any]:
+    """The arrays of a file, or of one that is open, by name, or only those of some names.
+
+    What is pickled is refused, files other than arrays are left out.
 
     Raises:
         ValueError: in one line, if they are more than so many bytes, or it cannot be read as an npz file.
@@ -25,7 +29,7 @@ def read_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> dict[
     return dict(each_npz(path, most_bytes, only))
 
 
-def each_npz(path: Path, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
+def each_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
     """The arrays of :func:`read_npz`, one after the other, so that not all need be in memory at once.
 
     Raises:
@@ -68,8 +72,8 @@ def _arrays(packed: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
-    with path.open("rb") as stream:
+def _opened(path: Path | BinaryIO) -> Iterator[zipfile.ZipFile]:
+    with open_file(path, _LARGEST) if isinstance(path, Path) else nullcontext(path) as stream:
         try:
             with zipfile.ZipFile(stream) as packed:
                 yield packed

@@ -1,10 +1,12 @@
-"""Text from files and users: made safe for a terminal, on one line where needed; the name that was probably meant."""
+"""Text from files and users: made safe for a terminal, on one line where needed; what it says in JSON; near names."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Any
 
 _ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-Z\\-_])")
 # C0 and C1; marks, embeddings and isolates of direction; separators of lines; annotations; tags; halves of characters
@@ -39,6 +41,20 @@ def spelt(error: UnicodeError) -> tuple[str, int]:
         raise error
     words = error.object[error.start : error.end].translate(_SPELT)
     return words.encode("ascii", "backslashreplace").decode(), error.end
+
+
+def parse_json(content: str | bytes) -> Any:
+    """What untrusted JSON text says.
+
+    Raises:
+        ValueError: in one line, if it is none, or is nested too deeply.
+    """
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+    except ValueError as error:  # no JSON, no UTF-8, an integer of thousands of digits
+        raise ValueError(f"not JSON: {one_line(error, 160)}") from error
 
 
 def nearest(given: str, known: Iterable[str]) -> str | None:

@@ -3,6 +3,7 @@
     OUT/sweep.json          the description: texts, fingerprint, versions, provenance
     OUT/points/*.parquet    the rows, one file for each finished chunk
     OUT/timing.csv          the time that each chunk took
+    OUT/SHA256SUMS          digests, without which no file is trusted (:mod:`icmj.base.ledger`)
 
 Rows and files contain neither time nor place, so that they are the same bit for bit on every machine and at every time.
 The folder may come from somebody else: its contents are validated (:mod:`icmj.sweeps.validation`), and no link is
@@ -20,7 +21,8 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from icmj.base.files import clear_leftovers, locked, ready, regular, replaceable, whole, write_text
+from icmj.base.files import clear_leftovers, locked, ready, regular, replaceable
+from icmj.base.ledger import SUMS, Ledger
 from icmj.errors import SweepError
 from icmj.result.swept import Swept
 from icmj.sweeps.chunk import Computed
@@ -36,7 +38,7 @@ class Dataset:
     """The folder of one sweep, open for writing; see :func:`opened`."""
 
     def __init__(self, folder: Path, plan: Plan, facts: Facts) -> None:
-        self.folder, self._plan, self._facts = folder, plan, facts
+        self.folder, self._plan, self._facts, self._ledger = folder, plan, facts, Ledger(folder)
 
     def finished(self) -> set[int]:
         """The numbers of the chunks that are finished.
@@ -46,7 +48,7 @@ class Dataset:
         """
         files, columns = chunk_files(self.folder / POINTS, self._facts), schema(self._plan)
         for chunk, path in files.items():
-            read_chunk(path, self._plan.range(chunk), self._facts, ["point", "status"], columns)
+            read_chunk(path, self._plan.range(chunk), self._facts, ["point", "status"], columns, self._ledger)
         return set(files)
 
     def write(self, chunk: int, content: bytes) -> None:
@@ -57,10 +59,8 @@ class Dataset:
         """
         target = self.folder / POINTS / f"{chunk:08d}.parquet"
         try:
-            with whole(target) as part, part.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            with self._ledger.seal(target) as part:
+                part.write_bytes(content)
             _settle(target.parent)
         except OSError as error:
             raise SweepError(f"{target}: cannot be written: {error.strerror}; what is finished is kept") from error
@@ -90,7 +90,7 @@ def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
             points = folder / POINTS
             if points.is_symlink():
                 raise SweepError(f"{points}: is a link, not a folder; choose another --out")
-            replaceable(folder / TIMING)
+            replaceable(folder / TIMING, folder / SUMS)
             points.mkdir(exist_ok=True)
             clear_leftovers(points)
             yield Dataset(folder, plan, facts)
@@ -123,8 +123,10 @@ def read_table(folder: Path) -> pa.Table:
     if not files:
         raise SweepError(f"{folder}: no point is finished there")
     tables: list[pa.Table] = []
+    ledger = Ledger(folder)
     for chunk, path in files.items():
-        tables.append(read_chunk(path, facts.rows(chunk), facts, schema=tables[0].schema if tables else None))
+        schema = tables[0].schema if tables else None
+        tables.append(read_chunk(path, facts.rows(chunk), facts, schema=schema, ledger=ledger))
     return pa.concat_tables(tables)
 
 
@@ -152,7 +154,8 @@ def _begin(folder: Path, plan: Plan) -> Facts:
             "run": plan.file.base.text,
             "run_path": plan.file.base.path.name,
         }
-        write_text(folder / FACTS, json.dumps(facts, indent=1, ensure_ascii=False) + "\n")
+        with Ledger(folder).seal(folder / FACTS) as part:
+            part.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         return read_facts(folder / FACTS)
     known = read_facts(folder / FACTS)
     if known.fingerprint != plan.fingerprint:
@@ -189,6 +192,8 @@ def statuses(folder: Path) -> Counter[str]:
     """
     found: Counter[str] = Counter()
     facts = read_facts(folder / FACTS)
+    ledger = Ledger(folder)
     for chunk, path in chunk_files(folder / POINTS, facts).items():
-        found.update(read_chunk(path, facts.rows(chunk), facts, ["point", "status"])["status"].to_pylist())
+        table = read_chunk(path, facts.rows(chunk), facts, ["point", "status"], ledger=ledger)
+        found.update(table["status"].to_pylist())
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,15 +9,16 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
-from icmj.base.files import regular
+from icmj.base.ledger import Ledger
+from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
 from icmj.errors import SweepError
 from icmj.runfile.sweep_tables import Facts, parse_facts
 from icmj.sweeps.columns import TYPES, columns
 
 MOST_BYTES = 50_000_000  # of what a folder says that it is of
+MOST_OF_CHUNK = 500e6  # bytes of one chunk, in its file and in memory
 _CHUNK = re.compile(r"\d{8,10}")
 
 
@@ -29,11 +29,7 @@ def read_facts(path: Path) -> Facts:
         SweepError: if it is not there, or no such file.
     """
     try:
-        with os.fdopen(regular(path, os.O_RDONLY), "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise ValueError(f"more than {MOST_BYTES / 1e6:g} MB")
-        return parse_facts(content)
+        return parse_facts(Ledger(path.parent).read(path, MOST_BYTES))
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     raise SweepError(f"{path.parent}: not the folder of a sweep; it has no sound {path.name} ({one_line(why, 160)})")
@@ -55,7 +51,12 @@ def chunk_files(folder: Path, facts: Facts) -> dict[int, Path]:
 
 
 def read_chunk(
-    path: Path, rows: range, facts: Facts, only: Sequence[str] = (), schema: pa.Schema | None = None
+    path: Path,
+    rows: range,
+    facts: Facts,
+    only: Sequence[str] = (),
+    schema: pa.Schema | None = None,
+    ledger: Ledger | None = None,
 ) -> pa.Table:
     """The rows of one chunk.
 
@@ -65,22 +66,24 @@ def read_chunk(
         facts: of the folder.
         only: columns to read; all if there are none.
         schema: what its columns must be; any that a sweep of these facts may have, if ``None``.
+        ledger: of the folder, so that it is read once for several chunks.
 
     Raises:
         SweepError: if it is not a file of these points.
     """
+
+
+    def check(found: pa.Schema, count: int) -> None:
+        _check_columns(found, facts, schema)
+        if count != len(rows):
+            raise ValueError(f"{count} rows, expected {len(rows)}")
+
     try:
-        with os.fdopen(regular(path, os.O_RDONLY), "rb") as stream:
-            file = pq.ParquetFile(stream)
-            _check_columns(file.schema_arrow, facts, schema)
-            if file.metadata.num_rows != len(rows):
-                raise ValueError(f"{file.metadata.num_rows} rows, expected {len(rows)}")
-            table = file.read(list(only) or None)
-            _check_values(table, rows, facts)
-            return table
-    except MemoryError:
-        raise
-    except Exception as error:  # arrow raises a dozen types on damaged files
+        content = (ledger or Ledger(path.parent.parent)).read(path, MOST_OF_CHUNK)
+        table = read_parquet(content, facts.chunk, MOST_OF_CHUNK, list(only) or None, check)
+        _check_values(table, rows, facts)
+        return table
+    except Exception as error:  # of arrow's, a dozen types on damaged files
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise SweepError(
             f"{path}: not a chunk of this sweep ({one_line(reason, 160)}); remove it, and it is computed again"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -17,6 +19,7 @@ import pytest
 from sweep_cases import GRID, sweep_file
 from terminal_cases import told
 
+from icmj.base.ledger import SUMS
 from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
 from icmj.report import build_report
@@ -47,6 +50,13 @@ def nothing_waits() -> Iterator[None]:
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
+
+
+def resealed(folder: Path) -> None:
+    """Make the digests those of the files that are there now."""
+    there = (path for path in folder.rglob("*") if path.is_file() and path.suffix in (".json", ".parquet"))
+    lines = (f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(folder)}\n" for path in there)
+    (folder / SUMS).write_text("".join(lines))
 
 
 def one(folder: Path) -> Path:
@@ -159,12 +169,18 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
+@pytest.mark.parametrize("forged", [True, False])
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_folder_is_one_line(damage: str, begun: tuple[Plan, Path], tmp_path: Path) -> None:
+def test_a_damaged_folder_is_one_line(damage: str, forged: bool, begun: tuple[Plan, Path], tmp_path: Path) -> None:
+    """Whoever changes a file may change its digest, too; if not, the digest alone refuses it."""
     plan, folder = begun[0], tmp_path / "out"
     shutil.copytree(begun[1], folder)
     change, words = DAMAGES[damage]
     change(folder)
+    if forged:
+        resealed(folder)
+    elif not re.search("pipe|folder|by (its|another) name", damage):
+        words = "not as it was written"
     with pytest.raises(SweepError, match=words) as caught, opened(folder, plan) as dataset:  # to go on
         dataset.finished()
     assert "\n" not in str(caught.value)
@@ -181,6 +197,7 @@ def test_what_varies_has_no_gaps(values: list[float], begun: tuple[Plan, Path], 
     folder = tmp_path / "out"
     shutil.copytree(begun[1], folder)
     column("b", values)(folder)
+    resealed(folder)
     with pytest.raises(SweepError, match="column b has gaps"):
         read_sweep(folder)
 
@@ -189,6 +206,7 @@ def test_numbers_that_cannot_be_drawn_are_one_line(begun: tuple[Plan, Path], tmp
     folder = tmp_path / "out"
     shutil.copytree(begun[1], folder)
     column("b", [-1e308, 0.0, 1e308])(folder)
+    resealed(folder)
     with pytest.raises(ReportError, match="sweep 'test' cannot be drawn"):
         build_report([], tmp_path / "a.html", sweeps=[read_sweep(folder)])
     assert not (tmp_path / "a.html").exists()

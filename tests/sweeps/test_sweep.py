@@ -18,6 +18,7 @@ from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
 
 import icmj
+from icmj.base.ledger import Ledger
 from icmj.errors import SweepError
 from icmj.sweeps.chunk import Computed, compute
 from icmj.sweeps.dataset import opened, read_table
@@ -142,7 +143,8 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
     with pytest.raises(SweepError, match="holds another sweep"):
         carry_out(two, tmp_path / "out", jobs=1)
     facts = tmp_path / "out" / "sweep.json"
-    facts.write_text(facts.read_text().replace('"numpy": "', '"numpy": "0.'))
+    with Ledger(facts.parent).seal(facts) as part:
+        part.write_text(facts.read_text().replace('"numpy": "', '"numpy": "0.'))
     with pytest.raises(SweepError, match=r"begun with numpy 0\."):
         carry_out(one, tmp_path / "out", jobs=1)
     assert len(contents(tmp_path / "out")) == 1
