@@ -2,6 +2,7 @@
 
     FOLDER/bank.json          the description: family, numbers, versions
     FOLDER/draws/*.parquet    the rows, one file for each finished chunk
+    FOLDER/SHA256SUMS         digests, without which no file is trusted (:mod:`icmj.base.ledger`)
 
 A draw depends on its number and the bank's seed alone: rows are the same bit for bit whatever the chunks and whoever
 computes them, and a bank of more draws begins with those of one of fewer.
@@ -10,22 +11,21 @@ computes them, and a bank of more draws begins with those of one of fewer.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from icmj.base.array import Array
-from icmj.base.files import clear_leftovers, ready, write_bytes, write_text
-from icmj.base.text import one_line
+from icmj.base.files import clear_leftovers, ready
+from icmj.base.ledger import SUMS, Ledger
+from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError
-from icmj.fitting.draws import FAMILIES, BankPlan, rows
+from icmj.fitting.draws import FAMILIES, MOST_OF_FILE, BankPlan, Reader, rows
 from icmj.fitting.family import DURATION, TRIALS, Family, load_family
 from icmj.fitting.prior import Prior
 from icmj.fitting.summaries import SUMMARIES
@@ -35,6 +35,7 @@ from icmj.work.provenance import provenance
 FACTS, DRAWS = "bank.json", "draws"
 CHUNK = 50
 MOST = 10_000_000
+_MOST_FACTS = 10e6  # bytes
 _VERSIONS = ("icmj", "numpy", "scipy", "numba", "mujoco")
 
 
@@ -135,21 +136,25 @@ def simulate_bank(
         FitError: if there is nothing to draw, or the folder contains another bank or cannot be used.
         SweepError: if the cluster cannot be reached or disappears.
     """
-    if not (1 <= n <= MOST and 1 <= trials <= 100 and chunk >= 1 and seed >= 0):
+    if not (1 <= n <= MOST and 1 <= trials <= 100 and seed >= 0):
         raise FitError(f"{n} draws, {trials} trials, seed {seed}: expected at least one of each, and no negative seed")
+    if not 1 <= chunk <= MOST_OF_FILE:
+        raise FitError(f"chunks of {chunk} draws; expected 1 to {MOST_OF_FILE}")
     if not 30.0 <= duration <= 3600.0:
         raise FitError(f"trials of {duration:g} s; expected 30 to 3600 s")
     plan = BankPlan(str(family.file.path), seed, trials, duration)
     with TemporaryDirectory() if folder is None else nullcontext(folder) as where:
-        draws = _begun(Path(where), family, plan, chunk)
+        reader = Reader(Path(where), len(family.prior), trials)
+        draws = _begun(reader, family, plan)
         parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
-        left = [part for part in parts if _rows(draws / _name(part.start)) < len(part)]
+        left = [part for part in parts if reader.count(draws / _name(part.start)) < len(part)]
         done = len(parts) - len(left)
         for part, content, why in _computed(plan, family, left, jobs, dask):
             if content is None:
                 raise FitError(f"draws from {part.start} on: a process died ({why}); what is finished is kept")
             try:
-                write_bytes(draws / _name(part.start), content)
+                with reader.ledger.seal(draws / _name(part.start)) as target:
+                    target.write_bytes(content)
             except OSError as error:
                 raise FitError(f"{draws}: cannot be written to: {error.strerror}; what is finished is kept") from error
             done += 1
@@ -169,37 +174,25 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
         FitError: if the folder is not that of a bank, the bank belongs to another family, or a file cannot be read.
     """
     folder = Path(folder)
-    facts = _facts(folder)
-    try:
-        family = family or load_family(Path(facts["path"]))
-        trials, duration, seed, begun = (facts[key] for key in ("trials", "duration", "seed", "family"))
-    except KeyError as error:
-        raise FitError(f"{folder / FACTS}: is not what a bank wrote: no {error}") from error
-    if begun != _mark(family, trials, duration):
+    ledger = Ledger(folder)
+    facts = _facts(ledger, folder)
+    family = family or load_family(Path(facts.path))
+    if facts.family != _mark(family, facts.trials, facts.duration):
         raise FitError(f"{folder}: is a bank of another family than {family.file.path}; simulate it anew")
-    tables, count = [], 0
+    reader = Reader(folder, len(family.prior), facts.trials, ledger)
+    parts: list[tuple[Array, ...]] = []
+    count = 0
     for path in sorted((folder / DRAWS).glob("[0-9]*.parquet")):
         first = int(path.stem) if path.stem.isdecimal() else MOST
         if first > count:
             break
-        try:
-            table = pq.read_table(path, columns=["fell", "theta", "summaries"])
-        except (OSError, pa.ArrowException) as error:
-            why = one_line(error, 200)
-            raise FitError(f"{path}: cannot be read: {why}; remove it, and go on with the bank") from error
-        tables.append(table.slice(count - first) if first < count else table)
-        count = max(count, first + len(table))
+        found = reader.read(path, first)
+        parts.append(tuple(column[count - first :] for column in found))
+        count = max(count, first + len(found[0]))
     if not count:
         raise FitError(f"{folder}: no draw is finished there")
-    table = pa.concat_tables(tables)
-    p, s = len(family.prior), len(SUMMARIES)
-    theta, summaries = (
-        np.stack(table[name].combine_chunks().to_numpy(zero_copy_only=False)) for name in ("theta", "summaries")
-    )
-    if theta.shape[1:] != (p,) or summaries.shape[1:] != (trials * s,):
-        raise FitError(f"{folder}: has rows of other shapes than its {FACTS} says")
-    fell = table["fell"].combine_chunks().to_numpy(zero_copy_only=False).astype(bool)
-    return Bank(family.name, family.prior, begun, theta, summaries.reshape(-1, trials, s), fell, seed, duration)
+    fell, theta, summaries = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Bank(family.name, family.prior, facts.family, theta, summaries, fell, facts.seed, facts.duration)
 
 
 def _computed(
@@ -217,22 +210,24 @@ def _computed(
         yield from workers.compute(plan, iter(left))
 
 
-def _begun(folder: Path, family: Family, plan: BankPlan, chunk: int) -> Path:
+def _begun(reader: Reader, family: Family, plan: BankPlan) -> Path:
     """The folder of the draws, with a description above it, or the one that is there seen to be of this bank."""
-    now = provenance(family.file.path.parent)
+    folder, now = reader.folder, provenance(family.file.path.parent)
     versions = {name: now.get(name, "") for name in _VERSIONS}
     mark = _mark(family, plan.trials, plan.duration)
     try:
-        ready(folder)
-        if (folder / FACTS).exists():
-            known = _facts(folder)
-            if (known.get("family"), known.get("seed")) != (mark, plan.seed):
+        ready(folder, SUMS)
+        if os.path.lexists(folder / FACTS):
+            known = _facts(reader.ledger, folder)
+            if (known.family, known.seed) != (mark, plan.seed):
                 raise FitError(
                     f"{folder}: holds another bank, of another family, seed or trials; choose another folder"
                 )
-            before = known.get("versions", {})
-            changed = [name for name in versions if before.get(name) != versions[name]]
-            other = [f"{name} {before.get(name)} (now {versions[name]})" for name in changed]
+            other = [
+                f"{name} {known.versions.get(name)} (now {version})"
+                for name, version in versions.items()
+                if known.versions.get(name) != version
+            ]
             if other:
                 raise FitError(f"{folder}: was begun with {', '.join(other)}; choose another folder")
         else:
@@ -242,7 +237,10 @@ def _begun(folder: Path, family: Family, plan: BankPlan, chunk: int) -> Path:
                 "units": family.prior.units, "versions": versions, "text": family.file.text,
                 "run": family.file.base.text,
             }  # fmt: skip
-            write_text(folder / FACTS, json.dumps(facts, indent=1, ensure_ascii=False) + "\n")
+            with reader.ledger.seal(folder / FACTS) as part:
+                part.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        if (folder / DRAWS).is_symlink():
+            raise FitError(f"{folder / DRAWS}: is a link, not a folder; choose another folder")
         (folder / DRAWS).mkdir(exist_ok=True)
         clear_leftovers(folder / DRAWS)
     except OSError as error:
@@ -254,27 +252,38 @@ def _mark(family: Family, trials: int, duration: float) -> str:
     return f"{family.fingerprint}-{trials}-{duration:g}"
 
 
-def _facts(folder: Path) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Facts:
+    """What a bank's folder says that it is of, as far as it is read again."""
+
+    family: str
+    path: str
+    seed: int
+    trials: int
+    duration: float
+    versions: Mapping[str, str]
+
+
+def _facts(ledger: Ledger, folder: Path) -> _Facts:
     try:
-        with (folder / FACTS).open("rb") as file:
-            found = json.loads(file.read(10_000_000))
-    except (OSError, ValueError) as error:
-        raise FitError(f"{folder}: is not the folder of a bank: no {FACTS} that can be read") from error
-    if not isinstance(found, dict):
-        raise FitError(f"{folder / FACTS}: is not what a bank wrote")
-    return found
+        found = parse_json(ledger.read(folder / FACTS, _MOST_FACTS))
+        facts = _Facts(**{field.name: found[field.name] for field in fields(_Facts)})
+        if not (
+            isinstance(facts.family, str) and isinstance(facts.path, str) and isinstance(facts.versions, dict)
+            and type(facts.seed) is type(facts.trials) is int and type(facts.duration) in (int, float)
+            and facts.seed >= 0 and 1 <= facts.trials <= 100 and 30 <= facts.duration <= 3600
+        ):  # fmt: skip
+            raise ValueError("not what a bank wrote")
+        return facts
+    except KeyError as error:
+        raise FitError(f"{folder / FACTS}: is not what a bank wrote: no {error}") from error
+    except (OSError, ValueError, TypeError, IndexError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
+        raise FitError(f"{folder}: is not the folder of a bank: no {FACTS} that can be read ({why})") from error
 
 
 def _name(first: int) -> str:
     return f"{first:08d}.parquet"
-
-
-def _rows(path: Path) -> int:
-    """Rows of a file of draws; none of one that is not there, or cannot be read."""
-    try:
-        return int(pq.read_metadata(path).num_rows)
-    except (OSError, pa.ArrowException):
-        return 0
 
 
 def _cut(bank: Bank, n: int) -> Bank:

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.errors import IcmjError
+from icmj.base.ledger import Ledger
+from icmj.base.parquet import read_parquet
+from icmj.base.text import one_line
+from icmj.errors import FitError, IcmjError
 from icmj.fitting.family import DURATION, RATE, Family, load_family
 from icmj.fitting.summaries import SUMMARIES, summarise
+
+MOST_OF_FILE = 10_000
+"""Draws of one file, at most."""
+_NUMBER = 8  # bytes
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,69 @@ def stood(family: Family, theta: Array, seed: int, draw: int, trials: int, durat
             return None
         found.append(summarise(cop, RATE))
     return np.stack(found)
+
+
+class Reader:
+    """Reads the files of draws of a bank.
+
+    Attributes:
+        folder: of the bank.
+        ledger: of its files.
+    """
+
+    def __init__(self, folder: Path, parameters: int, trials: int, ledger: Ledger | None = None) -> None:
+        self.folder, self.ledger = folder, ledger or Ledger(folder)
+        self._p, self._trials = parameters, trials
+
+    def count(self, path: Path) -> int:
+        """Draws in a file; none if it is not there.
+
+        Raises:
+            FitError: if it cannot be read, or is not as it was written.
+        """
+        return len(self._table(path, ["draw"])) if os.path.lexists(path) else 0
+
+    def read(self, path: Path, first: int) -> tuple[Array, Array, Array]:
+        """``fell`` (n,), ``theta`` (n, p) and ``summaries`` (n, K, s) of the draws from ``first`` on.
+
+        Raises:
+            FitError: if it cannot be read, is not as it was written, or holds something else.
+        """
+        table = self._table(path, ["draw", "fell", "theta", "summaries"])
+        n, s = len(table), len(SUMMARIES)
+        try:
+            if table["draw"].to_pylist() != list(range(first, first + n)):
+                raise ValueError("has other draws than its name says")
+            if table["fell"].type != pa.bool_() or table["fell"].null_count:
+                raise ValueError("does not say of each draw whether it fell")
+            fell = table["fell"].to_numpy()
+            theta, summaries = _lists(table["theta"], self._p), _lists(table["summaries"], self._trials * s)
+            if not (np.isfinite(theta).all() and np.array_equal(np.isfinite(summaries).all(axis=1), ~fell)):
+                raise ValueError("holds values that are not finite")
+        except ValueError as error:
+            raise FitError(f"{path}: {error}; remove it, and it is simulated again") from error
+        return fell, theta, summaries.reshape(n, self._trials, s)
+
+    def _table(self, path: Path, columns: list[str]) -> pa.Table:
+        row = _NUMBER * (self._p + self._trials * len(SUMMARIES) + 2)
+        try:
+            content = self.ledger.read(path, 2 * row * MOST_OF_FILE)
+            # numbers that were drawn cannot be compressed: what has few bytes has few rows
+            return read_parquet(content, min(MOST_OF_FILE, len(content) // _NUMBER), 2 * row * MOST_OF_FILE, columns)
+        except (OSError, ValueError) as error:
+            why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
+            raise FitError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
+
+
+def _lists(column: pa.ChunkedArray, width: int) -> Array:
+    """A column of lists of so many numbers, shape (n, width)."""
+    lists = column.combine_chunks()
+    if not pa.types.is_list(lists.type) or lists.type.value_type != pa.float64():
+        raise ValueError(f"has a column of {one_line(lists.type, 60)}, not of numbers")
+    values = lists.flatten()
+    if lists.null_count or values.null_count or not pc.all(pc.equal(pc.list_value_length(lists), width)).as_py():
+        raise ValueError(f"has rows of other sizes than {width}")
+    return np.asarray(values.to_numpy(zero_copy_only=False)).reshape(-1, width)
 
 
 class Families:

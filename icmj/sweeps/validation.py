@@ -72,7 +72,6 @@ def read_chunk(
         SweepError: if it is not a file of these points.
     """
 
-
     def check(found: pa.Schema, count: int) -> None:
         _check_columns(found, facts, schema)
         if count != len(rows):

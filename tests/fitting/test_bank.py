@@ -58,11 +58,16 @@ def test_a_bank_is_the_same_whatever_the_chunks_and_goes_on_where_it_was_killed(
     assert 0 < measures(whole.stood.summaries)[..., 0].max() < 0.5
     first = simulate_bank(family, 5, seed=4, trials=2, duration=30.0, jobs=1, folder=tmp_path, chunk=2)
     same(first, replace(whole, theta=whole.theta[:5], summaries=whole.summaries[:5], fell=whole.fell[:5]))
-    # killed while a chunk was being written: it is not there, or cannot be read
-    (tmp_path / DRAWS / "00000002.parquet").write_bytes(b"PAR1")
     kept = (tmp_path / DRAWS / "00000000.parquet").stat().st_mtime_ns
-    with pytest.raises(FitError, match="cannot be read"):
-        read_bank(tmp_path)
+    # a chunk that somebody changed is refused until it is removed; one that is missing is simulated
+    (tmp_path / DRAWS / "00000002.parquet").write_bytes(b"PAR1")
+    for use in (
+        lambda: read_bank(tmp_path),
+        lambda: simulate_bank(family, 7, seed=4, trials=2, duration=30.0, jobs=1, folder=tmp_path, chunk=2),
+    ):
+        with pytest.raises(FitError, match=r"00000002.parquet: cannot be read: .* not as it was written.*; remove it"):
+            use()
+    (tmp_path / DRAWS / "00000002.parquet").unlink()
     seen = []
     again = simulate_bank(
         family, 7, seed=4, trials=2, duration=30.0, jobs=1, folder=tmp_path, chunk=2, progress=seen.append
