@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.errors import FitError
 from icmj.fitting.network import Network, Tell, train
-from icmj.fitting.posterior import read_networks, write_networks
+from icmj.fitting.posterior import VERSION, read_networks, write_networks
 from icmj.fitting.seen import Seen
 
 EPOCHS = 60
@@ -42,7 +42,7 @@ TRIED = (
     ),
 )
 """Head and rows of a table: what synthetic people were assigned to whose noise no family assumes."""
-_HELD_OUT, _VERSION = 0.2, 2
+_HELD_OUT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,14 @@ class Choice:
         seen: the simulations' summaries, of all families together.
         network: the classifier.
         temperature: that its logits are divided by.
+        draws: simulated people it was trained on.
     """
 
     families: tuple[str, ...]
     seen: Seen
     network: Network
     temperature: float
+    draws: int
 
     def probabilities(self, S: ArrayLike) -> Array:
         """Probabilities of the families, shape (n, m), for people's trials (n, k, s), or (m,) for one's (k, s).
@@ -72,29 +74,33 @@ class Choice:
         found = _softmax(self.network.logits(self.seen.pooled(given[None] if one else given)) / self.temperature)
         return found[0] if one else found
 
-    def save(self, path: Path | str) -> None:
-        """Write an npz file without pickles.
+    def save(self, path: Path | str, mark: str = "") -> None:
+        """Write an npz file without pickles, with its digest beside it; ``mark`` says what it was trained on.
 
         Raises:
             FitError: if it cannot be written.
         """
         head = {
-            "version": _VERSION,
-            "families": self.families,
-            "summaries": self.seen.names,
+            "version": VERSION,
+            "mark": mark,
+            "names": self.families,
+            "draws": self.draws,
             "temperature": self.temperature,
         }
         write_networks(Path(path), head, self.seen, [self.network])
 
     @classmethod
-    def load(cls, path: Path | str) -> Choice:
+    def load(cls, path: Path | str, mark: str = "") -> Choice:
         """The choice of a file that :meth:`save` wrote.
 
         Raises:
-            FitError: if it cannot be read as one.
+            FitError: if it cannot be read as one, was changed, or was trained on something else than ``mark`` says.
         """
-        head, seen, (network,) = read_networks(Path(path), "classifier")
-        return cls(tuple(head["families"]), seen, network, float(head["temperature"]))
+        head, seen, networks = read_networks(Path(path), "classifier", mark)
+        temperature = head.get("temperature")
+        if len(networks) != 1 or not (isinstance(temperature, float) and 0 < temperature < np.inf):
+            raise FitError(f"{path}: not a choice among families; remove it, and it is trained again")
+        return cls(tuple(head["names"]), seen, networks[0], temperature, head["draws"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +186,7 @@ def train_choice(
         return float(-np.mean(np.log(np.maximum(p, 1e-300))))
 
     best = minimize_scalar(surprise, bounds=(-3, 3), method="bounded")
-    return Choice(families, seen, network, float(np.exp(best.x)))
+    return Choice(families, seen, network, float(np.exp(best.x)), n * m)
 
 
 def confusion(choice: Choice, people: Mapping[str, ArrayLike]) -> Confusion:

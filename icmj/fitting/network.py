@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.text import one_line
 from icmj.errors import FitError
 
 Tell = Callable[[str, float], None]
@@ -25,6 +26,7 @@ Rows = Callable[[np.random.Generator], tuple[Array, Array]]
 
 _BATCH, _PATIENCE, _RATE = 128, 12, 2e-3
 _WIDTHS = (64, 64)
+_DEEPEST = 100  # layers of a flow
 
 
 def library() -> Any:
@@ -120,10 +122,24 @@ class Network:
         }
 
     @classmethod
-    def of(cls, head: Mapping[str, Any], arrays: Mapping[str, Array]) -> Network:
-        """The network that :meth:`head` and :meth:`arrays` are of."""
+    def of(cls, head: Mapping[str, Any], arrays: Mapping[str, Array], targets: int, conditions: int) -> Network:
+        """The network that :meth:`head` and :meth:`arrays` are of, with so many targets and conditions.
+
+        Raises:
+            ValueError, KeyError, TypeError: if they are of none, or of one of other sizes.
+        """
         weights = tuple(arrays[f"weight{i}"] for i in range(sum(name.startswith("weight") for name in arrays)))
-        return cls(**head, weights=weights, losses=arrays["losses"])
+        network = cls(**head, weights=weights, losses=arrays["losses"])
+        if (network.targets, network.conditions) != (targets, conditions):
+            raise ValueError(f"a network of other sizes than {targets} targets and {conditions} conditions")
+        if type(network.depth) is not int or not 1 <= network.depth <= _DEEPEST:
+            raise ValueError(f"a network of depth {one_line(network.depth, 40)}")
+        if not (isinstance(network.temperature, float) and 0 < network.temperature < np.inf):
+            raise ValueError(f"a network of temperature {one_line(network.temperature, 40)}")
+        if not all(weight.dtype.kind in "fiub" and np.isfinite(weight).all() for weight in weights):
+            raise ValueError("a network with weights that are not finite numbers")
+        assert network._net is not None  # sets the weights, if they fit
+        return network
 
 
 def train(

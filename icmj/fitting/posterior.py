@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.files import whole
+from icmj.base.ledger import Ledger
 from icmj.base.npz import read_npz
+from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError
 from icmj.fitting.calibration import MASS
 from icmj.fitting.network import Network, Tell, train
@@ -32,7 +34,7 @@ MEMBERS = 4
 _HELD_OUT = 0.15
 _LEAST = 100  # simulated people
 _MOST_BYTES = 2e8
-_VERSION = 2
+VERSION = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +95,10 @@ class Posterior:
         return self.seen.misfit(S)
 
     def support(self, z: ArrayLike, S: ArrayLike) -> float:
-        """How many simulated people the posterior of one person rests on: the effective sample size of z drawn from
-        the prior (n, p), weighted by the posterior's density over the prior's.
+        """How many of the simulated people the posterior of one person rests on, of those with the numbers z (n, p).
 
-        The posterior's own draws are independent; this says how finely the network has been shown where they lie.
+        It is their effective sample size, weighted by the posterior's density over the prior's: of those on whom it was
+        trained, how many resemble this person. The posterior's own draws are independent of each other.
         """
         given = np.asarray(z, dtype=float)
         return effective(self.log_density(given, S) + 0.5 * np.sum(given**2, axis=1))
@@ -127,13 +129,13 @@ class Posterior:
             found = replace(found, networks=tuple(network.scaled(float(factor)) for network in found.networks))
         return found
 
-    def save(self, path: Path | str) -> None:
-        """Write an npz file without pickles.
+    def save(self, path: Path | str, mark: str = "") -> None:
+        """Write an npz file without pickles, with its digest beside it; ``mark`` says what it was trained on.
 
         Raises:
             FitError: if it cannot be written.
         """
-        head = {"version": _VERSION, "names": self.names, "summaries": self.seen.names, "draws": self.draws}
+        head = {"version": VERSION, "mark": mark, "names": self.names, "draws": self.draws}
         write_networks(Path(path), head, self.seen, self.networks)
 
     @classmethod
@@ -143,14 +145,14 @@ class Posterior:
         return cls(first.names, first.seen, tuple(net for one in members for net in one.networks), first.draws)
 
     @classmethod
-    def load(cls, path: Path | str) -> Posterior:
+    def load(cls, path: Path | str, mark: str = "") -> Posterior:
         """The posterior of a file that :meth:`save` wrote.
 
         Raises:
-            FitError: if it cannot be read as one.
+            FitError: if it cannot be read as one, was changed, or was trained on something else than ``mark`` says.
         """
-        head, seen, networks = read_networks(Path(path), "flow")
-        return cls(tuple(head["names"]), seen, networks, int(head["draws"]))
+        head, seen, networks = read_networks(Path(path), "flow", mark)
+        return cls(tuple(head["names"]), seen, networks, head["draws"])
 
 
 def effective(log_weights: ArrayLike) -> float:
@@ -208,41 +210,52 @@ def train_posterior(
 
 
 def write_networks(path: Path, head: dict[str, Any], seen: Seen, networks: Sequence[Network]) -> None:
-    """Write networks, and what they have seen, as npz.
+    """Write networks, and what they have seen, as npz; ``head`` has ``version``, ``mark``, ``names`` and ``draws``.
 
     Raises:
         FitError: if it cannot be written.
     """
-    text = json.dumps({**head, "networks": [network.head() for network in networks]})
+    text = json.dumps({**head, "summaries": seen.names, "networks": [network.head() for network in networks]})
     arrays = {f"seen.{name}": value for name, value in asdict(seen).items() if name != "names"}
     for i, network in enumerate(networks):
         arrays |= {f"network{i}.{name}": value for name, value in network.arrays().items()}
     try:
-        with whole(path) as part, part.open("wb") as stream:
+        with Ledger(path.parent).seal(path) as part, part.open("wb") as stream:
             np.savez(stream, head=np.array(text), **arrays)
     except OSError as error:
         raise FitError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def read_networks(path: Path, kind: str) -> tuple[dict[str, Any], Seen, tuple[Network, ...]]:
-    """Head, seen summaries and networks of such a file.
+def read_networks(path: Path, kind: str, mark: str) -> tuple[dict[str, Any], Seen, tuple[Network, ...]]:
+    """Head, seen summaries and networks of such a file; the targets of each network are those that the head names.
 
     Raises:
-        FitError: if it cannot be read, or holds another kind of networks.
+        FitError: if it cannot be read, was changed, or holds networks of another kind or mark.
     """
     try:
-        arrays = read_npz(path, _MOST_BYTES)
-        head = json.loads(str(arrays.pop("head")))
-        if head["version"] != _VERSION or any(each["kind"] != kind for each in head["networks"]):
-            raise ValueError(f"no {kind} of this version")
-        parts = {f.name: arrays[f"seen.{f.name}"] for f in fields(Seen) if f.name != "names"}
+        arrays = read_npz(BytesIO(Ledger(path.parent).read(path, _MOST_BYTES)), _MOST_BYTES)
+        head = parse_json(str(arrays.pop("head")))
+        if head["version"] != VERSION or head["mark"] != mark or any(one["kind"] != kind for one in head["networks"]):
+            raise ValueError(f"no {kind} of this version and of these simulations")
+        names, summaries = (tuple(map(_word, head[key])) for key in ("names", "summaries"))
+        if type(head["draws"]) is not int or head["draws"] < 1 or not head["networks"]:
+            raise ValueError("trained on nothing")
+        seen = Seen(summaries, *(arrays[f"seen.{field.name}"] for field in fields(Seen)[1:]))
+        seen.refuse_unsound()
         networks = []
         for i, each in enumerate(head["networks"]):
             start = f"network{i}."
             inner = {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}
-            networks.append(Network.of(each, inner))
-        return head, Seen(tuple(head["summaries"]), **parts), tuple(networks)
+            networks.append(Network.of(each, inner, len(names), len(summaries) + 1))
+        return head, seen, tuple(networks)
     except OSError as error:
-        raise FitError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise FitError(f"{path}: not a trained network ({error}); remove it, and it will be trained again") from error
+        raise FitError(f"{path}: cannot be read: {error.strerror}; remove it, and it is trained again") from error
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        why = one_line(error, 200)
+        raise FitError(f"{path}: not a trained network ({why}); remove it, and it is trained again") from error
+
+
+def _word(text: object) -> str:
+    if not isinstance(text, str):
+        raise TypeError(f"{one_line(text, 40)} is not a name")
+    return text

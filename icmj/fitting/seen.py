@@ -6,7 +6,7 @@ A network says something of whatever it is given. Of summaries that no simulatio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from icmj.errors import FitError
 _CUT = 6.0  # deviations up to which a network is shown a summary
 _LEAST = 1e-8  # of the largest variance: directions with less are none, as shares of a histogram sum up to one
 _RARE = 0.01  # share of simulations that lie as far out
+_QUANTILES = 1001
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,29 @@ class Seen:
         parts = [cls._of_means(given[:, :k].mean(axis=1), centre, scale) for k in range(1, given.shape[1] + 1)]
         return cls(tuple(names), centre, scale, *(np.array(column) for column in zip(*parts, strict=True)))
 
+    def refuse_unsound(self) -> None:
+        """Check that this is what :meth:`of` gives, when it comes from a file.
+
+        Raises:
+            ValueError: if shapes, or values, cannot be.
+        """
+        s, K = len(self.names), len(self.low) if self.low.ndim else 0
+        shapes = {"centre": (s,), "scale": (s,), "whitening": (K, s, s), "distances": (K, _QUANTILES)}
+        for field in fields(self)[1:]:
+            values, shape = getattr(self, field.name), shapes.get(field.name, (K, s))
+            if values.shape != shape or not K or values.dtype != float or not np.isfinite(values).all():
+                raise ValueError(f"seen.{field.name} of shape {values.shape} is not {shape} of finite numbers")
+        reach = 1e-9 * (np.abs(self.low) + np.abs(self.high))
+        sound = {
+            "scale": self.scale > 0,
+            "spread": self.spread >= 0,
+            "mean": (self.mean >= self.low - reach) & (self.mean <= self.high + reach),
+            "distances": np.diff(self.distances, prepend=0.0) >= 0,
+        }
+        wrong = [name for name, good in sound.items() if not good.all()]
+        if wrong:
+            raise ValueError(f"seen.{wrong[0]} holds what cannot be")
+
     @staticmethod
     def _of_means(means: Array, centre: Array, scale: Array) -> tuple[Array, ...]:
         scaled = (means - centre) / scale
@@ -95,7 +119,7 @@ class Seen:
         kept = values > _LEAST * max(float(values[-1]), 1e-30)
         whitening = vectors * np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
         distance = np.linalg.norm((scaled - scaled.mean(axis=0)) @ whitening, axis=1)
-        quantiles = np.quantile(distance, np.linspace(0, 1, 1001))
+        quantiles = np.quantile(distance, np.linspace(0, 1, _QUANTILES))
         return means.min(axis=0), means.max(axis=0), means.mean(axis=0), means.std(axis=0), whitening, quantiles
 
     @property

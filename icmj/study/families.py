@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,7 @@ class Trained:
         posterior: for all people.
         calibration: on synthetic people that it was not trained on.
         check: their summaries, shape (n, K, s).
+        people: numbers of the simulated people that it was trained on, as standard normal variables, shape (n, p).
     """
 
     family: Family
@@ -42,6 +44,7 @@ class Trained:
     posterior: Posterior
     calibration: Calibration
     check: Array
+    people: Array
 
 
 def train_family(
@@ -86,27 +89,32 @@ def train_family(
     apart = simulated("check", math.ceil(1.1 * 2 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
     half = min(check, len(apart) // 2)  # as many stood, but for bad luck
     truth, shown = apart.z[half : half + check], apart.summaries[half : half + check]
-    members, joined = [], home / f"posterior-{simulations}-{seed}.npz"
-    for member in range(MEMBERS):
-        path = home / f"flow-{simulations}-{seed}-{member}.npz"
-        if not path.exists():
+    mark, joined = f"{family.fingerprint}-{simulations}-{seed}", home / f"posterior-{simulations}-{seed}.npz"
+    if not os.path.lexists(joined):
+        members = []
+        for member in range(MEMBERS):
+            path = home / f"flow-{simulations}-{seed}-{member}.npz"
+            if not os.path.lexists(path):
 
-            def training(_: str, done: float, member: int = member) -> None:
-                tell(f"{family.name}, training", 0.7 + 0.3 * (member + done) / MEMBERS)
+                def training(_: str, done: float, member: int = member) -> None:
+                    tell(f"{family.name}, training", 0.7 + 0.3 * (member + done) / MEMBERS)
 
-            made = train_posterior(
-                stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, member=member, progress=training
-            )
-            made.save(path)
-        members.append(Posterior.load(path))
-    if not joined.exists():
-        Posterior.mixture(members).rescaled(apart.z[:half], apart.summaries[:half], seed).save(joined)
-    posterior = Posterior.load(joined)
+                made = train_posterior(
+                    stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, member=member, progress=training
+                )
+                made.save(path, f"{mark}-{member}")
+            members.append(Posterior.load(path, f"{mark}-{member}"))
+        Posterior.mixture(members).rescaled(apart.z[:half], apart.summaries[:half], seed).save(joined, mark)
+    posterior = Posterior.load(joined, mark)
+    if posterior.names != family.prior.names or posterior.seen.names != SUMMARIES:
+        raise FitError(
+            f"{joined}: is of other numbers or summaries than the family; remove it, and it is trained again"
+        )
     if not 1 <= trials <= posterior.seen.trials:
         raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
     drawn = posterior.sample_all(shown[:, :trials], 499, seed)
     calibration = calibrate(truth, drawn, family.prior.names)
-    return Trained(family, bank.words, posterior, calibration, shown)
+    return Trained(family, bank.words, posterior, calibration, shown, stood.z)
 
 
 def choice_among(
@@ -119,8 +127,11 @@ def choice_among(
     """The choice among families, trained or found again."""
     said = "-".join([*(family.fingerprint for family in families), str(simulations), str(seed)])
     path = folder / f"choice-{hashlib.sha256(said.encode()).hexdigest()[:16]}.npz"
-    if path.exists():
-        return Choice.load(path)
+    if os.path.lexists(path):
+        choice = Choice.load(path, said)
+        if choice.families != tuple(family.name for family in families) or choice.seen.names != SUMMARIES:
+            raise FitError(f"{path}: is of other families or summaries; remove it, and it is trained again")
+        return choice
     banks = {
         family.name: simulate_bank(
             family,
@@ -132,5 +143,5 @@ def choice_among(
         for family in families
     }
     choice = train_choice(banks, SUMMARIES, seed=seed, progress=progress)
-    choice.save(path)
+    choice.save(path, said)
     return choice

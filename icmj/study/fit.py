@@ -1,7 +1,7 @@
 """The fit: families trained once, then each person's posterior, what it predicts, and which family.
 
     TRAINED/           banks and networks (:mod:`icmj.study.families`)
-    OUT/people/*.npz   what draws of each posterior measure: what stands there is done
+    OUT/people/*.npz   what draws of each posterior measure: what stands there is done; digests in SHA256SUMS there
 
 Whatever is finished is kept and found again by what it was made of, so that a fit goes on where it was killed.
 """
@@ -9,28 +9,33 @@ Whatever is finished is kept and found again by what it was made of, so that a f
 from __future__ import annotations
 
 import hashlib
+import os
+import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.files import ready, whole
+from icmj.base.files import ready
+from icmj.base.ledger import SUMS, Ledger
 from icmj.base.npz import read_npz
+from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
 from icmj.fitting.choice import Confusion, confusion
 from icmj.fitting.family import RATE, Family, load_family
 from icmj.fitting.groups import Difference, compare
 from icmj.fitting.predictive import Predictive, predicted
 from icmj.fitting.seen import Misfit
-from icmj.fitting.summaries import SUMMARIES, measures, summarise
+from icmj.fitting.summaries import MEASURES, SUMMARIES, measures, summarise
 from icmj.study.families import SIMULATIONS, Trained, choice_among, train_family
 
 Tell = Callable[[str, float], None]
 DRAWS, PREDICTED = 2000, 100
-_MOST_BYTES = 1e9
+_MOST_BYTES = 1e7
+_LONGEST = 150  # bytes of a stem: figures' names and what is under way add to it, and 255 is all a name may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,11 @@ class Subject:
         """Name and condition."""
         return f"{self.name}, {self.condition}" if self.condition else self.name
 
+    def stem(self, family: str) -> str:
+        """Begins the names of the files of this person under one family."""
+        parts = [self.name, self.condition, family]
+        return ".".join("".join(c if c.isalnum() or c in "-_" else "-" for c in part) for part in parts if part)
+
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
@@ -67,7 +77,7 @@ class Fitted:
         family: name of the family.
         z, theta: draws of the parameters, as standard normal variables and in their units, shape (n, p).
         misfit: how far the person is from the simulated people.
-        support: effective number of simulated people on which the posterior is based.
+        support: effective number of the simulated people of the training on whom the posterior is based.
         predictive: measures of simulated trials, with those of the recorded ones.
     """
 
@@ -137,8 +147,8 @@ def fit(
     _checked(people, made)
     out, trained = Path(out), Path(trained)
     try:
-        ready(out / "people")
-        ready(trained)
+        ready(out / "people", SUMS)
+        ready(trained, SUMS)
     except OSError as error:
         raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
     tell = progress or (lambda label, done: None)
@@ -177,6 +187,20 @@ def _checked(people: Sequence[Subject], families: Sequence[Family]) -> None:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise FitError(f"two {what} are called {twice[0]}")
+    stems: dict[str, str] = {}
+    for one, family in ((one, family) for one in people for family in families):
+        # names that differ in capitals, or in how a letter is composed, are one on some systems
+        mark, who = (
+            unicodedata.normalize("NFC", stem := one.stem(family.name)).casefold(),
+            f"{one.label}, {family.name}",
+        )
+        if (other := stems.setdefault(mark, who)) != who:
+            raise FitError(f"{other!r} and {who!r} would share the files {one_line(stem, 60)}.*; rename one of them")
+        if len(os.fsencode(stem)) > _LONGEST:
+            raise FitError(
+                f"{one_line(one.label, 60)}: too long for the name of a file; expected at most {_LONGEST} bytes, with "
+                "condition and family"
+            )
     for one in people:
         if not 0 <= one.held < len(one.trials):
             raise FitError(f"{one.label}: {len(one.trials)} trials, of which {one.held} are held out; one is needed")
@@ -194,27 +218,43 @@ def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: i
     S = _summaries(person)
     z = posterior.sample(S, draws, seed)
     theta = family.prior.from_normal(z)
-    prior = np.random.default_rng((seed, 5)).standard_normal((4000, len(family.prior)))
     chosen = theta[:PREDICTED]
     mark = hashlib.sha256(chosen.tobytes() + f"{family.fingerprint} {seed}".encode())
     path = folder / f"{mark.hexdigest()[:24]}.npz"
-    stood = None
-    if path.exists():
-        with suppress(ValueError, OSError, KeyError):
-            stood = read_npz(path, _MOST_BYTES)["stood"]
-    if stood is None:
+    ledger = Ledger(folder)
+    if os.path.lexists(path):
+        stood = _kept(ledger, path, len(chosen))
+    else:
         found = [simulated(family, one, seed + i) for i, one in enumerate(chosen)]
         stood = measures(
             np.array([summarise(cop, RATE) for cop in found if cop is not None]).reshape(-1, len(SUMMARIES))
         )
         try:
-            with whole(path) as part, part.open("wb") as stream:
+            with ledger.seal(path) as part, part.open("wb") as stream:
                 np.savez(stream, stood=stood)
         except OSError as error:
             raise FitError(f"{path}: cannot be written: {error.strerror}") from error
     observed = measures(_summaries(person, held=person.held > 0))
     predictive = predicted(stood, len(chosen), observed)
-    return Fitted(person, family.name, z, theta, posterior.misfit(S), posterior.support(prior, S), predictive)
+    support = posterior.support(trained.people, S)
+    return Fitted(person, family.name, z, theta, posterior.misfit(S), support, predictive)
+
+
+def _kept(ledger: Ledger, path: Path, draws: int) -> Array:
+    """Measures of the trials that some draws of a posterior stood, shape (n, m), from a file of an earlier fit.
+
+    Raises:
+        FitError: if it cannot be read, or was changed.
+    """
+    try:
+        stood = read_npz(BytesIO(ledger.read(path, _MOST_BYTES)), _MOST_BYTES)["stood"]
+        shape = (min(len(stood), draws), len(MEASURES))
+        if stood.shape != shape or stood.dtype != float or not np.isfinite(stood).all():
+            raise ValueError("not the measures of trials")
+        return np.asarray(stood)
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
+        raise FitError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
 
 
 def simulated(family: Family, theta: Array, seed: int) -> Array | None:

@@ -54,7 +54,7 @@ def write_fit(found: Fit, out: Path) -> None:
             pq.write_table(table(found), part)
         write_text(out / SUMMARY, json.dumps(summary(found), indent=1, ensure_ascii=False) + "\n")
         for one in found.fitted:
-            _archive(found, one, out / f"{stem(one)}.nc")
+            _archive(found, one, out / f"{one.person.stem(one.family)}.nc")
         with style.applied():
             items = _items(found, out)
         section = Section("fit", "Fit", "fit.html.j2", {"items": items})
@@ -70,12 +70,6 @@ def write_fit(found: Fit, out: Path) -> None:
         write_text(out / PAGE, page)
     except OSError as error:
         raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
-
-
-def stem(one: Fitted) -> str:
-    """Begins the names of the files of one person under one family."""
-    parts = [one.person.name, one.person.condition, one.family]
-    return ".".join("".join(c if c.isalnum() or c in "-_" else "-" for c in part) for part in parts if part)
 
 
 def table(found: Fit) -> pa.Table:
@@ -266,7 +260,9 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, A
     if drawn:
         sample = prior.draw(4000, 1)
         figure = posterior_figure(prior.names, prior.units, one.theta, sample, verdicts)
-        pictures.append((_picture(figure, out, f"posterior.{stem(one)}"), "Posterior (blue) and prior (grey)."))
+        pictures.append(
+            (_picture(figure, out, f"posterior.{one.person.stem(one.family)}"), "Posterior (blue) and prior (grey).")
+        )
         made = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in made if cop is not None][: len(one.person.trials)]
         figure = sway_figure(one.person.trials, shown, RATE, MEASURES, MEASURE_UNITS, p.simulated, p.observed)
@@ -274,7 +270,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, A
             "Recorded and simulated trials; measures of the recordings (dots), and the 90 % predictive intervals, "
             "which covered only 69 to 84 % of the values of people whom the families had not seen."
         )
-        pictures.append((_picture(figure, out, f"sway.{stem(one)}"), caption))
+        pictures.append((_picture(figure, out, f"sway.{one.person.stem(one.family)}"), caption))
     head = ("Parameter", "Median", "5 %", "95 %", "Verdict")
     return _item(f"{one.person.label}: {trained.family.title}", words, [(head, rows)], pictures)
 
@@ -284,7 +280,9 @@ def words_of(one: Fitted) -> str:
     p = one.predictive
     held = "held-out" if one.person.held else "fitted"
     inside = f"{p.inside.sum()} of {p.inside.size} measures of {held} trials lie in their 90 % predictive intervals"
-    rests = f"the posterior is supported by an effective number of {one.support:.0f} simulated people; {inside}"
+    rests = (
+        f"the posterior rests on an effective number of {one.support:.0f} of the people simulated to train it; {inside}"
+    )
     fell = f"; {p.fell:.0%} of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
     return f"{'Misfit: ' + one.misfit.words + '. ' if one.misfit else ''}{rests[0].upper()}{rests[1:]}{fell}."
 

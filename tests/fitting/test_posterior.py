@@ -14,6 +14,7 @@ from patience import PATIENCE
 from scipy.optimize import brentq
 from scipy.stats import norm
 
+from icmj.base.ledger import Ledger
 from icmj.errors import FitError
 from icmj.fitting.calibration import calibrate
 from icmj.fitting.posterior import Posterior, effective, train_posterior
@@ -188,11 +189,16 @@ def test_the_posterior_is_the_mixture_of_its_flows() -> None:
 def test_what_is_no_network_is_told(tmp_path) -> None:
     path = tmp_path / "posterior.npz"
     path.write_bytes(b"PK")
+    with pytest.raises(FitError, match="not as it was written"):
+        Posterior.load(path)
+    with Ledger(tmp_path).seal(path) as part:
+        part.write_bytes(b"PK")
     with pytest.raises(FitError, match="not a trained network"):
         Posterior.load(path)
     with pytest.raises(FitError, match="cannot be read"):
         Posterior.load(tmp_path / "none.npz")
-    np.savez(path, head=np.array('{"version": 2, "networks": [{"kind": "classifier"}]}'))
+    with Ledger(tmp_path).seal(path) as part, part.open("wb") as file:
+        np.savez(file, head=np.array('{"version": 3, "mark": "", "networks": [{"kind": "classifier"}]}'))
     with pytest.raises(FitError, match="no flow of this version"):
         Posterior.load(path)
 

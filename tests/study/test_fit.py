@@ -13,7 +13,8 @@ from icmj.errors import FitError
 from icmj.fitting import calibration, choice, network, posterior, predictive
 from icmj.fitting.bank import Bank
 from icmj.fitting.prior import Distribution, Prior
-from icmj.fitting.summaries import summarise
+from icmj.fitting.seen import Seen
+from icmj.fitting.summaries import SUMMARIES, summarise
 from icmj.study import families as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
@@ -114,7 +115,7 @@ class Regression:
         return {"weights": self.weights, "spread": self.spread}
 
     @classmethod
-    def of(cls, head, arrays) -> "Regression":
+    def of(cls, head, arrays, *_) -> "Regression":
         return cls(head["kind"], arrays["weights"], arrays["spread"])
 
 
@@ -229,11 +230,11 @@ def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkey
     class Known:
         """A posterior that is the prior."""
 
-        seen = SimpleNamespace(trials=3)
+        names, seen = PRIOR.names, SimpleNamespace(trials=3, names=SUMMARIES)
 
         def __init__(self, *_, **__) -> None: ...
-        def save(self, _) -> None: ...
-        def load(self) -> "Known":
+        def save(self, *_) -> None: ...
+        def load(self, *_) -> "Known":
             return Known()
 
         def mixture(self) -> "Known":
@@ -264,6 +265,26 @@ def test_beside_every_probability_stands_what_it_does_not_carry() -> None:
     assert not any("76 %" in said for said in one)
 
 
+class Idle:
+    """Stands for a flow that has learnt nothing: the posterior is the prior."""
+
+    def inverted(self, normal, _):
+        return normal
+
+    def log_density(self, z, _):
+        return -0.5 * np.sum(z**2, axis=1)
+
+
+def test_a_posterior_rests_on_no_more_people_than_were_simulated(tmp_path, monkeypatch) -> None:
+    """Of a posterior that is the prior all weights are alike: it rests on all who were simulated, and on nobody else."""
+    monkeypatch.setattr(fits, "PREDICTED", 25)
+    bank = simulated_toy(Toy("one", 1), 40, 0)
+    idle = posterior.Posterior(PRIOR.names, Seen.of(bank.summaries, SUMMARIES), (Idle(),), len(bank))
+    check = families_module.Trained(Toy("one", 1), "", idle, None, bank.summaries, bank.z)
+    found = fits._fitted(person("anna", (4e-3, 0.3, 0.5)), check, tmp_path, 200, 0)
+    assert found.support == pytest.approx(40)
+
+
 def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> None:
     one = person("anna", (4e-3, 0.3, 0.5))
     with pytest.raises(FitError, match="two people are called anna"):
@@ -274,3 +295,24 @@ def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> 
         fit([person("anna", (4e-3, 0.3, 0.5), held=2)], [Toy("one", 1)], tmp_path)
     with pytest.raises(FitError, match="nothing to fit"):
         fit([], [Toy("one", 1)], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("names", "families", "line"),
+    [
+        (("a/b", "a b"), ("one",), r"'a/b, one' and 'a b, one' would share the files a-b\.one\.\*"),
+        (("Anna", "anna"), ("one",), "would share the files anna"),  # on macOS and Windows
+        (("anna",), ("a.b", "a b"), r"would share the files anna\.a-b"),
+        (("x" * 400,), ("one",), "too long for the name of a file; expected at most 150 bytes"),
+        (("ж" * 80,), ("one",), "too long for the name of a file"),
+    ],
+)
+def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_work(
+    names, families, line, tmp_path
+) -> None:
+    people = [person(name, (4e-3, 0.3, 0.5)) for name in names]
+    with pytest.raises(FitError, match=line) as caught:
+        fit(people, [Toy(name, 1) for name in families], tmp_path / "out", trained=tmp_path / "trained")
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+    assert list(tmp_path.iterdir()) == []
