@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ import pyarrow.parquet as pq
 
 from icmj.base.card import plain
 from icmj.base.files import LOCK, clear_leftovers, locked, ready, whole, write_bytes, write_text
+from icmj.base.ledger import SUMS, Ledger
+from icmj.base.parquet import read_parquet
+from icmj.base.text import one_line, parse_json
 from icmj.errors import DataError, StudyError
 from icmj.experiments.recording import Recording
 from icmj.report import style
@@ -24,18 +28,19 @@ from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.series.reading import read_series
 from icmj.series.series import Series
-from icmj.series.writing import write_series
+from icmj.series.writing import FORMATS
 from icmj.study.kind import Experiment, Kind, Told
 from icmj.work.provenance import PACKAGES, provenance
 
 FACTS, TRIALS = "experiment.json", "trials"
+_MOST_BYTES, _MOST_EVENTS, _MOST_FACTS = 500e6, 10_000_000, 50e6
 
 
 class Folder:
     """The folder in which trials are stored; without a path, none is stored."""
 
     def __init__(self, path: Path | None) -> None:
-        self._path = path
+        self._path, self._ledger = path, Ledger(path or Path())
 
     @property
     def path(self) -> Path:
@@ -54,24 +59,34 @@ class Folder:
         signals, events = self._files(name, index)
         try:
             times = np.diff(trial.events, prepend=0.0)[:, None]
-            write_series(Series(trial.events, times, ("interval",), ("s",), {"outcome": trial.outcome}), events)
-            write_series(trial.series, signals)
-        except DataError as error:
-            raise StudyError(str(error)) from error
+            events_of = Series(trial.events, times, ("interval",), ("s",), {"outcome": trial.outcome})
+            for series, path in ((events_of, events), (trial.series, signals)):
+                with self._ledger.seal(path) as part:
+                    FORMATS[path.suffix](series, part)
+        except OSError as error:
+            raise StudyError(f"{signals}: cannot be written: {error.strerror or error}") from error
 
     def read(self, name: str, index: int) -> Recording | None:
-        """A stored trial; ``None`` if there is none that can be read."""
+        """A stored trial; ``None`` if there is none.
+
+        Raises:
+            StudyError: if it cannot be read, or was changed.
+        """
         if self._path is None:
             return None
         signals, events = self._files(name, index)
-        if not (signals.exists() and events.exists()):
+        if not (os.path.lexists(signals) and os.path.lexists(events)):
             return None
-
-        with suppress(DataError, OSError, pa.ArrowException, KeyError):
-            table = pq.read_table(events)
+        path = events
+        try:
+            table = read_parquet(self._ledger.read(events, _MOST_BYTES), _MOST_EVENTS, _MOST_BYTES)
             outcome = (table.schema.metadata or {})[b"icmj.outcome"].decode()
+            path = signals
+            self._ledger.read(signals, _MOST_BYTES)
             return Recording(read_series(signals), table["t"].to_numpy(), outcome)
-        return None
+        except (DataError, OSError, ValueError, LookupError) as error:
+            why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
+            raise StudyError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
 
     def _files(self, name: str, index: int) -> tuple[Path, Path]:
         stem = self.path / TRIALS / f"{name}.{index:04d}"
@@ -96,7 +111,7 @@ def opened(path: Path, file: ExperimentFile) -> Iterator[Folder]:
     try:
         path.mkdir(parents=True, exist_ok=True)
         with locked(path, "experiment"), _kept_if_begun(path, made):
-            ready(path)
+            ready(path, SUMS)
             _begin(path, file)
             trials = path / TRIALS
             if trials.is_symlink():
@@ -116,7 +131,7 @@ def _kept_if_begun(path: Path, made: bool) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        if made and not any(child for child in path.rglob("*") if child.name not in (FACTS, LOCK, TRIALS)):
+        if made and not any(child for child in path.rglob("*") if child.name not in (FACTS, LOCK, SUMS, TRIALS)):
             shutil.rmtree(path, ignore_errors=True)
         raise
 
@@ -124,7 +139,7 @@ def _kept_if_begun(path: Path, made: bool) -> Iterator[None]:
 def _begin(path: Path, file: ExperimentFile) -> None:
     """Say what the folder is of, or see that it is of this."""
     facts, mark = path / FACTS, fingerprint(file)
-    if facts.exists():
+    if os.path.lexists(facts):
         if _known(facts).get("fingerprint") != mark:
             raise StudyError(
                 f"{path}: holds another experiment, or one of another file, model or version; choose another --out"
@@ -138,7 +153,8 @@ def _begin(path: Path, file: ExperimentFile) -> None:
         "experiment": file.text,
         "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
     }
-    write_text(facts, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    with Ledger(path).seal(facts) as part:
+        part.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def fingerprint(file: ExperimentFile) -> str:
@@ -160,13 +176,13 @@ def fingerprint(file: ExperimentFile) -> str:
 
 
 def _known(path: Path) -> dict[str, Any]:
+    found, why = None, "no table"
     try:
-        with path.open("rb") as file:
-            found = json.loads(file.read(1_000_000))
-    except ValueError:
-        found = None
+        found = parse_json(Ledger(path.parent).read(path, _MOST_FACTS))
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     if not isinstance(found, dict):
-        raise StudyError(f"{path}: is not what an experiment wrote; choose another --out")
+        raise StudyError(f"{path}: is not what an experiment wrote ({why}); choose another --out")
     return found
 
 

@@ -52,7 +52,7 @@ def test_all_of_it_stands_in_the_folder(done):
     assert [f"{told.case}.{told.plant}" for told in experiment.found] == ["own.linear", "continuous.linear"]
     assert {path.name for path in folder.iterdir()} == {
         *(".lock", "experiment.json", "trials", "results.parquet", "summary.json"),
-        *("figure.png", "figure.svg", "report.html"),
+        *("figure.png", "figure.svg", "report.html", "SHA256SUMS"),
     }
     rows = pq.read_table(folder / "results.parquet")
     assert set(rows["case"].to_pylist()) == {"own", "continuous"}
@@ -105,7 +105,8 @@ def test_it_goes_on_where_it_ended_with_the_same_numbers(done, tmp_path):
     again = tmp_path / "again"
     again.mkdir()
     (again / "trials").mkdir()
-    for path in (folder / "experiment.json", *(folder / "trials").glob("*.0000*.parquet")):
+    kept = (folder / "trials").glob("*.0000*.parquet")
+    for path in (folder / "experiment.json", folder / "SHA256SUMS", *kept):
         (again / path.relative_to(folder)).write_bytes(path.read_bytes())
     marks = {path: path.stat().st_mtime_ns for path in (again / "trials").iterdir()}
     resumed = icmj.run_experiment(file_of(TEXT, folder), again, jobs=1)

@@ -276,7 +276,7 @@ class Idle:
 
 
 def test_a_posterior_rests_on_no_more_people_than_were_simulated(tmp_path, monkeypatch) -> None:
-    """Of a posterior that is the prior all weights are alike: it rests on all who were simulated, and on nobody else."""
+    """Of a posterior that is the prior all weights are alike: it rests on all who were simulated, and on no others."""
     monkeypatch.setattr(fits, "PREDICTED", 25)
     bank = simulated_toy(Toy("one", 1), 40, 0)
     idle = posterior.Posterior(PRIOR.names, Seen.of(bank.summaries, SUMMARIES), (Idle(),), len(bank))
