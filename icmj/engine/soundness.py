@@ -13,11 +13,14 @@ import stat
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from html import unescape
+from itertools import islice
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.engine.callbacks import hushed
 from icmj.engine.fault import words
@@ -43,6 +46,7 @@ OURS = (
 _MODELS = re.compile(r"""<(?:include|model)\b[^>]*?\bfile\s*=\s*["']([^"']*)["']""")
 _FILES = re.compile(r"""\bfile\w*\s*=\s*["']([^"']*)["']""")
 _FOLDERS = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"']*)["']""")
+_STRIPPED = re.compile(r"""\bstrippath\s*=\s*["']true["']""")
 _NO_UTF8 = re.compile("[\udc80-\udcff]")  # what "surrogateescape" makes of such bytes
 _known_good: set[str] = set()
 
@@ -84,7 +88,7 @@ def examine(path: Path) -> None:
             raise ModelError(f"{one_line(path, 300)}: {what}")
     except (OSError, ValueError) as error:
         raise ModelError(f"{one_line(path, 300)}: no such model file ({one_line(error, 100)})") from error
-    read = [mark for _, mark in _read(path, path, set())]
+    read = [mark for _, mark in _read(path)]
     marks = [hashlib.sha256(part).hexdigest() for part in read]
     mark = "".join((str(path.absolute()), *marks))
     if mark not in _known_good and not (len(marks) == 1 and marks[0] in OURS):
@@ -141,36 +145,62 @@ def files_of(path: Path) -> tuple[Path, ...]:
     Raises:
         ModelError: if one cannot be read.
     """
-    return tuple(found for found, _ in _read(path, path, set()))
+    return tuple(found for found, _ in _read(path))
 
 
-def _read(path: Path, model: Path, seen: set[Path]) -> Iterator[tuple[Path, bytes]]:
-    """The files of a model with their contents; for files other than models, with size and time of change."""
-    seen.add(path.resolve())
+def _read(model: Path) -> list[tuple[Path, bytes]]:
+    """The files of a model with their contents; for files other than models, with size and time of change.
+
+    Folders of meshes and textures that one file names hold for the files of all: which wins is the compiler's to say.
+    """
+    found: dict[Path, bytes] = {}
+    seen: set[Path] = set()
+    named: dict[tuple[Path, str], bool] = {}  # whether it is a model
+    folders: dict[Path, None] = {Path(): None}
+
+    def places(models: bool) -> Iterator[tuple[Path, os.stat_result]]:
+        for (parent, name), is_model in sorted(named.items()):
+            for path in (parent / folder / name for folder in folders if is_model is models):
+                if (state := _state(model, path)) is not None and path.resolve() not in seen:
+                    yield path, state
+
+    left, stripped = [model], False
+    while left:
+        for path in left:
+            if path.resolve() in seen:
+                continue
+            seen.add(path.resolve())
+            text, found[path] = _text(path)
+            listed = map(Path, map(unescape, _FOLDERS.findall(text)))
+            folders |= dict.fromkeys(islice(listed, max(FOLDERS - len(folders), 0)))
+            models, stripped = set(_MODELS.findall(text)), stripped or bool(_STRIPPED.search(text))
+            for name in {*_FILES.findall(text)}:
+                named |= {(parent, unescape(name)): name in models for parent in (model.parent, path.parent)}
+        # of all, as a folder may be named after those files that refer to what is in it
+        left = [path for path, _ in places(models=True)]
+    if stripped:
+        named |= {(parent, re.split(r"[/\\]", name)[-1]): False for (parent, name), of in named.items() if not of}
+    for path, state in places(models=False):
+        found.setdefault(path, f"{path} {state.st_size} {state.st_mtime_ns}".encode(errors="surrogateescape"))
+    return list(found.items())
+
+
+def _text(path: Path) -> tuple[str, bytes]:
+    """The text of a model without its comments, and its content.
+
+    Raises:
+        ModelError: if it cannot be read, or is not UTF-8.
+    """
     try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_bytes(path, MOST_BYTES)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(content) > MOST_BYTES:
-        raise ModelError(f"{path}: more than {MOST_BYTES / 1e6:g} MB of MJCF")
-    yield path, content
     text = content.decode(errors="surrogateescape")
     text = re.sub(r"<!--.*?-->", lambda comment: "\n" * comment.group().count("\n"), text, flags=re.DOTALL)
     if wrong := _NO_UTF8.search(text):
         line, byte = text.count("\n", 0, wrong.start()) + 1, ord(wrong.group()) - 0xDC00
         raise ModelError(f"{path}: line {line} is not UTF-8 (byte 0x{byte:02x}); save the file as UTF-8")
-    models = set(_MODELS.findall(text))
-    folders = {Path(), *map(Path, _FOLDERS.findall(text)[:FOLDERS])}
-    for name in sorted({*_FILES.findall(text)}):
-        for there in sorted({parent / folder / name for parent in (model.parent, path.parent) for folder in folders}):
-            state = _state(model, there)
-            if state is None or there.resolve() in seen:
-                continue
-            if name in models:
-                yield from _read(there, model, seen)
-            else:
-                yield there, f"{there} {state.st_size} {state.st_mtime_ns}".encode(errors="surrogateescape")
+    return text, content
 
 
 def _state(model: Path, path: Path) -> os.stat_result | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +14,7 @@ from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.case.designs import controlled, rival
 from icmj.case.doubts import check_names
+from icmj.case.files import digests, fingerprint_of
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
@@ -158,13 +157,9 @@ class Family:
                 exclude={"family": {"title"}, "parameter": {"__all__": {"title", "source"}}}
             ),
             "run": base.model_dump(exclude={"case"}),
-            "models": [
-                hashlib.sha256(path.read_bytes()).hexdigest()
-                for path in (base.assumed_path, base.actual_path)
-                if path.is_file()
-            ],
+            "files": digests(base),
         }
-        return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()[:16]
+        return fingerprint_of(said)
 
     def _changes(self, theta: ArrayLike, pressure: bool) -> dict[str, Any]:
         """The values that the parameters set, in the run file or in the centre of pressure."""

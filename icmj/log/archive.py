@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.base.files import read_bytes
 from icmj.base.text import one_line
+from icmj.case.files import plant_files
 from icmj.controller.channels import Channel, SwitchingChannels
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
@@ -32,7 +34,6 @@ from icmj.controller.realisation import Guard, Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import TRIGGERS, recorded
-from icmj.engine.soundness import files_of
 from icmj.errors import IcmjError, LogError
 from icmj.log.validation import validate
 from icmj.measurement.measurement import Measurement
@@ -45,7 +46,6 @@ from icmj.result.tried import Tried
 from icmj.runfile.kept import MOST_BYTES, Kept
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import followed_files
 from icmj.simulation.ending import Outcome
 from icmj.simulation.labels import Labels
 from icmj.simulation.pressure import Pressure
@@ -187,12 +187,11 @@ def kept_of(run: RunFile) -> Kept:
     home = run.path.absolute()
     try:
         paths = [path.absolute() for path in (run.assumed_path, run.actual_path)]
-        files = dict.fromkeys(found.resolve() for path in dict.fromkeys(paths) for found in _files(path))
-        files |= dict.fromkeys(path.resolve() for path in followed_files(run.setpoint, home))
+        files = dict.fromkeys(path.resolve() for path in plant_files(run))
         if not files or sum(path.stat().st_size for path in files) > MOST_BYTES:
             return run.kept
         root = Path(os.path.commonpath([home.parent, *(path.parent for path in files)]))
-        contents = {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
+        contents = {path.relative_to(root).as_posix(): read_bytes(path, MOST_BYTES) for path in files}
     except (OSError, ValueError, IcmjError):
         return run.kept
     named = (run.assumed.model or run.assumed.matrices, run.actual.model or run.actual.matrices)
@@ -201,11 +200,3 @@ def kept_of(run: RunFile) -> Kept:
         for name, path in zip(named, paths, strict=True)
     ]
     return Kept(home.relative_to(root).as_posix(), contents, *absolute)
-
-
-def _files(path: Path) -> Iterator[Path]:
-    """A plant's file with all that it refers to; a run file that holds its own matrices is in the log anyway."""
-    if path.suffix in (".npz", ".json"):
-        yield path
-    elif path.suffix != ".toml":
-        yield from files_of(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -21,6 +20,7 @@ from icmj.base.files import LOCK, clear_leftovers, locked, ready, whole, write_b
 from icmj.base.ledger import SUMS, Ledger
 from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line, parse_json
+from icmj.case.files import digests, fingerprint_of
 from icmj.errors import DataError, StudyError
 from icmj.experiments.recording import Recording
 from icmj.report import style
@@ -158,21 +158,15 @@ def _begin(path: Path, file: ExperimentFile) -> None:
 
 
 def fingerprint(file: ExperimentFile) -> str:
-    """Sixteen hexadecimal digits of all that makes the trials: files, models, versions."""
+    """Sixteen hexadecimal digits of all that makes the trials: files, all that these name, versions."""
     now = provenance(file.path.parent)
-    models = {
-        str(path): hashlib.sha256(path.read_bytes()).hexdigest()
-        for run in file.runs
-        for path in (run.assumed_path, run.actual_path)
-        if path.is_file()
-    }
     identity: dict[str, Any] = {
         "file": file.model_dump(exclude={"experiment": {"title", "repetitions"}}),
         "runs": [run.model_dump() for run in file.runs],
-        "models": sorted(models.values()),
+        "files": [digests(run) for run in file.runs],
         "versions": {name: now.get(name) for name in ("icmj", *PACKAGES)},
     }
-    return hashlib.sha256(json.dumps(identity, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    return fingerprint_of(identity)
 
 
 def _known(path: Path) -> dict[str, Any]:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
+from icmj.case.files import digests, fingerprint_of, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.sweeps.points import Points, Value
-from icmj.work.own_code import REFERENCE
 from icmj.work.provenance import versions
 
 FORMAT = 1
@@ -107,18 +104,23 @@ class Plan:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
-        """Everything that determines the results: sweep file, run file, models; versions are separate."""
+        """Everything that determines the results: sweep file, run file, all files these name; versions are separate."""
         base = self.file.base
         data = self.file.model_dump(exclude={"sweep": {"title", "name", "run"}})
         run = base.model_dump(exclude={"case"})
-        models = {str(path.name): _digest(path) for path in (base.assumed_path, base.actual_path)}
+        files = digests(base)
+        middle = self.points.at(0)
+        for i, listed in enumerate(self.points.lists):
+            for value in listed or ():
+                if '"' in json.dumps(value, default=str):  # a text may be the name of a file
+                    files |= digests(self.run((*middle[:i], value, *middle[i + 1 :])))
         code = {"code": dict(self.code)} if self.code else {}
-        return {"format": FORMAT, "sweep": data, "chunk": self.chunk, "run": run, "models": models, **code}
+        return {"format": FORMAT, "sweep": data, "chunk": self.chunk, "run": run, "files": files, **code}
 
     @cached_property
     def fingerprint(self) -> str:
         """Sixteen hexadecimal digits of :attr:`identity`."""
-        return hashlib.sha256(json.dumps(self.identity, sort_keys=True, default=str).encode()).hexdigest()[:16]
+        return fingerprint_of(self.identity)
 
     @cached_property
     def facts(self) -> Mapping[str, str]:
@@ -148,25 +150,12 @@ class Plan:
 
 def _named(file: SweepFile) -> Iterator[tuple[str, str]]:
     """Code that sweep file and run file name, with the digest of its source; only if it may be run."""
-    found: list[Any] = [file.model_dump(), file.base.model_dump()] if file.base.code.allowed else []
-    while found:
-        value = found.pop()
-        if isinstance(value, Mapping):
-            found += value.values()
-        elif isinstance(value, list | tuple):
-            found += value
-        elif isinstance(value, str) and re.fullmatch(REFERENCE, value) and (digest := file.base.code.digest(value)):
-            yield value, digest
+    for reference in references(file.model_dump(), file.base.model_dump()) if file.base.code.allowed else ():
+        if digest := file.base.code.digest(reference):
+            yield reference, digest
 
 
 def _thinned(listed: tuple[Value, ...], most: int = 1000) -> list[Value]:
     """All values, or the first, the last and some between."""
     step = max(1, -(-len(listed) // most))
     return [*listed[::step], listed[-1]]
-
-
-def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise SweepError(f"{path}: cannot be read: {error.strerror}") from error

@@ -6,12 +6,13 @@ says so, by ``--allow-code`` or in Python.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -20,11 +21,13 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, RunFileError
 
 REFERENCE = r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$"
 """What names code: a module, a colon, and a name in it."""
+MOST_BYTES = 10_000_000  # of a source file
 _ORIGIN = "__icmj_module__"  # of a module from a folder: its name there
 
 Fact = bool | int | float | str | Array | None
@@ -87,9 +90,23 @@ class Code:
             if not path.is_file():
                 spec = importlib.util.find_spec(name)
                 path = Path(spec.origin) if spec is not None and spec.origin else path
-            return hashlib.sha256(path.read_bytes()).hexdigest()
+            return hashlib.sha256(read_bytes(path, MOST_BYTES)).hexdigest()
         except (ImportError, OSError, ValueError):
             return ""
+
+    def sources(self, reference: str) -> tuple[Path, ...]:
+        """Source files in the folder that ``module:name`` takes part in, by their import statements; none is run."""
+        found: dict[Path, None] = {}
+        left = [reference.partition(":")[0]]
+        while left:
+            name = left.pop()
+            package = self.folder.joinpath(*name.split("."), "__init__.py")
+            for path, inside in ((self._file(name), name.rpartition(".")[0]), (package, name)):
+                if path in found or not path.is_file():
+                    continue
+                found[path] = None
+                left += _imports(path, inside)
+        return tuple(found)
 
     def _file(self, name: str) -> Path:
         return self.folder.joinpath(*name.split(".")).with_suffix(".py")
@@ -98,7 +115,7 @@ class Code:
         path = self._file(name)
         if not path.is_file():
             return importlib.import_module(name)
-        content = path.read_bytes()
+        content = read_bytes(path, MOST_BYTES)
         # one name for one content: a file that was changed is another module, and two folders do not mix
         own = f"icmj_own_{hashlib.sha256(str(path.resolve()).encode() + content).hexdigest()[:16]}"
         if own in sys.modules:
@@ -120,6 +137,23 @@ class Code:
         return module
 
 
+def _imports(path: Path, package: str) -> Iterator[str]:
+    """Names of the modules, and of what may be modules, that the source of one in ``package`` imports."""
+    try:
+        nodes = [*ast.walk(ast.parse(read_bytes(path, MOST_BYTES)))]
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):  # importing it fails, and says why
+        return
+    for node in nodes:
+        given = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        if isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            home = ".".join([*filter(None, above), *([node.module] if node.module else [])])
+            given = [home, *(f"{home}.{name}".lstrip(".") for name in given)]
+        for name in given:
+            parts = name.split(".")
+            yield from (".".join(parts[: i + 1]) for i in range(len(parts)) if parts[0])
+
+
 def reference_of(thing: Any) -> str:
     """``module:name`` of a class, a function, or what a class has made."""
     kind = thing if isinstance(thing, type) or inspect.isroutine(thing) else type(thing)
@@ -132,7 +166,7 @@ def digest_of(thing: Any) -> str:
     kind = thing if isinstance(thing, type) or inspect.isroutine(thing) else type(thing)
     try:
         source = inspect.getsourcefile(kind)
-        return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else ""
+        return hashlib.sha256(read_bytes(Path(source), MOST_BYTES)).hexdigest() if source else ""
     except (OSError, TypeError):
         return ""
 
