@@ -105,6 +105,21 @@ def test_nobody_asks_what_class_a_trigger_is_outside_its_home() -> None:
             assert not asked.search(path.read_text(encoding="utf-8")), name_of(path)
 
 
+def test_what_is_on_disk_is_read_in_one_way() -> None:
+    """Elsewhere a pipe is waited for, and a link to a device fills the memory."""
+    read = re.compile(
+        r"\w\.read_(text|bytes)\(|(?<!os)\.open\((?!.w)|(?<![\w.])open\([^)]*\br|np\.load\(|(pq|parquet)\.(read_|P)"
+    )
+    ours = {
+        *("base.files", "base.parquet", "base.npz", "base.ledger"),  # the way itself
+        *("base.compilation", "runfile.shipped", "work.provenance", "cli.starting"),  # files of the installation
+        *("report.builder", "report.drawing", "log.sink", "series.c3d", "sweeps.sweep"),  # what they just wrote
+        *("series.reading",),
+    }
+    found = {name_of(path) for path in MODULES if read.search(path.read_text(encoding="utf-8"))}
+    assert found <= {f"icmj.{name}" for name in ours}
+
+
 def test_a_module_is_one_concept_and_whole() -> None:
     for path in MODULES:
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 600, name_of(path)

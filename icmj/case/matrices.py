@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from icmj.base.array import real
+from icmj.base.files import read_bytes
 from icmj.base.npz import read_npz
-from icmj.base.text import one_line
+from icmj.base.text import one_line, parse_json
 from icmj.errors import AnalysisError, IcmjError, RunFileError
 from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant, refuse_unusual
@@ -70,14 +71,11 @@ def read_matrices(path: Path) -> dict[str, Any]:
         RunFileError: if the file cannot be read, or lacks one of the matrices.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise RunFileError(f"{path}: cannot be read: not a file")  # a pipe would be waited on for ever
-        if path.is_file() and path.stat().st_size > MOST_BYTES:
-            raise RunFileError(f"{path}: more than {MOST_BYTES / 1e6:g} MB")
         if path.suffix == ".json":
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = parse_json(read_bytes(path, MOST_BYTES))
         elif path.suffix == ".npz":
-            arrays = read_npz(path, MOST_BYTES, (*LETTERS, PUSHED, *BESIDE, *KINDS))
+            content = BytesIO(read_bytes(path, MOST_BYTES))
+            arrays = read_npz(content, MOST_BYTES, (*LETTERS, PUSHED, *BESIDE, *KINDS))
             found = {name: array.tolist() for name, array in arrays.items()}
         else:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")

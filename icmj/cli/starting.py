@@ -138,7 +138,8 @@ def _shipped_with(model: Path) -> list[str]:
 
 def _copy(shipped: Path, out: Path) -> list[Path]:
     """The run file of a shipped case, and the models that it names, side by side."""
-    from icmj.base.files import replaceable, write_bytes, write_text
+    from icmj.base.files import read_bytes, replaceable, write_bytes, write_text
+    from icmj.engine.soundness import MOST_BYTES
     from icmj.runfile.reading import load_run
 
     run = load_run(shipped)
@@ -151,7 +152,7 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
     replaceable(*models.values())
     for name, target in models.items():
         source = shipped.parent / name
-        if target.exists() and target.read_bytes() != source.read_bytes():
+        if target.exists() and read_bytes(target, MOST_BYTES) != source.read_bytes():
             raise RunFileError(f"{target}: exists already and is another model; choose another folder with --out")
     for name, target in models.items():
         write_bytes(target, (shipped.parent / name).read_bytes())

@@ -6,7 +6,6 @@ In a Parquet file there is one row for each cycle, all other data in the metadat
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.base.files import regular, whole
-from icmj.base.text import one_line
+from icmj.base.files import read_bytes, whole
+from icmj.base.parquet import read_parquet
+from icmj.base.text import one_line, parse_json
 from icmj.cycle.return_map import PlantKind
 from icmj.errors import IcmjError, LogError
 from icmj.runfile.reading import parse_run
@@ -30,6 +30,7 @@ Kind = Literal[
 KINDS: tuple[Kind, ...] = get_args(Kind)
 FORMAT = 1
 _KEY = b"icmj branch"
+_MOST_BYTES, _MOST_CYCLES = 400e6, 1_000_000
 COLUMNS = (
     *("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze"),
     *("t", "x", "y", "u", "qpos"),
@@ -197,12 +198,10 @@ def read_branch(path: Path | str) -> Branch:
         LogError: if the file does not exist, or is not a branch of this version.
     """
     import pyarrow as pa
-    from pyarrow import parquet
 
     path = Path(path)
     try:
-        with os.fdopen(regular(path, os.O_RDONLY), "rb") as file:
-            table = parquet.read_table(file)
+        table = read_parquet(read_bytes(path, _MOST_BYTES), _MOST_CYCLES, _MOST_BYTES)
         flat = {}
         for name in COLUMNS:
             column = table.column(name).combine_chunks()
@@ -244,7 +243,7 @@ def unpacked(text: str, flat: Mapping[str, Array]) -> Branch:
         LogError: if it is of another version.
         LookupError, TypeError, ValueError: if it is none.
     """
-    head = json.loads(text)
+    head = parse_json(text)
     if head["format"] != FORMAT:
         raise LogError(f"a branch of format {head['format']}; this version reads {FORMAT}")
     parts: dict[str, Any] = {}

@@ -5,14 +5,16 @@ in memory, or in files.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.files import open_file
 from icmj.errors import DataError, IdentificationError
 from icmj.series.csv_shape import LONGEST
-from icmj.series.reading import read_series
+from icmj.series.reading import MOST_BYTES, read_series
 from icmj.simulation.simulation import Simulation
 
 FEWEST = 4  # events, or rows, below which nothing can be said
@@ -164,12 +166,10 @@ def read_observed(path: Path, outputs: tuple[str, ...]) -> Observed:
 
 def _single_column(path: Path) -> list[float] | None:
     """Numbers one a line, or ``None`` where it is another kind of file."""
-    if not path.is_file():
-        return _missing(path)
     found: list[float] = []
     headed = False
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        with TextIOWrapper(open_file(path, MOST_BYTES), encoding="utf-8-sig") as file:
             for line in filter(str.strip, iter(lambda: file.readline(LONGEST), "")):
                 try:
                     found.append(float(line))
@@ -184,7 +184,3 @@ def _single_column(path: Path) -> list[float] | None:
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     return found or None
-
-
-def _missing(path: Path) -> list[float] | None:
-    raise DataError(f"{path}: no such file")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Self
 
 from pydantic import PrivateAttr, ValidationError
 
+from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.messages import in_words
@@ -43,19 +45,14 @@ def read_text(path: Path, shelf: Shelf) -> tuple[Path, str]:
     """
     try:
         path = shelf.meant(path)
-        if path.exists() and not path.is_file():
-            # a pipe would be waited on for ever
-            raise RunFileError(f"{path}: cannot be read: not a file")
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_bytes(path, MOST_BYTES)
     except FileNotFoundError as error:
         raise RunFileError(f"{path}: cannot be read: {error.strerror}{shelf.near(path)}") from error
     except OSError as error:
-        raise RunFileError(f"{path}: cannot be read: {error.strerror}") from error
+        more = "; a run file is a few kB of TOML" if error.errno == errno.EFBIG else ""
+        raise RunFileError(f"{path}: cannot be read: {error.strerror}{more}") from error
     except ValueError as error:  # a name with a zero byte in it
         raise RunFileError(f"{path}: cannot be read: {error}") from error
-    if len(content) > MOST_BYTES:
-        raise RunFileError(f"{path}: more than {MOST_BYTES / 1e6:g} MB; a run file is a few kB of TOML")
     try:
         text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError as error:

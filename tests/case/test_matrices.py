@@ -200,8 +200,9 @@ def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):
     assert (tmp_path / "bomb.npz").stat().st_size < 1e5
     with pytest.raises(RunFileError, match=r"32 MB of arrays; expected at most 10 MB"):
         read_matrices(tmp_path / "bomb.npz")
+    (tmp_path / "folder.npz").mkdir()
     with pytest.raises(RunFileError, match="not a file"):
-        read_matrices(tmp_path)
+        read_matrices(tmp_path / "folder.npz")
 
 
 @pytest.mark.parametrize("kind", ["npz", "json"])

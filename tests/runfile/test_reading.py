@@ -195,7 +195,7 @@ def test_a_byte_order_mark_and_windows_lines_are_read(tmp_path):
 def test_what_is_no_file_of_this_size_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "large.toml").write_text(GOOD + f"Q_t = {[1] * 500_000}")
-    for name, words in (("pipe", "not a file"), ("large.toml", "more than 1 MB"), ("a" * 5000, "cannot be read")):
+    for name, words in (("pipe", "not a file"), ("large.toml", "at most 1 MB"), ("a" * 5000, "cannot be read")):
         with pytest.raises(RunFileError, match=words):
             load_run(tmp_path / name)
     with pytest.raises(RunFileError, match="cannot be read"):
