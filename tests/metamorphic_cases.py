@@ -19,15 +19,19 @@ is judged too early, exceeds this by orders of magnitude.
 from __future__ import annotations
 
 import random
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import icmj
+from icmj.case.plants import linear_plant
+from icmj.simulation.settings import reseeded
 
 GROWTH = 1e5  # of a difference, from one event to the next
 ROUNDING = 1e-12  # s, of an event on either plant
@@ -357,8 +361,44 @@ def _plants(drawn: Drawn, rng: random.Random, plant: str) -> str:
     return words
 
 
+def _signals(run: icmj.Simulation) -> dict[str, np.ndarray]:
+    """All that a run holds, as arrays."""
+    found = {name: getattr(run, name) for name in ("t", "x", "y", "u", "x_o", "x_h", "E", "applied")}
+    return found | {"events": run.events.t, "before": run.events.x}
+
+
 def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
-    return "skipped"
+    """By its parts, by its log, as one of many: the same bits (tests/case/test_routes.py has all ways)."""
+    run = file_of(drawn)
+    ours, trigger = drawn.base in _EVENT, trigger_of(drawn)
+    case = icmj.prepare(run) if ours else icmj.prepare_trial(run)
+    if trigger is not None:
+        case = replace(case, controller=case.controller.triggered_by(trigger))
+    way = rng.choice(("parts", "many") if trigger is not None or rng.random() < 0.8 else ("log",))
+    settings = case.settings
+    if way == "many":
+        settings = replace(settings, duration=settings.duration)
+        case = replace(case, settings=reseeded(settings, 7))
+    expected = _signals(icmj.simulate(case, plant) if ours else icmj.simulate_trial(case, plant))
+    if way == "parts":
+        there = linear_plant(case.actual, case.settings) if plant == "linear" else case.actual
+        law = case.controller if ours else case.law
+        found = _signals(icmj.simulate_plant(there, law, case.settings, match="position"))
+    elif way == "many":
+        case = replace(case, settings=settings)
+        found = icmj.simulate_many(case, 1, plant=plant, seeds=[7], keep=_signals, jobs=1).kept
+        found = {name: values[0] for name, values in found.items()}
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            quiet = run.with_(**{"study.growth_points": 0, "study.law_q_t": None, "study.attractor_starts": 0})
+            result = icmj.run_case(quiet, plant) if ours else icmj.try_law(quiet, plant)
+            icmj.write_log(result, Path(folder) / "run.rrd")
+            read = icmj.read_log if ours else icmj.read_trial
+            found = _signals(read(Path(folder) / "run.rrd").simulation)
+    for name, values in expected.items():
+        if not np.array_equal(values, found[name], equal_nan=True):
+            return f"{name} is another by way of {way}"
+    return ""
 
 
 RULES: dict[str, Callable[[Drawn, random.Random, str], str]] = {
