@@ -30,7 +30,8 @@ class Frequencies:
         mean: ∫f P df / ∫P df [Hz].
         median: frequency below which half of the power lies [Hz].
         edge: frequency below which 95 % of the power lies [Hz].
-        slope: slope of log P against log f from 0.1 to 0.7 Hz, independent of the band; NaN with fewer than four lines.
+        slope: slope of log P against log f from 0.1 to 0.7 Hz, both included, independent of the band; NaN with fewer
+            than four lines.
     """
 
     mean: float

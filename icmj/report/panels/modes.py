@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
@@ -88,7 +88,7 @@ def draw_mode_errors(axes: Axes, case: CaseRuns) -> None:
     start, end = latter_part(case.last.simulation, SHOWN)
     for plant, result in case.runs.items():
         events = result.simulation.events
-        late = (events.t >= start) & (events.t <= end)
+        late = between(events.t, start, end)
         chi = modes(result, reduced(result, events.x[late], events.x_o[late], events.x_h[late]))[:, 0]
         error = np.maximum(np.abs(np.abs(chi) / gamma - 1), LEAST)
         axes.plot(events.t[late], error, linestyle="none", label=style.NAME[plant], **style.MARK[plant])
@@ -113,14 +113,14 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
     top = case.last
     start, end = latter_part(top.simulation, SHOWN)
     events = top.simulation.events.t
-    style.event_lines(axes, events[(events >= start) & (events <= end)])
+    style.event_lines(axes, events[between(events, start, end)])
     laid = laid_orbit(top) if case.prediction.cycle else None
     if laid is not None:
         t = laid.times(start, end)
         axes.plot(t, part(modes(top, laid.at(t, laid.reduced))), label="predicted", **style.PREDICTED)
     for plant, result in case.runs.items():
         simulation = result.simulation
-        late = (simulation.t >= start) & (simulation.t <= end)
+        late = between(simulation.t, start, end)
         chi = modes(result, reduced(result, simulation.x[late], simulation.x_o[late], simulation.x_h[late]))
         axes.plot(simulation.t[late], part(chi), label=style.NAME[plant], **style.RUN[plant])
     axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base.array import between
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
@@ -60,7 +61,7 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
         for plant, result in case.runs.items():
             simulation = result.simulation
             start, end = latter_part(simulation, SHOWN)
-            late = (simulation.t >= start) & (simulation.t <= end)
+            late = between(simulation.t, start, end)
             v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * shown.factor
             y = simulation.y[late, i] * shown.factor
             axes.plot(y, v, label=style.NAME[plant] if first else None, **style.RUN[plant])
@@ -91,7 +92,7 @@ def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity, named
     simulation = result.simulation
     start, end = latter_part(simulation, SHOWN)
     rows = event_rows(simulation)
-    rows = rows[(simulation.t[rows] >= start) & (simulation.t[rows] <= end)]
+    rows = rows[between(simulation.t[rows], start, end)]
     if not len(rows):
         return
     y = simulation.y[rows, output] * shown.factor
