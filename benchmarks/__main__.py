@@ -21,7 +21,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks import analysis, cycles, linear, live, noise, precision, startup, stepping, threads
+from benchmarks import analysis, cycles, linear, live, noise, precision, rivals, startup, stepping, threads
 from benchmarks.row import Row
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import Terminal
@@ -53,6 +53,7 @@ GROUPS = {
     "analysis": _analysis,
     "cycles": cycles.rows,
     "live": live.rows,
+    "rivals": rivals.rows,
 }
 
 
