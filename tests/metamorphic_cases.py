@@ -355,7 +355,9 @@ def _plants(drawn: Drawn, rng: random.Random, plant: str) -> str:
     for by in (SMALL, SMALL / 100):
         small = scaled(drawn, by).changed(simulation__timestep=None)
         a, b = play(small, "linear"), play(small, "mujoco")
-        words = differ(a, b, min(drawn.duration, a.t[-1], b.t[-1]) - 1e-6, NONLINEAR)
+        large = a.t[np.abs(a.x).max(axis=1) > 1e-3]  # rad: from there on it falls
+        until = min(drawn.duration, a.t[-1], b.t[-1], *large[:1])
+        words = differ(a, b, until - 1e-6, NONLINEAR)
         if not words:
             return ""
     return words

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.instant import SAME
 from icmj.base.signals import unhurried
 from icmj.controller.law import Law
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, integrator_of
@@ -27,7 +28,6 @@ from icmj.engine.tableau import fastest_rate, is_stiff
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.gaussian import points_between
-from icmj.simulation.native.taps import SAME
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 from icmj.simulation.taps import History, Now, begun, first_command, first_level, levels_of, taps_of, waves_of, widened
 

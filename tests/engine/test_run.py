@@ -217,7 +217,7 @@ def event_times(
     timestep: float, integrator: str = "RK4", disturbance: tuple[dict[str, object], ...] = ()
 ) -> np.ndarray:
     settings = settings_from(
-        {"duration": 4.0, "timestep": timestep, "integrator": integrator, "disturbance": disturbance}
+        {"duration": 4.0, "timestep": timestep, "integrator": integrator, "disturbance": list(disturbance)}
     )
     run = simulate(plant("three_link", 0.9), controller("three_link"), settings, x0=0.01 * np.ones(6))
     assert run.precision["order"] == (4 if integrator == "RK4" else 1)

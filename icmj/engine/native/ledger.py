@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from icmj.base.instant import one
 from icmj.engine.block import Slot
 from icmj.engine.native.compilation import engine_function, exact, inlined
 from icmj.engine.native.field import forward
@@ -128,7 +129,7 @@ def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
 
 
 class Planned(NamedTuple):
-    """The next times of a schedule [s]; infinite if nothing is due.
+    """The next times of a schedule [s]; infinite if nothing is due. Those that are one instant are equal.
 
     ``rule`` is when the event function counts from, ``clock`` when an event comes of itself: that of the clock, or the
     sample for which the rule has reached its threshold; ``action`` when the oldest event acts that has not acted yet.
@@ -143,11 +144,12 @@ class Planned(NamedTuple):
 @exact
 def planned(plan, progress, watched):  # type: ignore[no-untyped-def]
     """The next due time; ``watched`` says whether there is an event rule."""
-    waits = not watched or progress[0].sample < np.inf
-    rule = np.inf if waits else progress[0].last_event + max(plan.delta_min, plan.delay)
-    clock = progress[0].clock * plan.clock if np.isfinite(plan.clock) else progress[0].sample
+    waits, end = not watched or progress[0].sample < np.inf, plan.t_end
     edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
-    return Planned(rule, clock, edge, _next_action(plan, progress))
+    clock = one(one(progress[0].clock * plan.clock if np.isfinite(plan.clock) else progress[0].sample, edge), end)
+    action = one(one(one(_next_action(plan, progress), clock), edge), end)
+    rule = np.inf if waits else progress[0].last_event + max(plan.delta_min, plan.delay)
+    return Planned(one(one(one(rule, action), edge), end), clock, edge, action)
 
 
 @exact

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.instant import SAME
 from icmj.base.roots import evaluate
 from icmj.engine.block import Slot
 from icmj.engine.native.adaptive import pass_at
@@ -35,7 +36,7 @@ from icmj.engine.native.memory import address, bare
 from icmj.engine.native.step import save, step
 from icmj.engine.schedule import Recording, Status, row_after
 from icmj.engine.stages import Stages
-from icmj.simulation.native.taps import ROUGH, SAME, SMOOTH, leave, remember, room, settle, stretch
+from icmj.simulation.native.taps import ROUGH, SMOOTH, leave, remember, room, settle, stretch
 from icmj.simulation.native.taps import sources as sources_of_taps
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps

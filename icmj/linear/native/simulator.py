@@ -10,8 +10,9 @@ and ends within a step. It is followed back to where that step begins, as if it 
 are looked at in the same way. After a jump, what has jumped is followed back alone.
 
 What comes first at an instant. A piece ends at the instant at which something is due, and instants are compared as
-they are, never as fractions of a step, which are rounded. What is due at the same instant happens in this order, each
-on the state that the one before has left:
+they are, never as fractions of a step, which are rounded; those within :data:`SAME` of each other are one, because sums
+of intervals are rounded, too. What is due at the same instant happens in this order, each on the state that the one
+before has left:
 
 1. what acts on the plant begins, bends or ends; a set-point that jumps moves the controller's state;
 2. the action that is due: w := G w;
@@ -19,7 +20,7 @@ on the state that the one before has left:
 4. the run has fallen, or is over.
 
 A rule that is watched from the instant on at which a piece ends is not watched within that piece: it is judged where
-the next one begins, after what happened there. An event within :data:`_LANDING` of a piece's end is at its end; if the
+the next one begins, after what happened there. An event within :data:`SAME` of a piece's end is at its end; if the
 controller's state jumps there, that next look decides whether there is an event at all.
 
 Every number that decides is a function of the state and of time alone, so neither the rows asked for nor the size of a
@@ -35,6 +36,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
+from icmj.base.instant import SAME, one
 from icmj.base.roots import DEEPEST
 from icmj.linear.native.motion import (
     add,
@@ -54,8 +56,6 @@ from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extend, ex
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
 _DIVERGED = 1e12
-_LANDING = 1e-12  # an event this close to the begin or the end of a piece [s] is there
-_SAME = 1e-12  # a recording instant this close to an event [s] is the event
 _ANCHOR = 64  # rows from one to the next, before one is taken from the steps again
 _PATIENCE = 20000  # steps before the caller is asked, who may have been interrupted
 _GONE = 3  # beside what ends a step: it diverged
@@ -81,7 +81,7 @@ def _rows_until(T, acting, run, until, known, series, f):  # type: ignore[no-unt
     terms are ``known``.
     """
     m, counts, cell = len(run.row), run.counts, run.counts[Count.CELL]
-    last = np.floor((until - _SAME) / T.interval)
+    last = np.floor((until - SAME) / T.interval)
     if counts[Count.NEXT] > last:
         return
     quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + cell * T.step
@@ -122,6 +122,9 @@ def _next_action(T, run):  # type: ignore[no-untyped-def]
 def _open(T, run):  # type: ignore[no-untyped-def]
     """Begin a piece where the motion is: until when nothing is due."""
     now, counts, t = run.now, run.counts, run.now[Now.TIME]
+    now[Now.TICK] = one(one(now[Now.TICK], now[Now.EDGE]), T.end)
+    now[Now.ACTION] = one(one(one(now[Now.ACTION], now[Now.TICK]), now[Now.EDGE]), T.end)
+    now[Now.READY] = one(one(one(now[Now.READY], now[Now.ACTION]), now[Now.EDGE]), T.end)
     now[Now.STOP] = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE], T.end)
     now[Now.BEGIN] = t
     counts[Count.CELL] = 0
@@ -189,7 +192,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         if watched or falls:
             kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, offset, ready, work)
             # what comes right after the end of the piece is at its end
-            if kind == NOTHING or theta > (min(here + _LANDING / h, 1.0) if final else here):
+            if kind == NOTHING or theta > (min(here + SAME / h, 1.0) if final else here):
                 kind, theta = NOTHING, here
             theta = min(theta, here)
         terms = 0
@@ -205,11 +208,11 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
         until = min(max(origin + (cell + theta) * h, begin), stop)
-        if kind == EVENT and theta == ready and abs(until - now[Now.READY]) <= _LANDING:
+        if kind == EVENT and theta == ready and abs(until - now[Now.READY]) <= SAME:
             until = now[Now.READY]
-        elif until - begin <= _LANDING:
+        elif kind == EVENT and theta == ready and until - begin <= SAME:
             until = begin
-        if stop - until <= _LANDING and (final or kind != NOTHING):
+        if stop - until <= SAME and (final or kind != NOTHING):
             until = stop
         _rows_until(T, acting, run, until, terms, series, f)
         if turns:  # what an output is at either end is looked at anyway
@@ -247,7 +250,7 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
     if T.interval < np.inf:
         if t > now[Now.ROW]:
             copy(z, run.rows_z[_new_row(run, t)])
-        if abs(counts[Count.NEXT] * T.interval - t) <= _SAME:
+        if abs(counts[Count.NEXT] * T.interval - t) <= SAME:
             counts[Count.NEXT] += 1
             counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
     event = run.events[counts[Count.EVENTS]]

@@ -15,9 +15,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import allocating, contents, entry
+from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root, largest
 from icmj.linear.native.state import Status
-from icmj.simulation.native.taps import SAME, SMOOTH, leave, remember, room, sources, stretch
+from icmj.simulation.native.taps import SMOOTH, leave, remember, room, sources, stretch
 from icmj.simulation.native.waves import Waves, add_waves
 
 _DIVERGED = 1e12

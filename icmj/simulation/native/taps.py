@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 
 from icmj.base.compilation import allocating, contents, entry
+from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
-SAME, _NOTHING = 1e-12, 1e-300  # instants this close [s] are one; less than the square of any reading
+_NOTHING = 1e-300  # less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
