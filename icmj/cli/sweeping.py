@@ -32,13 +32,17 @@ def carry_out(command: Sweep, out: Terminal, err: Terminal) -> None:
             _cost(plan, out)
             return
 
+        begun: list[Progress] = []
+
         def tell(progress: Progress) -> None:
+            begun[:] = [progress]
             working.tell(_words(progress), progress.done / progress.points)
 
         try:
             done = compute(plan, folder, jobs=command.jobs, dask=command.dask, progress=tell)
-        except BaseException:
-            _left(plan, folder, err)
+        except BaseException as error:
+            if begun or not isinstance(error, SweepError):  # else it refuses the folder, and goes on with nothing
+                _left(plan, folder, err)
             raise
     _show(folder, done, out)
 

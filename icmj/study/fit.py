@@ -249,7 +249,7 @@ def _kept(ledger: Ledger, path: Path, draws: int) -> Array:
     try:
         stood = read_npz(BytesIO(ledger.read(path, _MOST_BYTES)), _MOST_BYTES)["stood"]
         shape = (min(len(stood), draws), len(MEASURES))
-        if stood.shape != shape or stood.dtype != float or not np.isfinite(stood).all():
+        if stood.shape != shape or stood.dtype != float or not (np.isfinite(stood).all() and (stood[:, 0] > 0).all()):
             raise ValueError("not the measures of trials")
         return np.asarray(stood)
     except (OSError, ValueError, LookupError, TypeError) as error:

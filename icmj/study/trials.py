@@ -26,14 +26,13 @@ from icmj.experiments.recording import Recording
 from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import ExperimentFile
-from icmj.series.reading import read_series
 from icmj.series.series import Series
 from icmj.series.writing import FORMATS
 from icmj.study.kind import Experiment, Kind, Told
 from icmj.work.provenance import PACKAGES, provenance
 
 FACTS, TRIALS = "experiment.json", "trials"
-_MOST_BYTES, _MOST_EVENTS, _MOST_FACTS = 500e6, 10_000_000, 50e6
+_MOST_BYTES, _MOST_ROWS, _MOST_FACTS = 500e6, 10_000_000, 50e6
 
 
 class Folder:
@@ -79,14 +78,22 @@ class Folder:
             return None
         path = events
         try:
-            table = read_parquet(self._ledger.read(events, _MOST_BYTES), _MOST_EVENTS, _MOST_BYTES)
-            outcome = (table.schema.metadata or {})[b"icmj.outcome"].decode()
+            found, outcome = self._series(events)
             path = signals
-            self._ledger.read(signals, _MOST_BYTES)
-            return Recording(read_series(signals), table["t"].to_numpy(), outcome)
+            return Recording(self._series(signals)[0], found.t, outcome)
         except (DataError, OSError, ValueError, LookupError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
             raise StudyError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
+
+    def _series(self, path: Path) -> tuple[Series, str]:
+        """The series that was written, and the outcome of its run, which is empty where it is with the events."""
+        table = read_parquet(self._ledger.read(path, _MOST_BYTES), _MOST_ROWS, _MOST_BYTES)
+        if any(field.type != pa.float64() for field in table.schema) or sum(c.null_count for c in table.columns):
+            raise ValueError("has a column of something else than numbers")
+        t, *values = (column.to_numpy() for column in table.columns)
+        units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+        series = Series(t, np.column_stack(values), tuple(table.column_names[1:]), tuple(units[1:]))
+        return series, (table.schema.metadata or {}).get(b"icmj.outcome", b"").decode()
 
     def _files(self, name: str, index: int) -> tuple[Path, Path]:
         stem = self.path / TRIALS / f"{name}.{index:04d}"
