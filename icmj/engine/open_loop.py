@@ -103,8 +103,8 @@ class EngineOpenLoop:
             return rates_at(self._around[0], rows, moves, can_fault(self.loop.model))
 
 
-def _method(schedule: Schedule) -> tuple[int, float] | None:
-    return (schedule.method.order, schedule.method.allowed) if schedule.tolerance else None
+def _method(schedule: Schedule) -> tuple[int, int] | None:
+    return (schedule.method.order, schedule.method.looks) if schedule.tolerance else None
 
 
 def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER) -> EngineOpenLoop:

@@ -75,9 +75,7 @@ def test_the_runs_compared_do_what_they_are_for(interpreted: dict[str, np.ndarra
     for name in FIXED | ADAPTED:
         assert interpreted[f"{name}/t"].shape[0] >= 2
         assert "continuous" in name or name in ("balls", "flights") or len(interpreted[f"{name}/events.t"]), name
-    assert {str(interpreted[f"{name}/integrator"]) for name in ("RK23", "RK34", "RK45", "DOP853")} == {
-        "RK23", "RK34", "RK45", "DOP853",
-    }  # fmt: skip
+    assert [str(interpreted[f"{name}/integrator"]) for name in ("RK34", "DOP853")] == ["RK34", "DOP853"]
     assert interpreted["diverging/outcome"] == interpreted["given up/outcome"] == "diverged"
     assert interpreted["due at once/events.t"][0] == 0.02
 

@@ -12,14 +12,14 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine import tableau
-from icmj.engine.native.compilation import compiled, engine_function, exact
+from icmj.engine.native.compilation import compiled, engine_function, exact, inlined
 from icmj.engine.native.field import flow, look
 from icmj.engine.native.memory import address
 
 _normalize_quat = engine_function("mj_normalizeQuat")
 
 # constants that compiled code freezes
-_POWER = tableau.POWER
+_POWER, _WITHIN, _LAST = tableau.POWER, tableau.WITHIN, tableau.LAST
 
 
 class Stepper(NamedTuple):
@@ -171,15 +171,21 @@ def stages(engine, stepper, t, step, first, last):  # type: ignore[no-untyped-de
                 stepper.y[i] = engine.sensordata[i]
 
 
+@inlined
+def _scale(stepper, i, tolerance):  # type: ignore[no-untyped-def]
+    """What the tolerance is of a component of the state: relative to its largest departure, above rounding."""
+    far = max(abs(stepper.start[i] - stepper.origin[i]), abs(stepper.end[i] - stepper.origin[i]))
+    reach = max(stepper.reach[i], far)
+    return tolerance * (reach + 1e-14 / tolerance * (1 + abs(stepper.start[i])))
+
+
 @compiled
 def error_of(stepper, step, tolerance):  # type: ignore[no-untyped-def]
     """The estimated error of a step relative to the tolerance, root mean square over the state."""
     n = len(stepper.start)
     e5, e3 = 0.0, 0.0
     for i in range(n):
-        far = max(abs(stepper.start[i] - stepper.origin[i]), abs(stepper.end[i] - stepper.origin[i]))
-        reach = max(stepper.reach[i], far)
-        scale = stepper.allowed * tolerance * (reach + 1e-14 / tolerance * (1 + abs(stepper.start[i])))
+        scale = stepper.allowed * _scale(stepper, i, tolerance)
         a, b = 0.0, 0.0
         for j in range(stepper.last + 1):
             a += stepper.E5[j] * stepper.K[j, i]
@@ -218,6 +224,18 @@ def densify(stepper, step):  # type: ignore[no-untyped-def]
                     F[3 + k, i] += d * K[j, i]
         for i in range(n):
             F[3 + k, i] *= step
+
+
+@compiled
+def error_within(stepper, tolerance):  # type: ignore[no-untyped-def]
+    """The estimated error of the dense output relative to the tolerance, the largest of the state."""
+    most = 0.0
+    for i in range(len(stepper.start)):
+        error = abs(_LAST * stepper.F[_POWER - 1, i]) / (_WITHIN * _scale(stepper, i, tolerance))
+        if not np.isfinite(error):
+            return np.inf
+        most = max(most, error)
+    return most
 
 
 @exact

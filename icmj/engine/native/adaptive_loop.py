@@ -17,6 +17,7 @@ from icmj.engine.native.adaptive import (
     accept,
     densify,
     error_of,
+    error_within,
     get,
     look_within,
     normalise,
@@ -125,6 +126,10 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
         stages(engine, stepper, t, length, 1, stepper.last)
         error = error_of(stepper, length, plan.tolerance)
         if error <= 1:
+            stages(engine, stepper, t, length, stepper.last + 1, stepper.rates - 1)
+            densify(stepper, length)
+            error = max(error, error_within(stepper, plan.tolerance))
+        if error <= 1:
             break
         step = _rounded(
             length * (max(_SHRINKAGE, _SAFETY * error**stepper.exponent) if np.isfinite(error) else _SHRINKAGE)
@@ -141,8 +146,6 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
         progress[0].first_step = proposed
     progress[0].next_step = proposed if rejected or length == step else max(proposed, step)
     progress[0].fresh = 0
-    stages(engine, stepper, t, length, stepper.last + 1, stepper.rates - 1)
-    densify(stepper, length)
     s, at = np.inf, np.inf
     if arm <= t + length:
         since = max((arm - t) / length, 0.0)
