@@ -3,8 +3,8 @@
 This part is the last complete open-loop interval, from the state right after the event that begins it; if there are
 fewer than two events, it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
 difference between h and h/2. Between a tolerance and a hundredth of it the difference is the error; if stability bounds
-the steps, a hundredth changes little, and :data:`FINE` is used. The estimate costs as much as three intervals of the
-run.
+the steps, a hundredth changes little, and :data:`FINE` is used. The estimate costs as much as two intervals of the run.
+All rows of this part are compared: what is fast errs most soon after an event, and little is left of that at the next.
 
 The required step follows from the same number: errors are proportional to h^p, so :func:`choose_timestep` scales one
 measured step to the requested tolerance. The default is the timestep of the model file; the shipped ones (2 ms for the
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -33,6 +34,8 @@ from icmj.simulation.simulation import Simulation
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 
 FINE = 1e-10  # tolerance beside which any above 1e-8 is coarse
+SAME_ROW = 1e-10  # s between rows of one instant: counted in steps of either run, it is rounded
+SMALL = 1e-9  # departure, of the largest, below which a state is still but for rounding
 
 
 @dataclass(frozen=True)
@@ -42,14 +45,16 @@ class Accuracy:
     Attributes:
         order: order p of the integrator.
         interval: error of the interval [s]; NaN if its end is not an event (E = 0).
-        output: error of the outputs at the end of the evaluated time, relative to their largest deviation in it.
+        output: largest error of the outputs at the rows evaluated, relative to their largest deviation there.
+        state: largest error of a state of plant, observer or hold there, relative to its own largest departure.
         stretch: length of the evaluated time [s].
-        outputs: error of each output, relative to its own largest deviation in this time, shape (n_y,).
+        outputs: largest error of each output there, relative to its own largest deviation, shape (n_y,).
     """
 
     order: int
     interval: float
     output: float
+    state: float
     stretch: float
     outputs: Array
 
@@ -59,6 +64,7 @@ class Accuracy:
         return {
             "interval_error": self.interval,
             "output_error": self.output,
+            "state_error": self.state,
             "error_stretch": self.stretch,
             "fastest_rate": schedule.rate,
             "output_errors": ", ".join(each),
@@ -107,20 +113,20 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     begin, stretch = float(record.events[-2, 0]), float(last[0] - record.events[-2, 0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
-    end = float(last[0]) + 0.1 * stretch + 10 * schedule.timestep
+    plan = replace(finer(schedule), t_end=float(last[0]) + 0.1 * stretch + 10 * schedule.timestep)
     hold = first.x_h[0] if loop.controller.delay else None
-    flights = [
-        EngineOpenLoop(loop, replace(plan, t_end=end))(first.x[0], first.x_o[0], hold, begin) for plan in both(schedule)
-    ]
-    if any(flight.outcome is not None for flight in flights):
+    again = EngineOpenLoop(loop, plan, plan.record_interval)
+    flight, rows = again.recorded(first.x[0], first.x_o[0], hold, begin)
+    if flight.outcome is not None:
         return _nothing(loop)
-    coarse, fine = flights
-    size = np.abs([[flight.y_max, flight.y_min] for flight in flights]).max(axis=(0, 1))
     # neither a clock's interval has an error, nor one that Δ_min or the delay ends: E had been passed long before
     least = loop.controller.least
-    given = np.isfinite(schedule.clock) or min(coarse.length, fine.length) <= least * (1 + 1e-9) + 1e-12
-    interval = float("nan") if given else abs(coarse.length - fine.length)
-    return scaled(loop, schedule, interval, coarse.y - fine.y, size, stretch)
+    given = np.isfinite(schedule.clock) or min(stretch, flight.length) <= least * (1 + 1e-9) + 1e-12
+    interval = float("nan") if given else abs(stretch - flight.length)
+    own = record.rows[(record.rows[:, 0] > begin) & (record.rows[:, 0] < last[0])]
+    # an event's own row is of another instant in both, by the error of the interval
+    found = apart(loop, own, rows[:-1], (record.events[-1:], rows[-1:]))
+    return scaled(loop, schedule, interval, found, stretch)
 
 
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
@@ -134,36 +140,68 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
         return _nothing(loop)
     start = loop.departures(first[None, :])
     a = layout_of(loop.controller).join(x_o=start.x_o[0], x_h=start.x_h[0])
-    ends, size = [], np.zeros(start.y.shape[1])
-    for plan in both(schedule):
-        data = loop.data(start.x[0], a, float(first[0]))
-        again = loop.departures(loop.run(data, replace(plan, t_end=float(last[0]))).rows)
-        ends.append(again.y[-1])
-        size = np.maximum(size, np.abs(again.y).max(axis=0))
-    return scaled(loop, schedule, float("nan"), ends[0] - ends[1], size, stretch)
+    data = loop.data(start.x[0], a, float(first[0]))
+    again = loop.run(data, replace(finer(schedule), t_end=float(last[0])))
+    found = apart(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
+    return scaled(loop, schedule, float("nan"), found, stretch)
 
 
-def both(schedule: Schedule) -> tuple[Schedule, Schedule]:
-    """The loop with its own timestep or tolerance, and with a finer one."""
+def finer(schedule: Schedule) -> Schedule:
+    """The loop with a finer timestep or tolerance, and rows at the same instants."""
     if schedule.tolerance > 0:
-        return schedule, replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
-    return schedule, replace(schedule, timestep=schedule.timestep / 2)
+        return replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
+    every = max(float(np.ceil(schedule.record_interval / schedule.timestep - 1e-9)), 1.0)
+    return replace(schedule, timestep=schedule.timestep / 2, record_interval=every * schedule.timestep)
 
 
-def scaled(
-    loop: ComposedLoop, schedule: Schedule, interval: float, output: Array, size: Array, stretch: float
-) -> Accuracy:
-    """The error of a run from its difference to a finer one (:func:`both`) at the end of the repeated part."""
+class Apart(NamedTuple):
+    """How far two runs are apart at most, and the largest departures, of outputs and of states.
+
+    Attributes:
+        y, size: differences and sizes of the outputs, shapes (n_y,).
+        z, extent: the same of all states, shapes (n + …,).
+    """
+
+    y: Array
+    size: Array
+    z: Array
+    extent: Array
+
+
+def apart(loop: ComposedLoop, coarse: Array, fine: Array, ends: tuple[Array, Array]) -> Apart:
+    """Compare the rows of two runs at the instants that both have, and at their ``ends``, shapes (1, width)."""
+    near = np.minimum(np.searchsorted(fine[:, 0], coarse[:, 0] - SAME_ROW), len(fine) - 1)
+    common = np.abs(fine[near, 0] - coarse[:, 0]) < SAME_ROW
+    one, other = (
+        loop.departures(np.concatenate(pair)) for pair in ((coarse[common], ends[0]), (fine[near[common]], ends[1]))
+    )
+    z, w = (np.hstack([of.x, of.x_o, of.x_h]) for of in (one, other))
+    y, v = one.y, other.y
+    return Apart(
+        _largest(y - v), np.maximum(_largest(y), _largest(v)), _largest(z - w), np.maximum(_largest(z), _largest(w))
+    )
+
+
+def _largest(values: Array) -> Array:
+    return np.asarray(np.abs(values).max(axis=0))
+
+
+def scaled(loop: ComposedLoop, schedule: Schedule, interval: float, found: Apart, stretch: float) -> Accuracy:
+    """The error of a run from its differences to a finer one (:func:`finer`)."""
     p = order_of(loop.model)
     scale = 1.0 if schedule.tolerance > 0 else 2**p / (2**p - 1)
-    error, largest = scale * np.abs(output), float(size.max())
-    each = np.divide(error, size, out=np.zeros_like(error), where=size > 0)
-    return Accuracy(p, scale * interval, float(error.max()) / largest if largest > 0 else 0.0, stretch, each)
+    largest = float(found.size.max())
+    each, states = (
+        scale * np.divide(error, size, out=np.zeros_like(error), where=size > SMALL * size.max(initial=0.0))
+        for error, size in ((found.y, found.size), (found.z, found.extent))
+    )
+    output = scale * float(found.y.max()) / largest if largest > 0 else 0.0
+    return Accuracy(p, scale * interval, output, float(states.max(initial=0.0)), stretch, each)
 
 
 def _nothing(loop: ComposedLoop) -> Accuracy:
     unknown = np.full(loop.plant.linearisation.plant.n_y, np.nan)
-    return Accuracy(order_of(loop.model), float("nan"), float("nan"), 0.0, unknown)
+    return Accuracy(order_of(loop.model), float("nan"), float("nan"), float("nan"), 0.0, unknown)
 
 
 def choose_timestep(simulation: Simulation, tolerance: float) -> float:

@@ -15,7 +15,7 @@ from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.engine.accuracy import Accuracy, both, estimate, facts, scaled
+from icmj.engine.accuracy import Accuracy, apart, estimate, facts, finer, scaled
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.saturation import applied, clipped, limited, shares
@@ -60,7 +60,8 @@ def simulate(
         −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
         has ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
-        ``output_errors`` (of each output), ``steps``, ``seconds``, ``implementation``; where
+        ``output_errors`` (of each output), ``state_error`` (largest of a state), ``steps``, ``seconds``,
+        ``implementation``; where
         there are limits ``saturated_share`` (of rows) and ``saturated`` (which inputs, how often); where sensors reach
         their cutoffs ``clipped_share`` and ``clipped`` (which outputs).
 
@@ -178,18 +179,17 @@ def estimate_tapped(loop: TappedLoop, schedule: Schedule, record: TappedRecord) 
     What is read at their begin is that of the run; they are some delays long, so that what is read later is not.
     """
     end, runs = float(record.rows[-1, 0]), []
-    for plan in both(schedule):
+    for plan in (schedule, finer(schedule)):
         stand = deepcopy(record.stand)
         data = mujoco.MjData(loop.model)
         data.time = stand.t
         data.qpos[:], data.qvel[:], data.act[:] = stand.state
         runs.append(loop.run(data, replace(plan, t_end=end), stand=stand))
     coarse, fine = runs
-    outputs = [loop.departures(run.rows).y for run in runs]
-    size = np.max([np.abs(y).max(axis=0) for y in outputs], axis=0)
     both_switched = 0 < len(coarse.events) == len(fine.events)
     interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
-    return scaled(loop, schedule, interval, outputs[0][-1] - outputs[1][-1], size, end - record.stand.t)
+    found = apart(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
+    return scaled(loop, schedule, interval, found, end - record.stand.t)
 
 
 def _limits(
