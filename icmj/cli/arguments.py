@@ -83,6 +83,8 @@ class Experiment(Shared):
     """
     jobs: int | None = None
     """Number of processes (default: one per core)."""
+    yes: bool = False
+    """Also start trials that are estimated to take longer than a minute altogether."""
     recording: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE")] = ()
     """Recording to analyse (CSV, Parquet, npz) instead of simulating the cases. Repeat the option for further
     trials of the same condition.

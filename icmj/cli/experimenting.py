@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 def experiment(command: Experiment) -> None:
     """Carry out an experiment, or analyse recordings as it says; what was finished stays, however it ends."""
     from icmj.runfile.experiment_tables import load_experiment
+    from icmj.study.estimate import LONGEST
     from icmj.study.experiment import analyse_recordings, run_experiment
     from icmj.study.trials import FIGURE, PAGE, RESULTS, summary
 
@@ -31,7 +32,8 @@ def experiment(command: Experiment) -> None:
         if command.recording:
             done = analyse_recordings(file, command.recording, folder, rate=command.rate)
         else:
-            done = run_experiment(file, folder, jobs=command.jobs, progress=working.tell)
+            longest = None if command.yes else LONGEST
+            done = run_experiment(file, folder, jobs=command.jobs, progress=working.tell, longest=longest)
     if command.json:
         OUT.show({**summary(done), "folder": str(folder)})
         return

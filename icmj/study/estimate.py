@@ -6,8 +6,10 @@ An estimate is there to tell seconds from hours. It knows nothing of events stil
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,35 +17,52 @@ from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
 from icmj.case.plants import linear_plant
 from icmj.case.trial import Trial
+from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY
-from icmj.engine.closed_loop import close_loop
+from icmj.controller.law import Law
+from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.stepping import stepping_of
+from icmj.engine.tableau import fastest_rate
+from icmj.engine.tapped import close_tapped
 from icmj.errors import SimulationError, StudyError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
+from icmj.plant.matching import matched
 from icmj.simulation.disturbance import acting_on
-from icmj.simulation.settings import Settings, start_states
+from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.sources import Gridded
+from icmj.simulation.taps import expect_no_observer, expect_tapped
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
-STEPS, ROWS = 1e6, 2e5  # up to these a run takes a few seconds at most
+STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
 MEMORY = 1.9e9  # bytes that a run may take without being asked twice
 _OWN, _PER_NUMBER = 0.4e9, 60.0  # bytes: of the libraries, and of each number while a log is written
-BLOCKS = 1e6  # the same on the linear plant
+BLOCKS, SERIES = 1e6, 1e6  # the same on the linear plant, and there under a controller that is not intermittent
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
+_PER_TRIAL = 5e-3  # s to begin a trial of an experiment, and to write and read it
+_KEPT = 64.0  # bytes of a row of a trial, all of which are analysed together
 _PROBE = 0.1  # s of simulation to estimate from
 _LONGEST_PROBE = 2.0  # s of work after which a probe is ended: what takes long may begin to act in its middle
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
 
 
-def startable(case: Case, plant: PlantKind) -> None:
+def startable(case: Case | Trial, plant: PlantKind) -> None:
     """See that a run of the case can start, before anything is written for it.
 
     Raises:
-        ModelError, SimulationError: if it cannot.
+        ModelError, SimulationError, AnalysisError: if it cannot.
     """
+    if isinstance(case, Trial):
+        there = linear_plant(case.actual, case.settings)
+        expect_tapped(case.law, there)
+        expect_no_observer(case.law, case.settings)
+        plant_start(there, case.settings, None)
+        if plant == "mujoco" and isinstance(case.actual, MujocoPlant):
+            _timestep(case)
+        return
     try:
         start_states(case.actual.linearisation.plant, case.controller, case.settings)
         if plant == "mujoco":
@@ -54,29 +73,43 @@ def startable(case: Case, plant: PlantKind) -> None:
         raise SimulationError(f"{case.run.path}: {error}") from error
 
 
-def estimate(case: Case, plant: PlantKind) -> float:
-    """Seconds that :func:`icmj.study.study.run_case` will take, about; 0 where it is plainly quick."""
+def estimate(case: Case | Trial, plant: PlantKind) -> float:
+    """Seconds that :func:`icmj.study.study.carried_out` will take, about; 0 where it is plainly quick."""
     settings, study = case.settings, case.run.study
-    rows = settings.duration / settings.record_interval
-    repeats = 1.5  # the run, and continuous control, which has no events
-    if plant == "linear":
-        repeats += _OTHER_STARTS * study.attractor_starts
-    else:
-        repeats += len(study.law_q_t)
-    growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
-    simulated = repeats * settings.duration + growth
+    simulated, growth = settings.duration, 0.0
+    if isinstance(case, Case):
+        repeats = 1.5  # the run, and continuous control, which has no events
+        if plant == "linear":
+            repeats += _OTHER_STARTS * study.attractor_starts
+        else:
+            repeats += len(study.law_q_t)
+        growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
+        simulated = repeats * settings.duration + growth
+    elif plant == "mujoco":  # its last seconds are flown twice more, for their error
+        simulated += 2 * min(simulated, 2 * max(1.0, 3 * float(case.law.realisation.taps[-1])))
+    return _seconds(case, plant, simulated, settings.duration / settings.record_interval, growth)
+
+
+def estimate_trials(case: Case | Trial, plant: PlantKind, count: int) -> float:
+    """Seconds that ``count`` runs of a case will take, about, with nothing but their recordings."""
+    simulated = count * case.settings.duration
+    return _PER_TRIAL * count + _seconds(case, plant, simulated, simulated / case.settings.record_interval)
+
+
+def _seconds(case: Case | Trial, plant: PlantKind, simulated: float, rows: float, growth: float = 0.0) -> float:
+    """Seconds of work for so many ``simulated`` seconds, of which ``growth`` begin near rest, and rows."""
     weight = 1 + len(_acting(case)) / _TERMS  # each is evaluated at every step
     if plant == "linear":
-        plenty = weight * simulated * _rate(case) / 128 > BLOCKS
+        steps, few = simulated * _rate(case), SERIES if isinstance(case, Trial) else 128 * BLOCKS
     else:
-        plenty = weight * simulated / _timestep(case) > STEPS
+        steps, few = simulated / _timestep(case), STRETCHES if isinstance(case, Trial) else STEPS
     seconds = _PER_ROW * rows
-    if plenty or rows > ROWS:
+    if weight * steps > few or rows > ROWS:
         try:
-            seconds += simulated * _pace(case, plant, settings)
+            seconds += simulated * _pace(case, plant, case.settings)
         except _Ended:  # soon over; what is driven by the clock begins near rest, and is not
             with suppress(_Ended):
-                seconds += growth * _pace(case, plant, replace(settings, initial={}, observer={}))
+                seconds += growth * _pace(case, plant, replace(case.settings, initial={}, observer={}))
     return seconds
 
 
@@ -97,13 +130,33 @@ def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: f
     if longest is None or seconds <= longest:
         return
     what = [f"{rows:.2g} rows"] if rows > ROWS else []
-    if plant == "mujoco" and isinstance(case, Case) and settings.duration / _timestep(case) > STEPS:
+    if plant == "mujoco" and settings.duration / _timestep(case) > STEPS:
         what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
     asked = f" ({', '.join(what)})" if what else ""
     raise StudyError(
         f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
         "(simulation.duration, timestep, record_interval, study), or start it with --yes"
     )
+
+
+def refuse_trials(path: Path, work: Sequence[tuple[Case | Trial, PlantKind, int]], jobs: int, longest: float) -> None:
+    """Check that the trials of an experiment, so many of each case on a plant, do not exceed a limit.
+
+    Raises:
+        StudyError: if they take longer than ``longest`` [s] in ``jobs`` processes, or more memory than :data:`MEMORY`.
+    """
+    rows = [case.settings.duration / case.settings.record_interval for case, _, _ in work]
+    one = max(_PER_NUMBER * n * _columns(case) for n, (case, _, _) in zip(rows, work, strict=True))
+    kept = sum(_KEPT * n * count for n, (_, _, count) in zip(rows, work, strict=True))
+    seconds, taken = sum(estimate_trials(*each) for each in work) / jobs, _OWN + max(one, kept)
+    asked = [in_words(seconds) + (f" of {jobs} processes" if jobs > 1 else "")] if seconds > longest else []
+    asked += [f"{taken / 1e9:.2g} GB of memory"] if taken > MEMORY else []
+    if asked:
+        raise StudyError(
+            f"{path}: {sum(count for _, _, count in work)} trials, of up to {max(rows):.3g} rows, would take about "
+            f"{' and '.join(asked)}; make them fewer or shorter (experiment.repetitions, duration, rate), or start it "
+            "with --yes"
+        )
 
 
 def _columns(case: Case | Trial) -> float:
@@ -121,24 +174,43 @@ def in_words(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def _acting(case: Case) -> Array:
+def _law(case: Case | Trial) -> Law:
+    """The controller of its runs."""
+    return case.law if isinstance(case, Trial) else case.controller
+
+
+def _acting(case: Case | Trial) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
     plant, settings = case.actual.linearisation.plant, case.settings
-    return acting_on(plant, settings, case.controller).omega
+    if isinstance(case, Trial):
+        return np.concatenate([acting_on(plant, settings).omega, case.law.realisation.signals[:, 2]])
+    return acting_on(plant, settings, _law(case)).omega
 
 
-def _rate(case: Case) -> float:
-    """About how fast the closed loop is, or what drives it [1/s]; 128 of its inverse are a block."""
-    design = case.controller.design
-    own = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
+def _rate(case: Case | Trial) -> float:
+    """About how fast the closed loop is, or what drives it [1/s]: 128 of its inverse are a block, one is a series."""
+    if isinstance(case, Trial):  # a series is no longer than the shortest tap
+        there = matched(linear_plant(case.actual, case.settings), case.law.plant, "position")
+        own = max(fastest_rate(there, case.law), 1 / float(case.law.realisation.taps[0]))
+    else:
+        design = case.controller.design
+        own = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
     return max(own, float(_acting(case).max(initial=0.0)))
 
 
-def _timestep(case: Case) -> float:
-    """The largest time step in MuJoCo [s]; if steps are adapted, approximately."""
-    step = stepping_of(close_loop(case.model, case.controller, case.settings), case.settings).timestep
+def _timestep(case: Case | Trial) -> float:
+    """The largest time step in MuJoCo [s], or stretch; if steps are adapted, approximately."""
+    if isinstance(case, Trial):
+        assert isinstance(case.actual, MujocoPlant)
+        body = case.actual.matched(case.law.plant, "position")
+        loop: ComposedLoop = close_tapped(body, case.law, case.settings)
+        longest = 0.5 / _rate(case)
+    else:
+        loop, longest = close_loop(case.model, case.controller, case.settings), np.inf
+    step = stepping_of(loop, case.settings).timestep
     # no step goes across a bend of noise
-    return min([step, *(noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))])
+    bends = (noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))
+    return min([step, longest, *bends])
 
 
 class _Enough(Exception):
@@ -149,7 +221,7 @@ class _Ended(Exception):
     """The run of a probe fell, or diverged: it tells nothing of others."""
 
 
-def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
+def _pace(case: Case | Trial, plant: PlantKind, settings: Settings) -> float:
     """Seconds of work for one second of simulation, from ever longer beginnings of the run.
 
     Raises:
@@ -171,12 +243,12 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
         return 0.0  # which the run itself will say
 
 
-def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
+def _timed(case: Case | Trial, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
     """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
-    controller = case.controller
-    if controller.delay.t_d >= settings.duration:  # no such run could start
-        controller = replace(controller, delay=NO_DELAY)
+    law = _law(case)
+    if isinstance(law, Controller) and law.delay.t_d >= settings.duration:  # no such run could start
+        law = replace(law, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     half: tuple[float, float] | None = None
     last = 0.0, 0.0
@@ -191,9 +263,12 @@ def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> t
 
     try:
         if plant == "linear":
-            run = simulate_linear(linear_plant(case.actual, settings), controller, settings, progress=tell)
+            there = matched(linear_plant(case.actual, settings), law.plant, "position")
+            run = simulate_linear(there, law, settings, progress=tell)
         else:
-            run = simulate_mujoco(case.model, controller, settings, error_estimate=False, progress=tell)
+            assert isinstance(case.actual, MujocoPlant)
+            body = case.actual.matched(law.plant, "position")
+            run = simulate_mujoco(body, law, settings, error_estimate=False, progress=tell)
     except _Enough:
         before = (0.0, 0.0) if half is None or half[1] >= last[1] else half
         # where it hardly moves any more, it is the rest that counts

@@ -30,6 +30,7 @@ from icmj.runfile.schema import RunFile
 from icmj.series.reading import read_series
 from icmj.simulation.settings import reseeded
 from icmj.study.double_step import DoubleStepKind
+from icmj.study.estimate import refuse_trials
 from icmj.study.intersection_point import IntersectionPointKind
 from icmj.study.kind import Experiment, Kind, Told
 from icmj.study.multisine import MultisineKind
@@ -61,6 +62,7 @@ def run_experiment(
     *,
     jobs: int | None = None,
     progress: Tell | None = None,
+    longest: float | None = None,
 ) -> Experiment:
     """Carry out an experiment, or its unfinished part, and analyse it.
 
@@ -70,15 +72,24 @@ def run_experiment(
             ``None``.
         jobs: number of processes; by default the number of cores.
         progress: called repeatedly with a description of the current work and the completed fraction, 0–1.
+        longest: estimated time that the trials which are not stored yet may take [s]; ``None`` for any.
 
     Raises:
         RunFileError: if the experiment file or a run file does not validate.
-        StudyError: if the folder contains another experiment, or a process died.
+        StudyError: if the folder contains another experiment, the trials take too long or too much memory, or a process
+            died.
         IcmjError: errors of the plants, designs, runs or the analysis.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
     kind, conditions = kind_of(made), list(conditions_of(made))
     cases = {one.case: _prepared(kind, one, made.experiment.seed) for one in conditions}
+    if longest is not None:
+        count, stored = made.experiment.repetitions, Folder(None if out is None else Path(out))
+        work = [
+            (_controlled(one, cases[one.case]), one.plant, sum(not stored.holds(one.label, i) for i in range(count)))
+            for one in conditions
+        ]
+        refuse_trials(made.path, work, jobs or processors(), longest)
     with no_folder() if out is None else opened(Path(out), made) as folder:
         trials = _trials(made, kind, conditions, folder, jobs, progress)
         if progress is not None:
@@ -152,6 +163,11 @@ class Condition:
     def __hash__(self) -> int:
         return hash((self.case, self.plant))
 
+    @property
+    def label(self) -> str:
+        """Case and plant, as stored trials are called."""
+        return f"{self.case}.{self.plant}"
+
     def trigger(self, case: Case) -> Trigger | None:
         """The trigger that replaces that of the case."""
         if self.table.control == "continuous":
@@ -192,14 +208,14 @@ def _trials(
     """The trials of every condition, in order: read where they are done, else simulated."""
     count, first = file.experiment.repetitions, file.experiment.seed
     every = [(one, i) for one in conditions for i in range(count)]
-    known = {(one, i): found for one, i in every if (found := folder.read(f"{one.case}.{one.plant}", i)) is not None}
+    known = {(one, i): found for one, i in every if (found := folder.read(one.label, i)) is not None}
     left = [each for each in every if each not in known]
     jobs = processes(jobs, len(left))
 
     def keep(place: int, found: Recording) -> None:
         one, i = left[place]
         known[one, i] = found
-        folder.write(f"{one.case}.{one.plant}", i, found)
+        folder.write(one.label, i, found)
 
     def tell(done: float) -> None:
         if progress is not None:
@@ -260,12 +276,17 @@ class _Kept:
 _KEPT = _Kept()
 
 
+def _controlled(one: Condition, case: Case | Trial) -> Case | Trial:
+    """The case with the controller of this condition."""
+    if isinstance(case, Case) and (trigger := one.trigger(case)) is not None:
+        return replace(case, controller=case.controller.triggered_by(trigger))
+    return case
+
+
 def _told(kind: Kind, one: Condition, case: Case | Trial, trials: Sequence[Recording]) -> Told:
     """The result of the analysis or, if there is none, the reason."""
     try:
-        if isinstance(case, Case) and (trigger := one.trigger(case)) is not None:
-            case = replace(case, controller=case.controller.triggered_by(trigger))
-        finding = kind.analysed(trials, case, one.plant)
+        finding = kind.analysed(trials, _controlled(one, case), one.plant)
         return Told(one.case, one.title, one.plant, finding, len(trials), finding.words)
     except IcmjError as error:
         return Told(one.case, one.title, one.plant, None, len(trials), f"cannot be told: {error}")

@@ -186,17 +186,11 @@ def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> flo
     Raises:
         IcmjError: if it cannot start, or is longer.
     """
-    from icmj.case.case import Case
     from icmj.study.estimate import estimate, refuse_long, startable
-    from icmj.study.trial import estimate_trial, startable_trial
 
     with named(case.run.path):
-        if isinstance(case, Case):
-            startable(case, plant)
-            seconds = estimate(case, plant)
-        else:
-            startable_trial(case, plant)
-            seconds = estimate_trial(case, plant)
+        startable(case, plant)
+        seconds = estimate(case, plant)
     refuse_long(case, plant, seconds, longest)
     return seconds
 

@@ -73,9 +73,9 @@ class Folder:
         """
         if self._path is None:
             return None
-        signals, events = self._files(name, index)
-        if not (os.path.lexists(signals) and os.path.lexists(events)):
+        if not self.holds(name, index):
             return None
+        signals, events = self._files(name, index)
         path = events
         try:
             found, outcome = self._series(events)
@@ -94,6 +94,10 @@ class Folder:
         units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
         series = Series(t, np.column_stack(values), tuple(table.column_names[1:]), tuple(units[1:]))
         return series, (table.schema.metadata or {}).get(b"icmj.outcome", b"").decode()
+
+    def holds(self, name: str, index: int) -> bool:
+        """Whether the files of a trial are there."""
+        return self._path is not None and all(map(os.path.lexists, self._files(name, index)))
 
     def _files(self, name: str, index: int) -> tuple[Path, Path]:
         stem = self.path / TRIALS / f"{name}.{index:04d}"

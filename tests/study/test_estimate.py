@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 
@@ -10,12 +11,16 @@ import pytest
 from fault_cases import SHORT
 from terminal_cases import told
 
-from icmj.case.case import Case, prepare, simulate
+from icmj.case.case import Case, PlantKind, prepare, simulate
+from icmj.case.trial import Trial, prepare_trial
 from icmj.cli.main import main
 from icmj.errors import StudyError
+from icmj.runfile.experiment_tables import load_experiment
 from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
-from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long
+from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, refuse_trials
+from icmj.study.experiment import conditions_of, kind_of
+from icmj.study.study import made
 
 
 def case(root: Path, duration: float = 20.0, *more: str) -> Case:
@@ -47,6 +52,81 @@ def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration:
     with pytest.raises(StudyError, match=r"would take about .*; shorten it .* or start it with --yes"):
         refuse_long(found, plant, seconds, LONGEST)  # type: ignore[arg-type]
     refuse_long(found, plant, seconds, None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_the_steps_that_a_stiff_loop_takes_are_counted(root: Path, plant: str) -> None:
+    """Of five seconds, each of which takes a day: they were 0 s of work, as they are without the muscles' haste."""
+    seconds = {}
+    for lag in (1e-2, 1e-12):
+        run = load_run(root / "runs" / "rivals" / "one-link-delayed-pd.toml")
+        muscles = {"actual.activation": {"order": 1, "time_constant": lag}, "simulation.duration": 5.0}
+        trial, begin = prepare_trial(run.with_(**muscles)), time.process_time()
+        seconds[lag] = estimate(trial, plant)  # type: ignore[arg-type]
+        assert time.process_time() - begin < 20
+    assert seconds[1e-2] < LONGEST
+    assert seconds[1e-12] > 1e4 * LONGEST
+    with pytest.raises(StudyError, match=r"would take about .*; shorten it .* or start it with --yes"):
+        refuse_long(trial, plant, seconds[1e-12], LONGEST)  # type: ignore[arg-type]
+
+
+def test_the_shipped_experiments_are_quick(root: Path) -> None:
+    for path in sorted((root / "experiments").glob("*.toml")):
+        refuse_trials(path, planned(path), 1, LONGEST)
+
+
+STANDING = """
+[experiment]
+name = "standing"
+repetitions = {count}
+[quiet_standing]
+duration = {duration}
+settle = 1.0
+rate = {rate}
+[[case]]
+run = "quiet-standing"
+"""
+
+
+@pytest.mark.parametrize(
+    ("count", "duration", "rate", "words"),
+    [
+        (100_000, 3.0, 10.0, r"200000 trials, of up to 40 rows, would take about [0-9.]+ (min|hours|days);"),
+        (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
+        (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
+    ],
+)
+def test_trials_that_take_hours_or_memory_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, duration: float, rate: float, words: str
+) -> None:
+    """All of them began at once."""
+    file = tmp_path / "standing.toml"
+    file.write_text(STANDING.format(count=count, duration=duration, rate=rate))
+    assert main(["experiment", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
+    (line,) = told(capsys.readouterr().err)
+    assert re.search(words, line)
+    assert "or start it with --yes" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_stored_trials_take_no_more_time_and_yes_starts_any(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "standing.toml", tmp_path / "out"
+    file.write_text(STANDING.format(count=2, duration=3.0, rate=50.0))
+    command = ["experiment", str(file), "--out", str(out), "--jobs", "1"]
+    monkeypatch.setattr("icmj.study.estimate.LONGEST", 0.0)
+    assert main(command) == 2
+    assert "4 trials, of up to 200 rows, would take about" in capsys.readouterr().err
+    assert main([*command, "--yes"]) == 0
+    assert main(command) == 0
+
+
+def planned(path: Path) -> list[tuple[Case | Trial, PlantKind, int]]:
+    """All trials of an experiment file."""
+    file = load_experiment(path)
+    kind, count = kind_of(file), file.experiment.repetitions
+    return [(made(kind.stimulated(one.run, 1)), one.plant, count) for one in conditions_of(file)]
 
 
 def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:
