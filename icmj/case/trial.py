@@ -108,6 +108,16 @@ def simulate_trial(
     return simulate_plant(there, trial.law, trial.settings, progress=progress, match="position")  # type: ignore[arg-type]
 
 
+def expect_measures(run: RunFile) -> None:
+    """See that the user's own measures may be called and are there, before the run that they measure.
+
+    Raises:
+        RunFileError: if not.
+    """
+    for reference in run.study.measures:
+        run.code.named(reference)
+
+
 def measured_by(run: RunFile, simulation: Simulation) -> dict[str, float]:
     """The results of the user's own measures for the run."""
     found: dict[str, float] = {}

@@ -16,7 +16,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
 from icmj.case.plants import linear_plant
-from icmj.case.trial import Trial
+from icmj.case.trial import Trial, expect_measures
 from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY
 from icmj.controller.law import Law
@@ -54,7 +54,9 @@ def startable(case: Case | Trial, plant: PlantKind) -> None:
 
     Raises:
         ModelError, SimulationError, AnalysisError: if it cannot.
+        RunFileError: if its own measures may not be called.
     """
+    expect_measures(case.run)
     if isinstance(case, Trial):
         there = linear_plant(case.actual, case.settings)
         expect_tapped(case.law, there)

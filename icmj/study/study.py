@@ -86,7 +86,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
     from icmj.case.case import Case, prepare, simulate
-    from icmj.case.trial import measured_by
+    from icmj.case.trial import expect_measures, measured_by
     from icmj.controller.controller import continuous_limit
     from icmj.engine.pose import scene
     from icmj.experiments.amplitude_law import measure_law
@@ -101,6 +101,7 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
     report: Callable[[float], None] = progress or (lambda _: None)
     case = run if isinstance(run, Case) else prepare(run)
     run = case.run
+    expect_measures(run)
     report(0.1)
     simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
     interrupted = simulation.outcome.kind in ("interrupted", "stalled")

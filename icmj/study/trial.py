@@ -18,7 +18,7 @@ def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], 
     Raises:
         IcmjError: if the run file, its models or the controller fail.
     """
-    from icmj.case.trial import Trial, measured_by, prepare_trial, simulate_trial
+    from icmj.case.trial import Trial, expect_measures, measured_by, prepare_trial, simulate_trial
     from icmj.engine.plant import MujocoPlant
     from icmj.engine.pose import scene
     from icmj.result.tried import Tried
@@ -27,6 +27,7 @@ def try_law(run: RunFile | Trial, plant: PlantKind, progress: Callable[[float], 
     from icmj.work.provenance import provenance
 
     trial = run if isinstance(run, Trial) else prepare_trial(run)
+    expect_measures(trial.run)
     simulation = simulate_trial(trial, plant, progress=None if progress is None else lambda done: progress(0.9 * done))
     run, actual, shown = trial.run, trial.actual, None
     if isinstance(actual, MujocoPlant):

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from icmj.case.case import Case, PlantKind, prepare, simulate
-from icmj.case.trial import Trial, measured_by, prepare_trial, simulate_trial
+from icmj.case.trial import Trial, expect_measures, measured_by, prepare_trial, simulate_trial
 from icmj.errors import IcmjError, SweepError
 from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.sweeps.chunk import Computed, compute, died, parquet
@@ -60,6 +60,7 @@ def _measures(case: Case | Trial, plants: Sequence[PlantKind]) -> tuple[str, ...
     """Names of the numbers that the user's own measures return of a run."""
     if not case.run.study.measures or not plants:
         return ()
+    expect_measures(case.run)
     run = simulate(case, plants[0]) if isinstance(case, Case) else simulate_trial(case, plants[0])
     return tuple(measured_by(case.run, run))
 

@@ -16,8 +16,10 @@ from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
+from icmj.runfile.shipped import RUNS
 from icmj.simulation.sources import Sinusoids
 from icmj.study.study import run_case
+from icmj.study.trial import try_law
 from icmj.work.own_code import Code, digest_of, reference_of
 
 RULES = '''
@@ -263,6 +265,63 @@ def test_a_measure_that_gives_no_numbers_is_told(own: Path) -> None:
     run = load_run(own, allow_code=True).with_(**{"study.measures": ["rules:nothing"]})
     with pytest.raises(RunFileError, match="expected numbers by name, got 'nothing'"):
         run_case(run, "linear")
+
+
+@pytest.mark.parametrize("name", ["simple-0.8", "one-link-delayed-pd"])
+@pytest.mark.parametrize(
+    ("reference", "allowed", "words"),
+    [
+        ("rules:longest", [], "rules:longest names Python code, which is not run unasked"),
+        ("rules:absent", ["--allow-code"], "the module has no 'absent'"),
+    ],
+)
+def test_a_measure_that_cannot_be_taken_costs_no_run(
+    tmp_path: Path,
+    root: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    reference: str,
+    allowed: list[str],
+    words: str,
+) -> None:
+    """It was refused after the run, of which nothing was left."""
+    text = RUNS.meant(Path(name)).read_text(encoding="utf-8").replace("../", "").partition("[study]")
+    (tmp_path / "models").symlink_to(root / "models")
+    study = f"[study]\nmeasures = ['{reference}']\n{text[2]}"
+    (tmp_path / "own.toml").write_text(f"{text[0]}\n{study}", encoding="utf-8")
+    (tmp_path / "rules.py").write_text(RULES, encoding="utf-8")
+    (tmp_path / "sweep.toml").write_text(SWEEP, encoding="utf-8")
+    monkeypatch.setattr("icmj.case.case.simulate_plant", ran)
+    monkeypatch.setattr("icmj.case.trial.simulate_plant", ran)
+    for command in (
+        ["run", "own.toml", "--plant", "linear"],
+        ["study", "own.toml", "--jobs", "1"],
+        ["sweep", "sweep.toml"],
+    ):
+        monkeypatch.chdir(tmp_path)
+        assert main([*command, "--out", "out", *allowed]) == 2
+        assert words in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
+    run = load_run(tmp_path / "own.toml", allow_code=bool(allowed))
+    with pytest.raises(RunFileError, match=words):
+        (try_law if run.tries else run_case)(run, "linear")
+
+
+SWEEP = """
+[sweep]
+name = "own"
+run = "own.toml"
+[[vary]]
+field = "simulation.duration"
+values = [5.0, 6.0]
+[ask]
+motion = ["linear"]
+"""
+
+
+def ran(*given: object, **named: object) -> None:
+    raise AssertionError("it was simulated")
 
 
 def test_reading_runs_nothing(own: Path) -> None:
