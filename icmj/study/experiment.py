@@ -89,7 +89,7 @@ def run_experiment(
             (_controlled(one, cases[one.case]), one.plant, sum(not stored.holds(one.label, i) for i in range(count)))
             for one in conditions
         ]
-        refuse_trials(made.path, work, jobs or processors(), longest)
+        refuse_trials(made.path, work, processes(jobs), longest)
     with no_folder() if out is None else opened(Path(out), made) as folder:
         trials = _trials(made, kind, conditions, folder, jobs, progress)
         if progress is not None:
