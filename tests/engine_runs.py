@@ -284,7 +284,7 @@ ADAPTED: dict[str, Callable[[], Recorded]] = {
     "adapted, pushed neglected": partial(leaning, *NEGLECTED, adapted(1e-7, disturbance=DISTURBED)),
     "adapted, pushed and delayed": partial(leaning, *PENDULUM, adapted(1e-7, disturbance=DISTURBED), None, Delay(0.2)),
     "adapted, continuous": partial(leaning, *PENDULUM, adapted(1e-7), Continuous()),
-    "adapted, pushed body": partial(leaning, *THREE, adapted(1e-7, disturbance=PUSHED)),
+    "adapted, pushed body": partial(leaning, *THREE, adapted(1e-5, disturbance=PUSHED)),
     "adapted, hooked": partial(driven, HOOKED, adapted(1e-6), "aside", 2e-4),
     "adapted, tapped": partial(tapped, SWITCHING, adapted(1e-7, duration=2.5)),
     "adapted, tapped and pushed": partial(tapped, SWITCHING, adapted(1e-8, disturbance=SWAYED)),
