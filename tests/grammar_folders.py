@@ -8,11 +8,13 @@ import random
 import shutil
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 from sweep_cases import GRID, sweep_file
+from tampering import reseal
 
 Mutate = Callable[[random.Random, bytes], bytes]
 _whole: list[Path] = []
@@ -50,6 +52,9 @@ def damaged_folder(rng: random.Random, folder: Path, mutate_bytes: Mutate) -> li
         ]
         places += [data / "points" / f"{i:08d}.parquet" for i in range(3)]
         _damage(rng, rng.choice(places[1:]), folder, mutate_bytes)
+    with suppress(OSError, UnicodeError):
+        if rng.random() < 0.7:  # as whoever changes a file can
+            reseal(data)
     if rng.random() < 0.5:
         return ["report", "data", "--out", "out.html"]
     return ["sweep", "sweep.toml", "--out", "data", "--jobs", "1"]

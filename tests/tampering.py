@@ -346,7 +346,8 @@ def npz_changes(path: Path) -> Iterator[tuple[str, Change]]:
     for key in head.get("networks", [{}])[0]:
         for odd in (*ODD, 10**9):
             yield f"network.{key} = {odd!r}", nets(**{key: odd})
-    yield "names of others", heads(names=[f"{name}2" for name in head.get("names", ())])
+    if head:
+        yield "names of others", heads(names=[f"{name}2" for name in head["names"]])
 
 
 INSIDE = {".json": json_changes, ".parquet": table_changes, ".npz": npz_changes}
