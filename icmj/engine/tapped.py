@@ -165,7 +165,7 @@ class TappedLoop(ComposedLoop):
 
         realisation, here = self.controller.realisation, self.plant.linearisation
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
-        own = 2 * max(fastest_rate(here.plant, self.controller), 1 / realisation.taps[0])
+        own = max(fastest_rate(here.plant, self.controller), 1 / realisation.taps[0])
         n_y, n_u = self.controller.plant.n_y, self.controller.plant.n_u
         taps = taps_of(realisation, n_y, max(own, self.noise / _SWING), exact=False)
         if stand is None:
