@@ -103,7 +103,7 @@ def simulate_many(
             times [s], shape (n, largest number of events), NaN after the last; ``sway`` gives the numbers of
             :func:`icmj.measure_sway` for the outputs, such as ``sway.shank.rms`` or ``sway.shank.frequency.median``,
             shape (n,), NaN if a run was too short. A function takes the run and returns numbers or arrays by name, with
-            the same shapes for every run; for several processes it must be importable.
+            the same shapes for every run; it may be one of a script or a notebook.
         jobs: number of processes; by default the number of cores. With one, no process is started.
         progress: called repeatedly with the completed fraction, 0–1.
 

@@ -1,24 +1,27 @@
 """Processes that work for this one, and end when it ends, however it ends.
 
-They are started afresh (MuJoCo's callbacks and numba's threads do not survive a fork), know nothing of Ctrl-C, which is
-for this process to handle, and neither write to the terminal nor hold it open. One that dies takes only its own
-task with it.
+loky starts them afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not run
+the user's script again, so that it needs no guard, and functions that it defines itself reach them all the same. They
+know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open. One
+that dies takes only its own task with it.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
-import socket
-import subprocess
 import sys
-import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import Pipe, get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
+from pickle import loads
+from queue import SimpleQueue
+from threading import Thread
+from traceback import extract_tb
 from typing import Any
 
 from icmj.base import compiling
@@ -28,17 +31,17 @@ from icmj.errors import IcmjError, StudyError, beyond_arithmetic, beyond_memory
 
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two words on progress
-_PR_SET_PDEATHSIG = 1
-_PROGRAM = "from icmj.work.workers import serve; serve()"
+_PATIENCE = 5.0  # s for a process to be gone
+_POLITE = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 @dataclass(frozen=True)
 class Task:
-    """A function to call in a worker, importable by name; it is given ``progress``, too.
+    """A function to call in a worker; it is given ``progress``, too.
 
     Attributes:
         name: for people.
-        function: takes ``arguments`` and ``progress``.
+        function: takes ``arguments`` and ``progress``; by its name, or as it is where that is no module's.
         arguments: anything that can be pickled.
     """
 
@@ -68,36 +71,42 @@ class _Worker:
     """One process, and the task that it has in hand."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
-        command = [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), str(os.getpid())]
+        from loky.backend import resource_tracker as lokys
+
+        # a helper of each library's own is started with the first process, and would let signals through again
+        resource_tracker.ensure_running()
+        lokys.ensure_running()
+        self.ours, theirs = Pipe()
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        environment = one_thread({**os.environ, "PYTHONPATH": paths})
-        nothing = subprocess.DEVNULL
+        environment = {**one_thread({**os.environ}), "PYTHONPATH": paths}
+        process: Any = get_context("loky").Process  # type: ignore[attr-defined]
+        self.process = process(target=serve, args=(theirs,), daemon=True, env=environment)
         with theirs, _uninterrupted():
-            self.process = subprocess.Popen(
-                command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=(theirs.fileno(),), env=environment
-            )
-        self.ours = Connection(ours.detach())
+            self.process.start()
         self.index: int | None = None
         self.name = ""
 
     def give(self, index: int, task: Task) -> None:
+        from loky.backend.reduction import dumps
+
         self.index, self.name = index, task.name
         with suppress(OSError):  # it is dead, which shows when it is asked
-            self.ours.send((task.function, task.arguments))
+            self.ours.send_bytes(dumps((task.function, task.arguments)))
 
     def end(self) -> None:
         compiling.end(self, altogether=True)
-        self.process.kill()
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(5)
-        self.ours.close()
+        self.ours.close()  # at which it ends by itself, where it is deaf to what follows
+        self.process.terminate()
+        self.process.join(_PATIENCE)
 
 
 def processors() -> int:
     """Processors that this process may use: a container or a cluster may allot it fewer than the machine has."""
-    allotted = getattr(os, "sched_getaffinity", None)  # macOS and Windows have none
-    return (os.cpu_count() or 1) if allotted is None else len(allotted(0))
+    from loky import cpu_count
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where a system allots none, it would ask for another library to look
+        return int(cpu_count())
 
 
 def processes(jobs: int | None, tasks: int | None = None) -> int:
@@ -142,19 +151,16 @@ class Workers:
             while following is not None and (worker := self._idle()) is not None:
                 worker.give(*following)
                 following = next(source, None)
-            busy = [worker for worker in self._workers if worker.index is not None]
-            spoken = wait([worker.ours for worker in busy])
-            for worker in busy:
-                if worker.ours in spoken and (news := self._news(worker, survive)) is not None:
+            busy = {worker.ours: worker for worker in self._workers if worker.index is not None}
+            for spoken in wait([*busy]):
+                if (news := self._news(busy[spoken], survive)) is not None:  # type: ignore[index]
                     yield news
 
     def _idle(self) -> _Worker | None:
         """One that has nothing to do, started if there may be one more."""
-        idle = next((worker for worker in self._workers if worker.index is None), None)
-        if idle is None and len(self._workers) < self._jobs:
-            idle = _Worker()
-            self._workers.append(idle)
-        return idle
+        if all(worker.index is not None for worker in self._workers) and len(self._workers) < self._jobs:
+            self._workers.append(_Worker())
+        return next((worker for worker in self._workers if worker.index is None), None)
 
     def _news(self, worker: _Worker, survive: bool) -> News | None:
         """The message about its task; ``None`` if it only reports whether it compiles."""
@@ -163,9 +169,8 @@ class Workers:
         try:
             kind, value = worker.ours.recv()
         except (EOFError, OSError):
-            with suppress(subprocess.TimeoutExpired):
-                worker.process.wait(5)
-            code = worker.process.returncode
+            worker.process.join(_PATIENCE)
+            code = worker.process.exitcode
             self._workers.remove(worker)
             worker.end()
             why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
@@ -185,34 +190,52 @@ class Workers:
         return News(index, 1.0, value)
 
 
-def serve() -> None:
-    """The program of a worker's process, which runs until its parent is gone."""
-    theirs, parent = Connection(int(sys.argv[1])), int(sys.argv[2])
-    _mortal(parent)
+def serve(theirs: Connection) -> None:
+    """What a worker's process does: one task after the other, until its parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _POLITE)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream in range(3):
+        os.dup2(nothing, stream)
     seldom_collected()
     compiling.listen(lambda begun: theirs.send(("compiling", begun)))
+    tasks = SimpleQueue[bytes]()
+    Thread(target=_hear, args=(theirs, tasks), daemon=True).start()
+    with suppress(OSError):
+        while True:
+            theirs.send_bytes(_outcome(tasks.get(), _teller(theirs)))
+
+
+def _hear(theirs: Connection, tasks: SimpleQueue[bytes]) -> None:
+    """Take up tasks beside the one in hand, so that a parent that is gone is noticed in its midst."""
     with suppress(EOFError, OSError):
         while True:
-            function, arguments = theirs.recv()
-            theirs.send(_outcome(function, arguments, _teller(theirs)))
+            tasks.put(theirs.recv_bytes())
+    os._exit(1)
 
 
-def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...], tell: Tell) -> tuple[str, Any]:
+def _outcome(task: bytes, tell: Tell) -> bytes:
+    """What came of a task, pickled, which may fail as well."""
+    from loky.backend.reduction import dumps
+
+    found: Exception
+    name = "the task"
     try:
-        return "done", function(*arguments, progress=tell)
+        function, arguments = loads(task)
+        name = function.__name__
+        return bytes(dumps(("done", function(*arguments, progress=tell))))
     except IcmjError as error:
-        return "error", type(error)(str(error))
+        found = type(error)(str(error))
     except Exception as error:
         if beyond_memory(error):
-            return "error", StudyError(f"{function.__name__}: out of memory; run fewer jobs, or record more coarsely")
-        if beyond_arithmetic(error):
-            return "error", StudyError(f"not computable: numbers too far apart ({one_line(error, 200)})")
-        frame = error.__traceback__
-        while frame is not None and frame.tb_next is not None:
-            frame = frame.tb_next
-        where = f" at {frame.tb_frame.f_code.co_filename}:{frame.tb_lineno}" if frame else ""
-        return "error", RuntimeError(one_line(f"{type(error).__name__}: {error}{where}", 500))
+            found = StudyError(f"{name}: out of memory; run fewer jobs, or record more coarsely")
+        elif beyond_arithmetic(error):
+            found = StudyError(f"not computable: numbers too far apart ({one_line(error, 200)})")
+        else:
+            where = extract_tb(error.__traceback__)[-1]
+            found = RuntimeError(one_line(f"{type(error).__name__}: {error} at {where.filename}:{where.lineno}", 500))
+    return bytes(dumps(("error", found)))
 
 
 def _teller(theirs: Connection) -> Tell:
@@ -227,31 +250,13 @@ def _teller(theirs: Connection) -> Tell:
     return tell
 
 
-def _mortal(parent: int) -> None:
-    """End when the parent does: at once where the kernel tells (Linux), else within a second."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM, signal.SIGHUP})
-    with suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    if os.getppid() != parent:
-        os._exit(1)
-    threading.Thread(target=watch, daemon=True).start()
-
-
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Signals wait until a process is started and known; they stay blocked in it, and Ctrl-C never reaches it."""
-    polite = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, polite)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _POLITE)
     try:
         yield
     finally:

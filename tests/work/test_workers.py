@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import builtins
+import io
 import os
 import signal
-import time
+import subprocess
+import sys
+import threading
+import warnings
+from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 from icmj.errors import StudyError
 from icmj.work.workers import Task, Workers, processors
@@ -41,6 +48,11 @@ class _Python:
 _python = _Python()
 
 
+def _lock(progress: object) -> object:
+    """What is of this process alone."""
+    return threading.Lock()
+
+
 def test_values_come_back_by_task() -> None:
     assert run(*[python("pass")] * 5) == ["done"] * 5
 
@@ -57,6 +69,42 @@ def test_one_that_dies_is_named_and_the_others_are_gone() -> None:
         run(python("import time; time.sleep(60)"), python("import os; os.kill(os.getpid(), 9)"))
     with pytest.raises(StudyError, match=r"its process died \(exit status 3\)"):
         run(python("import os; os._exit(3)"))
+
+
+def test_one_that_dies_takes_only_its_own_task_with_it() -> None:
+    """Also one that ends as if all were well."""
+    ends = {"import os; os.kill(os.getpid(), 9)": "signal 9", "import os; os._exit(0)": "exit status 0"}
+    with Workers(2) as workers:
+        news = [*workers.run([*map(python, ends), *[python("pass")] * 4], survive=True)]
+    assert {one.index: one.died for one in news if one.died} == dict(enumerate(ends.values()))
+    assert sorted(one.index for one in news if one.value == "done") == [2, 3, 4, 5]
+
+
+def test_what_cannot_be_sent_back_is_an_error() -> None:
+    with pytest.raises(RuntimeError, match="pickle"):
+        run(Task("lock", _lock, ()))
+
+
+def test_a_script_without_a_guard_is_not_run_again_and_its_own_functions_reach_them(tmp_path: Path) -> None:
+    """As the script in docs/many.md, and one in a notebook: it was "Can't pickle", or a process that died."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from icmj.work.workers import Task, Workers\n"
+        "print('begun')\n"
+        "def twice(x, progress):\n"
+        "    return offset + 2 * x\n"
+        "offset = 1\n"
+        "with Workers(2) as workers:\n"
+        "    news = [*workers.run([Task('a', twice, (i,)) for i in range(3)])]\n"
+        "    news += workers.run([Task('b', lambda x, progress: -x, (1,))])\n"
+        "print(sorted(one.value for one in news))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, env=environment, timeout=PATIENCE, cwd=tmp_path
+    )
+    assert done.stdout == "begun\n[-1, 1, 3, 5]\n", done.stderr
+    assert done.stderr == ""
 
 
 def test_they_are_deaf_to_ctrl_c_and_have_no_terminal() -> None:
@@ -83,7 +131,21 @@ def test_leaving_ends_them() -> None:
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    time.sleep(0)
+
+
+def test_a_quota_of_processors_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processors' worth of 64, as ``docker run --cpus 2`` gives; there were 64 processes."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
+    quota = {"/sys/fs/cgroup/cpu.max": "200000 100000\n"}
+    exists, read = os.path.exists, builtins.open
+    monkeypatch.setattr(os.path, "exists", lambda path: path in quota or exists(path))
+    monkeypatch.setattr(
+        builtins,
+        "open",
+        lambda path, *more, **named: io.StringIO(quota[path]) if path in quota else read(path, *more, **named),
+    )
+    assert processors() == 2
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system allots no processors to a process")
@@ -97,4 +159,6 @@ def test_as_many_as_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> Non
     finally:
         os.sched_setaffinity(0, allotted)
     monkeypatch.delattr(os, "sched_getaffinity")
-    assert processors() == (os.cpu_count() or 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert 1 <= processors() <= (os.cpu_count() or 1)
