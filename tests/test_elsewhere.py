@@ -3,49 +3,155 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
+import venv
 from pathlib import Path
 
+import numpy as np
 import pytest
 from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, sweep_file
 
 from icmj.engine.fault import library
 from icmj.engine.rehearsal import _PROGRAM
+from icmj.runfile.shipped import MODELS, RUNS
+from icmj.series.c3d import _READER
 
-# before anything else is imported; libraries have their own ways elsewhere, so it is icmj that finds all this absent
-BARE = """
-import builtins, io, os, signal, sys
-ABSENT = "fcntl", "resource", "pwd", "grp", "termios", "tty", "pty", "syslog", "readline", "curses"
-for name in ("SIGHUP", "SIGALRM", "setitimer", "getitimer", "ITIMER_REAL", "alarm", "pthread_sigmask"):
-    delattr(signal, name)
-for name in ("memfd_create", "sched_getaffinity"):
-    delattr(os, name)
+ROOT = Path(__file__).resolve().parent.parent
+
+# a `sitecustomize` of every process, workers too: what icmj imports lacks these, and libraries have their own ways
+# elsewhere, so it is icmj that finds them absent
+BARE = '''
+import builtins, errno, io, os, stat, sys, types
+
+ABSENT = os.environ["ABSENT"].split()
+MODULES = {name for name in ABSENT if name.islower() and "." not in name and "/" not in name}
+NAMES = {name for name in ABSENT if "." in name}
+REFUSED = (errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
+
+
+class Bare(types.ModuleType):
+    """A module without what this system does not have."""
+
+    def __init__(self, whole, replaced):
+        super().__init__(whole.__name__)
+        self.__dict__.update(replaced, __whole__=whole)
+
+    def __getattr__(self, name):
+        whole = self.__dict__["__whole__"]
+        if f"{whole.__name__}.{name}" in NAMES:
+            raise AttributeError(f"module {whole.__name__!r} has no attribute {name!r}")
+        return getattr(whole, name)
+
+
+def replaced(name):
+    """Functions of the module that are there and refuse."""
+
+    def refuse(error):
+        def function(*arguments, **named):
+            raise error
+        return function
+
+    if name == "fcntl" and "LOCKS" in ABSENT:  # a file system that has none
+        return {"flock": refuse(OSError(*REFUSED))}
+    if name == "resource" and "LIMITS" in ABSENT:  # macOS
+        return {"setrlimit": refuse(ValueError("current limit exceeds maximum limit"))}
+    if name == "ctypes" and "PRCTL" in ABSENT:  # Windows: the program itself is no library
+        import ctypes
+        def library(name, *arguments, **named):
+            if name is None:
+                raise TypeError("bad argument type for built-in operation")
+            return ctypes.CDLL(name, *arguments, **named)
+        return {"CDLL": library}
+    if name == "subprocess" and "DESCRIPTORS" in ABSENT:  # Windows
+        import subprocess
+        class Popen(subprocess.Popen):
+            def __init__(self, *arguments, pass_fds=(), preexec_fn=None, **named):
+                if pass_fds or preexec_fn:
+                    raise ValueError("pass_fds, preexec_fn are not supported on Windows platforms")
+                super().__init__(*arguments, **named)
+        return {"Popen": Popen}
+    if name == "os":
+        found = {}
+        if "FOLDERS" in ABSENT:  # Windows opens none, so that none is flushed
+            def opened(path, *arguments, **named):
+                if os.path.isdir(path):
+                    raise PermissionError(errno.EACCES, "Permission denied", str(path))
+                return os.open(path, *arguments, **named)
+            found["open"] = opened
+        if "POSIX" in ABSENT:
+            found["name"] = "nt"
+        return found
+    return {}
+
+
+BARES, load = {}, builtins.__import__
+
+
+def importing(name, named=None, *more, **others):
+    if not str((named or {}).get("__name__", "")).startswith("icmj."):
+        return load(name, named, *more, **others)
+    if name in MODULES:
+        raise ModuleNotFoundError(f"No module named {name!r}")
+    whole = load(name, named, *more, **others)
+    if name not in ("os", "signal", "fcntl", "resource", "ctypes", "subprocess"):
+        return whole
+    if name not in BARES:
+        BARES[name] = Bare(whole, replaced(name))
+    return BARES[name]
+
+
 def ours():
     frame = sys._getframe(2)
-    while frame.f_globals.get("__name__") in ("pathlib", "io", "contextlib", "posixpath", "genericpath"):
+    passed_on = "pathlib", "io", "contextlib", "posixpath", "genericpath"
+    while str(frame.f_globals.get("__name__")).split(".")[0] in passed_on:
         frame = frame.f_back
-    return frame.f_globals.get("__name__", "").startswith("icmj")
-def importing(name, *arguments, load=builtins.__import__, **named):
-    if name in ABSENT and ours():
-        raise ModuleNotFoundError(f"No module named {name!r}")
-    return load(name, *arguments, **named)
+    return str(frame.f_globals.get("__name__", "")).startswith("icmj.")
+
+
 def unless_proc(function):
     def found(path, *arguments, **named):
         if str(path).startswith("/proc") and ours():
             raise FileNotFoundError(2, "No such file or directory", str(path))
         return function(path, *arguments, **named)
     return found
+
+
 builtins.__import__ = importing
-for module, name in ((builtins, "open"), (io, "open"), (os, "readlink"), (os, "stat")):
-    setattr(module, name, unless_proc(getattr(module, name)))
-"""
+if "/proc" in ABSENT:
+    for module, name in ((builtins, "open"), (io, "open"), (os, "readlink"), (os, "stat")):
+        setattr(module, name, unless_proc(getattr(module, name)))
+'''
+# what only Linux has, or only Unix, or only some file systems
+FEATURES = {
+    "fcntl": "fcntl",
+    "locks of files": "LOCKS",
+    "resource": "resource",
+    "limits": "LIMITS",
+    "prctl, terminals and users": "PRCTL pwd grp termios tty pty syslog readline curses",
+    "proc and files in memory": "/proc os.memfd_create",
+    "descriptors and forks": "DESCRIPTORS os.fork os.forkpty os.register_at_fork os.setsid os.killpg os.getppid",
+    "signals": "signal.SIGKILL signal.SIGHUP signal.SIGXCPU os.waitpid",
+    "timers": "signal.SIGALRM signal.setitimer signal.getitimer signal.ITIMER_REAL signal.alarm",
+    "masks of signals": "signal.pthread_sigmask signal.SIG_BLOCK signal.SIG_UNBLOCK signal.SIG_SETMASK",
+    "flags of files": "os.O_NONBLOCK os.O_NOFOLLOW os.O_CLOEXEC os.O_NOCTTY os.O_DIRECTORY os.sched_getaffinity",
+    "flushed folders": "FOLDERS",
+    "POSIX": "POSIX os.uname os.getuid os.geteuid os.getgid os.fchmod os.pread os.pwrite os.statvfs os.mkfifo",
+}
+ALL = " ".join(FEATURES.values())
 EVERYTHING = """
 import importlib, pkgutil, icmj
 for module in pkgutil.walk_packages(icmj.__path__, "icmj."):
     if not module.name.startswith("icmj.shipped.runs."):
         importlib.import_module(module.name)
+"""
+BANK = """
+from icmj.fitting.bank import simulate_bank
+from icmj.fitting.family import load_family
+assert len(simulate_bank(load_family("clock"), 4, trials=2, duration=30.0, jobs=2, folder="bank", chunk=1).theta) == 4
 """
 COMMANDS = """
 import sys
@@ -56,11 +162,15 @@ for command in {commands!r}:
 """
 
 
-def bare(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(place for place in sys.path if place)
-    environment = {**os.environ, "PYTHONPATH": path, "MPLCONFIGDIR": str(folder)}
+def bare(program: str, folder: Path, absent: str = ALL, *more: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in ``folder`` where what is ``absent`` is, for it and for its workers."""
+    shim = folder / "shim"
+    shim.mkdir(exist_ok=True)
+    (shim / "sitecustomize.py").write_text(BARE)
+    path = os.pathsep.join([str(shim), *(place for place in sys.path if place)])
+    environment = {**os.environ, "PYTHONPATH": path, "MPLCONFIGDIR": str(folder), "ABSENT": absent}
     return subprocess.run(
-        [sys.executable, "-c", BARE + program],
+        [sys.executable, "-c", program, *more],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -69,9 +179,70 @@ def bare(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def well(done: subprocess.CompletedProcess[str]) -> None:
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "mistake" not in done.stderr
+    assert "Warning" not in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def experiment_file(folder: Path) -> Path:
+    """Quiet standing of one case, two short trials."""
+    path = folder / "short.toml"
+    path.write_text(
+        '[experiment]\nname = "short"\nplants = ["linear"]\nrepetitions = 2\nseed = 1\n'
+        "[quiet_standing]\nduration = 20.0\nsettle = 2.0\n"
+        '[[case]]\nrun = "quiet-standing"\n'
+    )
+    return path
+
+
 def test_every_module_is_imported_without_what_only_linux_has(tmp_path: Path) -> None:
-    done = bare(EVERYTHING, tmp_path)
-    assert done.returncode == 0, done.stderr
+    well(bare(EVERYTHING, tmp_path))
+
+
+def test_the_features_are_absent_for_icmj_in_its_workers_too(tmp_path: Path) -> None:
+    """What these tests rest on: the same line, here and in a worker, as a module of icmj would have it."""
+    program = """
+import sys
+from icmj.work.workers import Task, Workers
+LOOK = '''
+def look(progress):
+    import os, signal, subprocess
+    try:
+        import fcntl
+    except ImportError:
+        fcntl = None
+    return [fcntl, hasattr(os, "fork"), hasattr(os, "O_NOFOLLOW"), hasattr(signal, "SIGKILL"), os.name, os.getpid() > 0]
+'''
+class Look:
+    __name__ = "look"
+    def __reduce__(self):
+        return eval, ("(lambda named: exec(%r, named) or named['look'])({'__name__': 'icmj.look'})" % LOOK,)
+here = {"__name__": "icmj.look"}
+exec(LOOK, here)
+with Workers(1) as workers:
+    (news,) = workers.run([Task("look", Look(), ())])
+assert news.value == here["look"](None) == [None, False, False, False, "nt", True], news.value
+"""
+    well(bare(program, tmp_path))
+
+
+ONE = ["--set", "simulation.duration=4.0", "--set", "study.growth_points=0", "--set", "study.attractor_starts=0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feature", FEATURES)
+def test_study_sweep_experiment_and_simulations_of_a_fit_without(feature: str, tmp_path: Path) -> None:
+    """Each by two processes."""
+    sweep = sweep_file(tmp_path, GRID.format(count=3), chunk=1)
+    commands = [
+        ["study", "simple-0.8", *ONE, "--set", "study.law_q_t=[]", "--jobs", "2", "--out", "study"],
+        ["sweep", str(sweep), "--out", "swept", "--jobs", "2"],
+        ["experiment", str(experiment_file(tmp_path)), "--out", "experiment", "--jobs", "2"],
+    ]
+    well(bare(COMMANDS.format(commands=commands) + BANK, tmp_path, FEATURES[feature]))
+    assert (tmp_path / "study" / "report.html").is_file()
 
 
 @pytest.mark.slow
@@ -83,7 +254,6 @@ def test_the_command_line_does_its_work_without_what_only_linux_has(tmp_path: Pa
     bodies += '<geom size="0.01"/></replicate></body>'
     motor = '<actuator><motor name="torque" joint="lean"/></actuator><sensor><jointpos name="y" joint="lean"/></sensor>'
     many.write_text(f"<mujoco><worldbody>{bodies}</worldbody>{motor}</mujoco>")
-    sweep = sweep_file(tmp_path, GRID.format(count=3) + THRESHOLDS)
     short = ["simple-0.8", "--set", "simulation.duration=4.0"]
     commands = [
         ["--help"],
@@ -92,13 +262,41 @@ def test_the_command_line_does_its_work_without_what_only_linux_has(tmp_path: Pa
         ["export", "out-linear/simple-0.8.linear.rrd", "--to", "csv", "--out", "sway.csv"],
         ["cycle", "simple-0.8"],
         ["linearise", str(many)],
-        ["study", *short, "--jobs", "2", "--out", "study", "--yes"],
-        ["sweep", str(sweep), "--out", "swept", "--jobs", "2"],
+        ["sweep", str(sweep_file(tmp_path, GRID.format(count=3) + THRESHOLDS)), "--out", "swept", "--jobs", "2"],
+        ["experiment", str(experiment_file(tmp_path)), "--out", "experiment", "--jobs", "2"],
     ]
-    done = bare(COMMANDS.format(commands=commands), tmp_path)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert "mistake" not in done.stderr
+    well(bare(COMMANDS.format(commands=commands), tmp_path))
+
+
+@pytest.mark.slow
+def test_the_whole_study_and_a_fit_without_what_only_linux_has(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(size=3000)
+    sway = np.convolve(noise, np.exp(-np.arange(200) / 40))[:3000]
+    rows = "".join(f"{0.02 * i:.2f},{y:.4f}\n" for i, y in enumerate(sway))
+    (tmp_path / "sway.csv").write_text("t,cop\n" + rows)
+    small = ["--model", "clock", "--simulations", "200", "--draws", "100", "--jobs", "2"]
+    commands = [
+        ["study", "--out", "study", "--yes"],
+        [
+            "fit",
+            "sway.csv",
+            "--columns",
+            "cop",
+            "--unit",
+            "mm",
+            *small,
+            "--jobs",
+            "2",
+            "--out",
+            "fit",
+            "--trained",
+            "families",
+        ],
+    ]
+    well(bare(COMMANDS.format(commands=commands), tmp_path))
+    assert len([*(tmp_path / "study").glob("*.rrd")]) == 22
     assert (tmp_path / "study" / "report.html").is_file()
+    assert (tmp_path / "fit" / "report.html").is_file()
 
 
 def test_a_model_is_tried_where_no_limits_can_be_set(tmp_path: Path) -> None:
@@ -113,3 +311,65 @@ def test_a_model_is_tried_where_no_limits_can_be_set(tmp_path: Path) -> None:
         command = [sys.executable, "-c", before + _PROGRAM, str(library()), str(model), *limits]
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
+
+
+def test_c3d_is_read_where_memory_cannot_be_limited(tmp_path: Path) -> None:
+    """On macOS ``setrlimit`` refuses, and every C3D file was "reading it ended the reader"."""
+    program = f"""
+import resource, runpy, sys
+def no(*_):
+    raise ValueError("current limit exceeds maximum limit")
+resource.setrlimit = no
+sys.argv = ["reader", {str(tmp_path / "none.c3d")!r}, "found.npz"]
+open(sys.argv[1], "wb").close()
+runpy.run_path({str(_READER)!r}, run_name="__main__")
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert "limit" not in done.stderr  # what it says is of the file, or of ezc3d
+
+
+def test_shipped_files_are_found_where_git_makes_no_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = tmp_path / "icmj" / "shipped"
+    shipped.mkdir(parents=True)
+    for shelf in (RUNS, MODELS):
+        (shipped / shelf.kind).write_text(f"../../{shelf.kind}")
+        (tmp_path / shelf.kind).symlink_to(ROOT / shelf.kind)
+    found = {shelf.kind: set(shelf.files) for shelf in (RUNS, MODELS)}
+    monkeypatch.setattr("icmj.runfile.shipped.SHIPPED", shipped)
+    assert found == {shelf.kind: set(shelf.files) for shelf in (RUNS, MODELS)}
+    assert "simple-0.8" in found["runs"]
+
+
+@pytest.mark.slow
+def test_a_script_in_the_folder_above_a_checkout_finds_the_package(tmp_path: Path) -> None:
+    """It was ``module 'icmj' has no attribute 'read_log'``: the checkout's folder, taken for a package of no files."""
+    checkout, place = tmp_path / "icmj", tmp_path / "environment"
+    checkout.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
+        shutil.copy(ROOT / name, checkout)
+    kept = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "icmj", checkout / "icmj", symlinks=True, ignore=kept)
+    for shelf in ("models", "runs", "sweeps", "experiments", "families"):
+        shutil.copytree(ROOT / shelf, checkout / shelf, ignore=shutil.ignore_patterns("out"))
+    venv.create(place, with_pip=False)
+    python = place / ("Scripts" if os.name == "nt" else "bin") / "python"
+    # what it needs is lent; editable installs of the lender are not
+    Path(sysconfig.get_path("purelib", vars={"base": str(place)}), "lent.pth").write_text(sysconfig.get_path("purelib"))
+    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+    environment = {key: value for key, value in os.environ.items() if key not in hidden}
+    install = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        str(python),
+        "install",
+        "-q",
+        "--no-deps",
+        "--no-build-isolation",
+    ]
+    subprocess.run([*install, "-e", str(checkout)], check=True, capture_output=True, env=environment, cwd=tmp_path)
+    script = tmp_path / "script.py"
+    script.write_text("import icmj\nprint(icmj.__file__, icmj.read_log.__name__)\n")
+    done = subprocess.run([python, script], capture_output=True, text=True, env=environment, cwd=tmp_path)
+    assert done.stdout.split() == [str(checkout / "icmj" / "__init__.py"), "read_log"], done.stderr

@@ -175,7 +175,7 @@ def _kind(mode: int) -> str:
 
 @contextmanager
 def locked(folder: Path, what: str) -> Iterator[None]:
-    """Nobody else at the folder, where the system has such locks; it goes with the process, however that ends.
+    """Nobody else at the folder, where system and file system have locks; it goes with the process, however that ends.
 
     Args:
         folder: which one; a file ``.lock`` in it says who is there.
@@ -198,6 +198,9 @@ def locked(folder: Path, what: str) -> Iterator[None]:
             whose = f" (process {who})" if who.isdecimal() else ""
             words = f"another {what}{whose} is writing there; wait for it"
             raise BlockingIOError(errno.EAGAIN, words, str(folder)) from None
+        except OSError as error:
+            if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP):
+                raise
         file.truncate(0)
         file.write(str(os.getpid()).encode())
         file.flush()

@@ -33,7 +33,9 @@ class Shelf:
     @property
     def folder(self) -> Path:
         """The folder that contains them."""
-        return (SHIPPED / self.kind).resolve()
+        led = SHIPPED / self.kind
+        # where git makes no links, as on most of Windows, a checkout has text in their place
+        return (SHIPPED.parent.parent / self.kind if led.is_file() else led).resolve()
 
     @property
     def files(self) -> Mapping[str, Path]:

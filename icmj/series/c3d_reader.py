@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -81,8 +82,9 @@ def _bound(path: str) -> None:
     except ImportError:  # Windows: the limit on time alone
         return
     most = min(MEMORY, LIBRARIES + PER_BYTE * os.path.getsize(path))
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for kind, limit in (("RLIMIT_AS", most), ("RLIMIT_CORE", 0)):
+        with suppress(AttributeError, OSError, ValueError):  # macOS: memory cannot be limited
+            resource.setrlimit(getattr(resource, kind), (limit, limit))
 
 
 if __name__ == "__main__":
