@@ -17,6 +17,9 @@ from icmj.base.environment import one_thread
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
     one_thread()
 ROOT = Path(__file__).resolve().parent.parent
+# pipes, signals, limits of memory and the benchmarks' processor times: what these files try, Windows has not
+UNIX = "base/test_files.py base/test_npz.py base/test_signals.py cli/test_tables.py faults/*"
+collect_ignore_glob = [] if hasattr(os, "mkfifo") else UNIX.split()
 
 
 # on a busy machine whatever is drawn is slow
@@ -41,8 +44,8 @@ def pytest_configure() -> None:
     with contextlib.suppress(ValueError):  # not the main thread
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        for signum in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(signum) is signal.SIG_IGN:
+        for name in ("SIGTERM", "SIGHUP"):  # Windows has but the first
+            if signal.getsignal(signum := getattr(signal, name, signal.SIGTERM)) is signal.SIG_IGN:
                 signal.signal(signum, signal.SIG_DFL)
 
 

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 from pathlib import Path
 
@@ -373,3 +374,27 @@ def test_a_script_in_the_folder_above_a_checkout_finds_the_package(tmp_path: Pat
     script.write_text("import icmj\nprint(icmj.__file__, icmj.read_log.__name__)\n")
     done = subprocess.run([python, script], capture_output=True, text=True, env=environment, cwd=tmp_path)
     assert done.stdout.split() == [str(checkout / "icmj" / "__init__.py"), "read_log"], done.stderr
+
+
+def test_workflows_call_the_commands_of_gate_and_readme_on_the_oldest_and_the_newest_python() -> None:
+    yaml = pytest.importorskip("yaml")
+    known = "".join((ROOT / name).read_text() for name in (".ci/run", ".ci/extras", "README.md", "CONTRIBUTING.md"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    versions = [word.rpartition(" ")[2] for word in project["classifiers"] if word.startswith("Programming Language")]
+    jobs = {}
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        jobs |= yaml.safe_load(path.read_text())["jobs"]
+    commands = {step["run"] for job in jobs.values() for step in job["steps"] if "run" in step}
+    assert {
+        "ruff check .",
+        "ruff format --check .",
+        "mypy",
+        ".ci/run",
+        "sphinx-build -W -n docs docs/build/html",
+    } <= commands
+    for command in commands - {"python -m build"}:  # what is published; the tests of the wheel build it too
+        words = command.split(" --out ")[0].split(" --study=")[0].split(" --from-nothing")[0]
+        assert words in known, command
+    matrix = jobs["tests"]["strategy"]["matrix"]
+    assert matrix["python"] == [project["requires-python"].removeprefix(">="), versions[-1]]
+    assert [system.partition("-")[0] for system in matrix["system"]] == ["ubuntu", "macos", "windows"]
