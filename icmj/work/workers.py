@@ -30,18 +30,18 @@ from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, beyond_arithmetic, beyond_memory
 
 Tell = Callable[[float], None]
-_OFTEN = 0.3  # s between two words on progress
+_OFTEN = 0.3  # s between two messages on progress
 _PATIENCE = 5.0  # s for a process to be gone
 _POLITE = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 @dataclass(frozen=True)
 class Task:
-    """A function to call in a worker; it is given ``progress``, too.
+    """A function to call in a worker, with ``progress`` as a further argument.
 
     Attributes:
         name: for people.
-        function: takes ``arguments`` and ``progress``; by its name, or as it is where that is no module's.
+        function: takes ``arguments`` and ``progress``; it may be one of a script or a notebook.
         arguments: anything that can be pickled.
     """
 
@@ -51,14 +51,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class News:
+class Message:
     """A message of a worker: the progress of a task (0–1), or its end with the returned value, or that the worker died.
 
     Attributes:
-        index: the task's place in the order in which they were given.
+        index: the task's place among the tasks.
         done: how far it is, 0–1.
         value: what it returned, once it is done.
-        died: how its process ended, where the task died and the others go on; else empty.
+        died: how its process ended, if it died and the other tasks go on; else empty.
     """
 
     index: int
@@ -73,7 +73,7 @@ class _Worker:
     def __init__(self) -> None:
         from loky.backend import resource_tracker as lokys
 
-        # a helper of each library's own is started with the first process, and would let signals through again
+        # multiprocessing and loky each start a helper with the first process, which would let signals through again
         resource_tracker.ensure_running()
         lokys.ensure_running()
         self.ours, theirs = Pipe()
@@ -81,31 +81,31 @@ class _Worker:
         environment = {**one_thread({**os.environ}), "PYTHONPATH": paths}
         process: Any = get_context("loky").Process  # type: ignore[attr-defined]
         self.process = process(target=serve, args=(theirs,), daemon=True, env=environment)
-        with theirs, _uninterrupted():
+        with theirs, _hold_signals():
             self.process.start()
         self.index: int | None = None
         self.name = ""
 
-    def give(self, index: int, task: Task) -> None:
+    def send(self, index: int, task: Task) -> None:
         from loky.backend.reduction import dumps
 
         self.index, self.name = index, task.name
-        with suppress(OSError):  # it is dead, which shows when it is asked
+        with suppress(OSError):  # it is dead, which shows when its message is awaited
             self.ours.send_bytes(dumps((task.function, task.arguments)))
 
     def end(self) -> None:
         compiling.end(self, altogether=True)
-        self.ours.close()  # at which it ends by itself, where it is deaf to what follows
+        self.ours.close()  # at which it ends by itself, should it ignore the signal
         self.process.terminate()
         self.process.join(_PATIENCE)
 
 
 def processors() -> int:
-    """Processors that this process may use: a container or a cluster may allot it fewer than the machine has."""
+    """The number of processors that this process may use: a container or a cluster may allot it but a few."""
     from loky import cpu_count
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where a system allots none, it would ask for another library to look
+        warnings.simplefilter("ignore")  # on a system that allots none, loky would ask for psutil
         return int(cpu_count())
 
 
@@ -135,12 +135,12 @@ class Workers:
         while self._workers:
             self._workers.pop().end()
 
-    def run(self, tasks: Iterable[Task], *, survive: bool = False) -> Iterator[News]:
-        """Do all tasks, a few at a time in this order; yields news as they come.
+    def run(self, tasks: Iterable[Task], *, survive: bool = False) -> Iterator[Message]:
+        """Do all tasks, a few at a time in this order; yields their messages as they come.
 
         Args:
             tasks: taken one by one as a process is free for them, so that there may be very many.
-            survive: whether a task whose process dies is told as news, and the others go on.
+            survive: whether the death of a process is a message about its task, and the other tasks go on.
 
         Raises:
             IcmjError: what a task raised, or that its process died.
@@ -148,21 +148,21 @@ class Workers:
         source = iter(enumerate(tasks))
         following = next(source, None)
         while following is not None or any(worker.index is not None for worker in self._workers):
-            while following is not None and (worker := self._idle()) is not None:
-                worker.give(*following)
+            while following is not None and (worker := self._find_idle()) is not None:
+                worker.send(*following)
                 following = next(source, None)
             busy = {worker.ours: worker for worker in self._workers if worker.index is not None}
-            for spoken in wait([*busy]):
-                if (news := self._news(busy[spoken], survive)) is not None:  # type: ignore[index]
-                    yield news
+            for ready in wait([*busy]):
+                if (message := self._receive(busy[ready], survive)) is not None:  # type: ignore[index]
+                    yield message
 
-    def _idle(self) -> _Worker | None:
+    def _find_idle(self) -> _Worker | None:
         """One that has nothing to do, started if there may be one more."""
         if all(worker.index is not None for worker in self._workers) and len(self._workers) < self._jobs:
             self._workers.append(_Worker())
         return next((worker for worker in self._workers if worker.index is None), None)
 
-    def _news(self, worker: _Worker, survive: bool) -> News | None:
+    def _receive(self, worker: _Worker, survive: bool) -> Message | None:
         """The message about its task; ``None`` if it only reports whether it compiles."""
         index = worker.index
         assert index is not None
@@ -175,7 +175,7 @@ class Workers:
             worker.end()
             why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
             if survive:
-                return News(index, 1.0, died=why)
+                return Message(index, 1.0, died=why)
             raise StudyError(
                 f"{worker.name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished is kept"
             ) from None
@@ -183,15 +183,15 @@ class Workers:
             compiling.begin(worker) if value else compiling.end(worker, altogether=True)
             return None
         if kind == "progress":
-            return News(index, value)
+            return Message(index, value)
         worker.index = None
         if kind == "error":
             raise value
-        return News(index, 1.0, value)
+        return Message(index, 1.0, value)
 
 
 def serve(theirs: Connection) -> None:
-    """What a worker's process does: one task after the other, until its parent is gone."""
+    """Do one task after the other, until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _POLITE)
@@ -201,22 +201,22 @@ def serve(theirs: Connection) -> None:
     seldom_collected()
     compiling.listen(lambda begun: theirs.send(("compiling", begun)))
     tasks = SimpleQueue[bytes]()
-    Thread(target=_hear, args=(theirs, tasks), daemon=True).start()
+    Thread(target=_listen, args=(theirs, tasks), daemon=True).start()
     with suppress(OSError):
         while True:
-            theirs.send_bytes(_outcome(tasks.get(), _teller(theirs)))
+            theirs.send_bytes(_perform(tasks.get(), _make_teller(theirs)))
 
 
-def _hear(theirs: Connection, tasks: SimpleQueue[bytes]) -> None:
-    """Take up tasks beside the one in hand, so that a parent that is gone is noticed in its midst."""
+def _listen(theirs: Connection, tasks: SimpleQueue[bytes]) -> None:
+    """Receive tasks in a thread of its own, so that the end of the parent is noticed while a task is under way."""
     with suppress(EOFError, OSError):
         while True:
             tasks.put(theirs.recv_bytes())
     os._exit(1)
 
 
-def _outcome(task: bytes, tell: Tell) -> bytes:
-    """What came of a task, pickled, which may fail as well."""
+def _perform(task: bytes, tell: Tell) -> bytes:
+    """Do a task; its value or its error, pickled: pickling may fail as well."""
     from loky.backend.reduction import dumps
 
     found: Exception
@@ -238,7 +238,7 @@ def _outcome(task: bytes, tell: Tell) -> bytes:
     return bytes(dumps(("error", found)))
 
 
-def _teller(theirs: Connection) -> Tell:
+def _make_teller(theirs: Connection) -> Tell:
     last = time.monotonic()
 
     def tell(done: float) -> None:
@@ -251,8 +251,8 @@ def _teller(theirs: Connection) -> Tell:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Signals wait until a process is started and known; they stay blocked in it, and Ctrl-C never reaches it."""
+def _hold_signals() -> Iterator[None]:
+    """Hold signals back until a process is started and known; they stay blocked in it: Ctrl-C never reaches it."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

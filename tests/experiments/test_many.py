@@ -77,6 +77,18 @@ def test_processes_change_no_bit(standing):
         np.testing.assert_array_equal(values, ways[1][name])
 
 
+@pytest.mark.slow
+def test_a_function_of_a_script_or_a_notebook_reaches_other_processes(standing):
+    """It was "Can't pickle"."""
+    scale = 100.0  # cm
+    ways = [
+        icmj.simulate_many(standing, 20, keep=lambda run: {"far": scale * np.abs(run.y).max()}, jobs=jobs).kept["far"]
+        for jobs in (1, 2)
+    ]
+    np.testing.assert_array_equal(*ways)
+    assert np.ptp(ways[0]) > 0
+
+
 @pytest.mark.parametrize(
     ("words", "asked"),
     [
