@@ -41,7 +41,10 @@ def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice
         )
         yield Notice("keyframe", "warning", words)
     if run.disowned:
-        words = "[case.paper] describes another plant, design or rule than this run file; it is ignored"
+        words = (
+            "this run differs from the published case in plant, design or rule; published values of [case.paper] are "
+            "not shown"
+        )
         yield Notice("paper", "warning", words)
     if not isinstance(actual, MujocoPlant):
         return
@@ -72,10 +75,10 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
             continue
         mean, deviation = realised(noise, settings.duration)
         words = (
-            f"the noise on {noise.output if noise.input is None else noise.input} is slow beside the run: over "
-            f"{settings.duration - noise.start:g} s this one (seed {noise.seed}) has a standard deviation of "
-            f"{deviation:.3g} about a mean of {mean:.3g}, for a size of {noise.size:g}; of other seeds 95 % have "
-            f"{low:.3g} to {high:.3g}; take a longer run, or many seeds"
+            f"{settings.duration - noise.start:g} s are too short for the slow noise on "
+            f"{noise.output if noise.input is None else noise.input}, whose SD is {deviation:.2g} about a mean of "
+            f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g}); take a longer "
+            "run, or many seeds"
         )
         yield Notice("slow noise", "warning", words)
 

@@ -13,7 +13,7 @@ from icmj.engine.inventory import Inventory
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.selection import OperatingKind
 from icmj.runfile.keys import key_text, value_text
-from icmj.runfile.shipped import SHIPPED
+from icmj.work.shipped import SHIPPED
 
 START = 0.02  # [rad or m]: small, and enough to see
 _COLUMN, _MOST, _WIDTH = 32, 12, 110

@@ -227,7 +227,7 @@ def person(command: starting_arguments.Person) -> None:
     """Write a person's model and say what it is."""
     from icmj.engine.plant import shaped
     from icmj.plant.person import Person
-    from icmj.runfile.shipped import model_file
+    from icmj.work.shipped import model_file
 
     replaceable(command.out)
     measures = Person(command.height, command.mass)
@@ -244,7 +244,7 @@ def linearise(command: starting_arguments.Linearise) -> None:
     from icmj.cli.records import plain_linearisation
     from icmj.engine.plant import load_plant
     from icmj.plant.selection import OperatingRule, Selection
-    from icmj.runfile.shipped import model_file
+    from icmj.work.shipped import model_file
 
     if command.out is not None:
         replaceable(command.out)

@@ -30,7 +30,7 @@ LISTED = {
 
 def cases(command: Cases) -> None:
     """List what comes with icmj, by name, with title and one sentence each."""
-    from icmj.runfile.shipped import described
+    from icmj.work.shipped import described
 
     found = described()
     if command.json:
@@ -56,7 +56,7 @@ def _paragraph(words: str, indent: str, style: str | None = None) -> None:
 
 def new(command: New) -> None:
     """Write the run file, and say what is in it and what may be done with it."""
-    from icmj.runfile.shipped import RUNS, model_file
+    from icmj.work.shipped import RUNS, model_file
 
     given = command.model
     shipped = RUNS.meant(given)
@@ -122,7 +122,7 @@ def _found(draft: Drafted) -> list[str]:
 def _shipped_with(model: Path) -> list[str]:
     """A note if a shipped case uses this model with other weights."""
     from icmj.runfile.reading import load_run
-    from icmj.runfile.shipped import RUNS
+    from icmj.work.shipped import RUNS
 
     for name, file in RUNS.files.items():
         run = load_run(file)

@@ -45,6 +45,7 @@ from icmj.plant.push import Push
 from icmj.plant.quality import Quality, dropped
 from icmj.plant.selection import OperatingRule, Selection
 from icmj.simulation.ending import Limit, limits_of
+from icmj.work.shipped import MODELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +153,7 @@ def load_plant(
     """Load an MJCF model, apply its deviation, and linearise it.
 
     Args:
-        path: the MJCF file.
+        path: the MJCF file, or the name of a shipped model, such as ``three_link``.
         deviation: changes of the model.
         keyframe: the keyframe of its operating point; the reference configuration if ``None``.
         selection: its inputs, outputs and states; if ``None``, all of the model.
@@ -166,7 +167,7 @@ def load_plant(
             :func:`icmj.engine.equilibrium.equilibria`, :func:`icmj.engine.linearisation.linearise` and
             :mod:`icmj.engine.soundness`.
     """
-    path, rule = Path(path), operating or OperatingRule()
+    path, rule = MODELS.meant(Path(path)), operating or OperatingRule()
     with sound(path):
         inputs = selection.inputs if selection else None
         spec = load_spec(path, deviation, person, activation, inputs)

@@ -27,6 +27,7 @@ from icmj.engine.fault import words
 from icmj.engine.rehearsal import rehearse
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.work.shipped import MODELS
 
 MOST_BYTES = 20_000_000  # of one MJCF file
 FOLDERS = 20  # of meshes and textures that are looked into
@@ -85,7 +86,7 @@ def examine(path: Path) -> None:
     try:
         if not path.is_file():
             what = "not a file" if path.exists() else "no such model file"
-            raise ModelError(f"{one_line(path, 300)}: {what}")
+            raise ModelError(f"{one_line(path, 300)}: {what}{'' if path.exists() else MODELS.near(path)}")
     except (OSError, ValueError) as error:
         raise ModelError(f"{one_line(path, 300)}: no such model file ({one_line(error, 100)})") from error
     read = [mark for _, mark in _read(path)]

@@ -37,7 +37,7 @@ class Difference:
         low, high: its confidence interval of 95 %.
         p: that a difference as large arises where there is none.
         holm: the same, for all numbers and pairs that were compared (Holm).
-        verdict: ``differs``, ``no difference is seen`` or ``cannot be told``.
+        verdict: ``differs``, ``no difference found`` or ``no conclusion``.
         words: one sentence.
     """
 
@@ -145,9 +145,9 @@ def _judged(one: Difference, holm: float) -> Difference:
     first, second = one.groups
     if not np.isfinite(one.p):
         few = min(one.people) < _LEAST
-        why = f"fewer than {_LEAST} people of a group say anything of it" if few else "it is not identified"
-        return replace(one, verdict="cannot be told", words=f"{one.name}: cannot be told, {why}")
+        why = f"recordings of fewer than {_LEAST} people of a group constrain it" if few else "it is not identified"
+        return replace(one, verdict="no conclusion", words=f"{one.name}: no conclusion, because {why}")
     interval = f"{one.value:+.2f} ({one.low:+.2f} to {one.high:+.2f}) deviations of the prior from {first} to {second}"
-    verdict = "differs" if holm < _SIGNIFICANT else "no difference is seen"
+    verdict = "differs" if holm < _SIGNIFICANT else "no difference found"
     ruled = "" if verdict == "differs" else "; a difference within this interval is not ruled out"
     return replace(one, holm=holm, verdict=verdict, words=f"{one.name}: {verdict}, {interval}, p {holm:.2g}{ruled}")

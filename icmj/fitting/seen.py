@@ -177,9 +177,9 @@ class Seen:
             for i in order[:3]
         ]
         more = f", and {len(order) - 3} more" if len(order) > 3 else ""
-        where = f"outside of everything simulated: {', '.join(told)}{more}" if order else "no summary alone is outside"
-        far = f"{share:.1%}" if share > 0 else "none"
-        return f"{where}; {far} of the simulations lie as far out: do not trust this fit"
+        far = f"only {share:.1%}" if share > 0 else "none"
+        where = f"; outside of everything simulated are {', '.join(told)}{more}" if order else ""
+        return f"do not trust this fit, because {far} of the simulated people are as unusual{where}"
 
 
 def _pooled(scaled: Array, chosen: Array) -> Array:

@@ -196,7 +196,8 @@ def kept_of(run: RunFile) -> Kept:
         return run.kept
     named = (run.assumed.model or run.assumed.matrices, run.actual.model or run.actual.matrices)
     absolute = [
-        path.relative_to(root).as_posix() if name and Path(name).is_absolute() else ""
+        # what does not lie beside the run file: an absolute path, or a shipped model by its name
+        path.relative_to(root).as_posix() if name and (Path(name).is_absolute() or path != home.parent / name) else ""
         for name, path in zip(named, paths, strict=True)
     ]
     return Kept(home.relative_to(root).as_posix(), contents, *absolute)

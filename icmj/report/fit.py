@@ -135,7 +135,7 @@ def confusion_figure(families: Sequence[str], counts: Array) -> Figure:
 
 
 def groups_figure(labels: Sequence[str], value: Array, low: Array, high: Array, verdicts: Sequence[str]) -> Figure:
-    """Differences between groups with their intervals of 95 %; what cannot be told has a label alone."""
+    """Differences between groups with their intervals of 95 %; one without a conclusion has a label alone."""
     from matplotlib.figure import Figure
 
     n = len(labels)

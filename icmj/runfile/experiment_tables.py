@@ -11,7 +11,6 @@ from pydantic import Field, PrivateAttr, model_validator
 from icmj.errors import RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import EXPERIMENTS
 from icmj.runfile.stimulus_tables import (
     DoubleStepTable,
     IntersectionPointTable,
@@ -20,6 +19,7 @@ from icmj.runfile.stimulus_tables import (
     QuietStandingTable,
 )
 from icmj.runfile.table import Interval, Line, Name, TomlTable
+from icmj.work.shipped import EXPERIMENTS
 
 MOST_TRIALS = 100_000
 

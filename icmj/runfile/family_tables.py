@@ -11,8 +11,8 @@ from pydantic import Field, PrivateAttr, model_validator
 from icmj.errors import RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import FAMILIES
 from icmj.runfile.table import MOST, Finite, Line, Name, Positive, TomlTable
+from icmj.work.shipped import FAMILIES
 
 PRESSURE = "pressure.torque."
 """Begins a key that is a weight of the centre of pressure and none of the run file."""

@@ -112,13 +112,15 @@ def _sentence(place: _Place, found: list[tuple[_Place, Mapping[str, Any], Any]],
         got = each["input"] if where == inside[0][0] else None
         shown = f"; got {short(got)}" if got is not None else ""
         return f"{place_in_words(where)}: expected {_expected(annotation)}{shown}"
+    if each["type"] == "missing":
+        return _missing(where, annotation)
     return f"{place_in_words(where)}: {_words(where, each, annotation, schema)}"
 
 
 def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: type[BaseModel]) -> str:
     kind, context, got = error["type"], error.get("ctx", {}), error["input"]
     if kind == "missing":
-        return "is required, and not there"
+        return "is missing"
     if kind == "extra_forbidden":
         return _unknown(str(where[-1]), error["loc"][:-1], schema)  # with the kind of the table, where it has one
     if kind in _BOUNDS:
@@ -149,7 +151,7 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         tags = [tag for tag in named if tag != OWN]
         code = [] if len(tags) == len(named) else ["the module:name of code of your own"]
         if isinstance(got, dict) and name not in got:
-            return f"{name} is required, and not there; it is {_either([*map(repr, tags), *code])}"
+            return f"{name} is missing; it is {_either([*map(repr, tags), *code])}"
         got = got.get(name) if isinstance(got, dict) else got
         hint = did_you_mean(str(got), tags)
         return f"{name} must be {_either([*map(repr, tags), *code])}, got {short(got)}{hint}"
@@ -157,6 +159,20 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         choices = [str(choice) for choice in _choices(annotation)]
         return f"expected {_expected(annotation)}, got {short(got)}{did_you_mean(str(got), choices)}"
     return f"expected {_expected(annotation)}, got {short(got)}"
+
+
+def _missing(place: _Place, annotation: Any) -> str:
+    """What is missing, and of a table, which of its keys are required."""
+    members = [model for model in _members(annotation) if hasattr(model, "model_fields")]
+    if len(members) != 1:
+        return f"{place_in_words(place)} is missing"
+    needed = [name for name, field in members[0].model_fields.items() if field.is_required()]
+    return f"the table [{place_in_words(place)}] is missing" + (f"; {_listed(needed)} required" if needed else "")
+
+
+def _listed(names: Sequence[str]) -> str:
+    """``a and b are``."""
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:

@@ -154,7 +154,8 @@ class PlantTable(MatrixTable):
     """The keys of both plants: a model with an operating point, or matrices; names of inputs, outputs and states."""
 
     model: str | None = None
-    """MJCF file, relative to the run file (default of the actual plant: that of the assumed plant)."""
+    """MJCF file, relative to the run file, or the name of a shipped model, such as ``three_link`` (default of the
+    actual plant: that of the assumed plant)."""
 
     keyframe: str | None = None
     """Keyframe of the operating point (default: the reference configuration)."""

@@ -15,8 +15,8 @@ from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.runfile.messages import in_words
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import RUNS, Shelf
 from icmj.runfile.table import TomlTable
+from icmj.work.shipped import RUNS, Shelf
 
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand
 

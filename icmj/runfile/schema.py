@@ -33,6 +33,7 @@ from icmj.runfile.table import (
     TomlTable,
 )
 from icmj.work.own_code import Code
+from icmj.work.shipped import MODELS
 
 
 class Paper(TomlTable):
@@ -155,7 +156,7 @@ class RunFile(TomlTable):
         data = {name: self._data().get(name, {}) for name in ("assumed", "actual", "design")}
         for table in (data["assumed"], data["actual"]):
             if "model" in table:
-                table["model"] = Path(table["model"]).name
+                table["model"] = Path(table["model"]).name.removesuffix(".xml") + ".xml"
         if isinstance(self.controller, Control):
             rule = self.controller.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.controller.A_h else set()))
         else:
@@ -298,10 +299,17 @@ class RunFile(TomlTable):
     @property
     def assumed_path(self) -> Path:
         """The MJCF file of the assumed plant, or the file of its matrices, which may be this run file."""
-        return self._path.parent / (self.assumed.model or self.assumed.matrices or self._path.name)
+        table = self.assumed
+        return self._file(table.model, table.matrices or self._path.name)
 
     @property
     def actual_path(self) -> Path:
         """The same for the actual plant; by default that of the assumed plant."""
-        own = self._path.name if self.actual.A else self.actual.model or self.actual.matrices
-        return self._path.parent / own if own else self.assumed_path
+        table = self.actual
+        own = self._path.name if table.A else table.model or table.matrices
+        return self._file(None if table.A else table.model, own) if own else self.assumed_path
+
+    def _file(self, model: str | None, other: str) -> Path:
+        """A model, which may be a shipped one, or another file that this one names."""
+        folder = self._path.parent
+        return folder / other if model is None else MODELS.beside(folder, model)

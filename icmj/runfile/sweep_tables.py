@@ -16,8 +16,8 @@ from icmj.errors import RunFileError
 from icmj.plant.change import What
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import SWEEPS
 from icmj.runfile.table import Finite, Line, Name, TomlTable
+from icmj.work.shipped import SWEEPS
 
 MOST_POINTS = 10**9
 RESERVED = (

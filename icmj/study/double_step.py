@@ -76,9 +76,11 @@ class FoundDoubleStep:
         refractory = (
             f"refractory for {one.value:.3g} s ({one.low:.3g} to {one.high:.3g} s)"
             if one.low > 0 and self.told.kind != "continuous"
-            else "without a refractory period that the shortest inter-step interval would show"
+            else f"no refractory period above {self.refractory.isi.min():.3g} s"
         )
-        return f"Identified as {self.told.kind}, {refractory}, from {int(self.refractory.count.sum())} pairs of steps."
+        kind = {"clock": "clock-driven", "event": "event-driven", "sampling": "event-driven with delayed sampling"}
+        pairs = int(self.refractory.count.sum())
+        return f"Classified as {kind.get(self.told.kind, self.told.kind)}; {refractory} ({pairs} pairs of steps)."
 
 
 class DoubleStepKind(Kind):

@@ -289,4 +289,4 @@ def _told(kind: Kind, one: Condition, case: Case | Trial, trials: Sequence[Recor
         finding = kind.analysed(trials, _controlled(one, case), one.plant)
         return Told(one.case, one.title, one.plant, finding, len(trials), finding.words)
     except IcmjError as error:
-        return Told(one.case, one.title, one.plant, None, len(trials), f"cannot be told: {error}")
+        return Told(one.case, one.title, one.plant, None, len(trials), f"no conclusion, because {error}")

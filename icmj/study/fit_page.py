@@ -284,7 +284,8 @@ def words_of(one: Fitted) -> str:
         f"the posterior rests on an effective number of {one.support:.0f} of the people simulated to train it; {inside}"
     )
     fell = f"; {p.fell:.0%} of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
-    return f"{'Misfit: ' + one.misfit.words + '. ' if one.misfit else ''}{rests[0].upper()}{rests[1:]}{fell}."
+    misfit = f"{one.misfit.words[0].upper()}{one.misfit.words[1:]}. " if one.misfit else ""
+    return f"{misfit}{rests[0].upper()}{rests[1:]}{fell}."
 
 
 def caveats(found: Fit) -> list[str]:

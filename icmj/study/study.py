@@ -12,8 +12,8 @@ from icmj.errors import LogError, RunFileError, SimulationError, named
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import RUNS
 from icmj.study.page import Page, report
+from icmj.work.shipped import RUNS
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:

@@ -106,7 +106,7 @@ def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"controller.P": None}, "controller.P: is required"),
+        ({"controller.P": None}, "controller.P is missing"),
         ({"controller.force": "knee"}, "the plant's outputs are theta, omega"),
         ({"controller.force_gain": 1.0}, "it must be below 1"),
         ({"controller.force_time": 0.0}, "force_time"),

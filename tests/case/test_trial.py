@@ -196,7 +196,7 @@ def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"controller.P": None}, "controller.P: is required"),
+        ({"controller.P": None}, "controller.P is missing"),
         ({"controller.kind": "switched"}, "'predictor', 'switching', 'delayed-pid' or the module:name"),
         ({"controller.q_t": 0.1}, "controller.q_t"),
         ({"controller.position": "knee"}, "the plant's outputs are angle, speed"),

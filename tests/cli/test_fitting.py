@@ -11,7 +11,7 @@ from icmj.cli.fitting import people_of
 from icmj.cli.main import main
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, TrialOf
-from icmj.runfile.shipped import FAMILIES
+from icmj.work.shipped import FAMILIES
 
 
 @pytest.fixture

@@ -234,7 +234,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     for command in commands:
         assert main(command) == 0
         assert told in " ".join(capsys.readouterr().out.split()), command
-    assert "is slow beside the run" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "too short for the slow noise" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_what_libraries_do_when_the_interpreter_ends_changes_no_status(tmp_path):

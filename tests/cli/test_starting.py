@@ -10,7 +10,7 @@ from icmj.cli import starting
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.runfile.reading import load_run
-from icmj.runfile.shipped import EXPERIMENTS, RUNS, SWEEPS
+from icmj.work.shipped import EXPERIMENTS, RUNS, SWEEPS
 
 
 @pytest.fixture(autouse=True)

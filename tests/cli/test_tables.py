@@ -16,7 +16,7 @@ from icmj.cli.comparison_table import show_comparisons
 from icmj.cli.main import main
 from icmj.cli.tables import Column, show_table
 from icmj.cli.terminal import Terminal
-from icmj.runfile.shipped import RUNS
+from icmj.work.shipped import RUNS
 
 
 def shown(show, *content, width=None):

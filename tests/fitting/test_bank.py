@@ -13,8 +13,8 @@ from icmj.errors import FitError, RunFileError
 from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
 from icmj.fitting.summaries import SUMMARIES, measures
-from icmj.runfile.shipped import FAMILIES
 from icmj.simulation.settings import reseeded
+from icmj.work.shipped import FAMILIES
 
 
 def same(one, other):

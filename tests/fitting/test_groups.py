@@ -47,7 +47,7 @@ def test_what_is_not_identified_cannot_be_told() -> None:
     v[:, 1] = 0.99
     groups, who = ["a"] * 6 + ["b"] * 6, [str(i) for i in range(12)]
     first, second = compare(["x", "y"], m, v, groups, who, ["y"])
-    assert first.verdict == second.verdict == "cannot be told"
+    assert first.verdict == second.verdict == "no conclusion"
     assert "not identified" in first.words
     assert "fewer than 3 people" in second.words
     with pytest.raises(FitError, match="twice"):

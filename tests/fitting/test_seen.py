@@ -31,7 +31,7 @@ def test_one_summary_outside_is_named() -> None:
     found = SEEN.misfit(S)
     assert found.outside == ("share 1",)
     assert found.excess["share 1"] == pytest.approx((0.5 - SEEN.high[1, 2]) / SEEN.spread[1, 2])
-    assert "outside of everything simulated: share 1 0.5 (simulated 0.2" in found.words
+    assert "outside of everything simulated are share 1 0.5 (simulated 0.2" in found.words
     assert "\n" not in found.words
 
 
@@ -39,7 +39,7 @@ def test_a_pair_that_never_goes_together_is_told() -> None:
     found = SEEN.misfit([[1.0, -3.0, 0.3, 0.7]])
     assert not found.outside
     assert found.share == 0
-    assert "none of the simulations lie as far out" in found.words
+    assert "none of the simulated people are as unusual" in found.words
 
 
 def test_pooled_over_trials() -> None:

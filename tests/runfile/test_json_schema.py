@@ -10,7 +10,7 @@ import pytest
 
 from icmj.cli.main import main
 from icmj.runfile.json_schema import SCHEMA_VERSION, json_schema
-from icmj.runfile.shipped import FAMILIES, RUNS, SWEEPS
+from icmj.work.shipped import FAMILIES, RUNS, SWEEPS
 
 
 def tables(schema: dict[str, Any], entry: dict[str, Any]) -> list[dict[str, Any]]:

@@ -60,7 +60,7 @@ def test_changes_are_put_in_together_and_the_last_of_one_key_counts(run):
         ("actual.gain=O.85", "actual.gain: expected a number or a list of numbers; got 'O.85'"),
         ("actual.gain", "expected KEY=VALUE"),
         ("=1", "expected KEY=VALUE"),
-        ("case.name=", "case.name: is required"),
+        ("case.name=", "case.name is missing"),
         ("actual.gain=[1", r"\[1 is not a value as TOML writes it"),
         ("actual.gain=1\nactual.rho=2", "is more than one value"),
         ("actual.gain=" + "[" * 5000, "is not a value as TOML writes it"),

@@ -62,7 +62,7 @@ NOISE = '[[simulation.disturbance]]\nkind = "noise"\nsize = 1.0\nseed = 1\n'
         (GOOD.replace("q_t = 0.01", "q_t = inf"), ["controller.q_t", "finite"]),
         (GOOD + "qt = 3", ["controller.qt", "no such key", "did you mean q_t?"]),
         (GOOD.replace('name = "a"', 'name = "../a"'), ["case.name", "pattern"]),
-        (GOOD.replace('[assumed]\nmodel = "m.xml"', ""), ["assumed", "required"]),
+        (GOOD.replace('[assumed]\nmodel = "m.xml"', ""), ["assumed", "missing"]),
         (GOOD + "[study]\nlaw_q_t = [1e-2]", ["law_q_t", "two"]),
         (GOOD + "[simulation]\nduration = 1e6", ["simulation", "record_interval", "1e+08"]),
         (GOOD + '[[simulation.disturbance]]\nkind = "step"\ninput = "u"', ["simulation", "size is required"]),
@@ -118,7 +118,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (GOOD + "[actual]\nperson = { hieght = 1.8 }", "actual.person.hieght: no such key; did you mean height?"),
         (GOOD + "[actual]\nactivation = { order = 3 }", "actual.activation.order: expected 0, 1 or 2, got 3"),
         (GOOD + "[actual]\nactivation = { order = 1, tau = 1 }", "activation.tau: no such key; there are damping"),
-        (GOOD + "[actual]\nactivation = { time_constant = 1 }", "actual.activation.order: is required"),
+        (GOOD + "[actual]\nactivation = { time_constant = 1 }", "actual.activation.order is missing"),
         (GOOD + "[actual]\nactivation = { order = 1 }", "actual.activation: give a lag of order 1 a time_constant [s]"),
         (GOOD + "[actual]\nactivation = { order = 1, time_constant = {} }", "activation: time_constant names no input"),
         (
@@ -155,7 +155,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
             "simulation.disturbance[0].corner: no such key; there are axis, body, force, "
             "input, kind, on, point, size, start, surface, torque, vertical, vertical_rate",
         ),
-        (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is required"),
+        (GOOD + "[[simulation.disturbance]]\ninput = 'u'", "disturbance[0]: kind is missing"),
         (GOOD.replace("0.01", "1e308"), "controller.q_t: must be at most 1e+12, got 1e+308"),
         (GOOD.replace("0.01", "5e-324"), "controller.q_t: must be at least 1e-15"),
         (GOOD + "[analysis]\ndelta_max = 5e-324", "analysis.delta_max: must be at least"),

@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 from terminal_cases import told
 
+import icmj
 from icmj.cli.main import main
 from icmj.errors import ModelError, RunFileError
-from icmj.runfile.reading import load_run
-from icmj.runfile.shipped import MODELS, RUNS, model_file
+from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs
+from icmj.work.shipped import MODELS, RUNS, Shelf, model_file
 
 
 @pytest.fixture(autouse=True)
@@ -31,6 +32,41 @@ def test_a_bare_name_is_the_shipped_case(root):
     assert run.path == root / "runs" / "three-link-0.9.toml"
     assert run.assumed_path.is_file()
     assert model_file(Path("three_link")) == root / "models" / "three_link.xml"
+
+
+RUN = """
+case = { name = "mine", title = "Mine" }
+assumed = { model = "three_link", keyframe = "upright" }
+actual = { model = "three_link", gain = 0.9 }
+design = { R_c = 1e-6, R_o = 0.1 }
+controller = { q_t = 0.01 }
+simulation = { duration = 1.0, initial = { ankle = 0.02 } }
+"""
+
+
+def test_a_model_is_found_by_its_name_wherever_a_file_is(elsewhere, root):
+    """In a run file, in its log on a machine without it, in files of runs, and in Python."""
+    model = root / "models" / "three_link.xml"
+    run = parse_run(RUN, elsewhere / "mine.toml")
+    assert run.assumed_path.resolve() == run.actual_path.resolve() == model
+    assert run.fingerprint == parse_run(RUN.replace('"three_link"', f'"{model.as_posix()}"'), "mine.toml").fingerprint
+    assert icmj.load_plant("three_link").xml == icmj.load_plant(model).xml
+    # a file of that name beside the run file comes first
+    (elsewhere / "three_link").write_text(model.read_text(encoding="utf-8"), encoding="utf-8")
+    assert run.assumed_path == elsewhere / "three_link"
+    with pytest.raises(ModelError, match=r"three_lnk: no such model file; did you mean three_link\?"):
+        icmj.load_plant(Path(elsewhere, "three_lnk"))
+
+
+def test_a_log_holds_the_shipped_model_that_its_run_file_names(elsewhere, monkeypatch):
+    (elsewhere / "mine.toml").write_text(RUN, encoding="utf-8")
+    result = icmj.run_case(load_run("mine.toml"), "linear")
+    icmj.write_log(result, elsewhere / "mine.rrd")
+    (elsewhere / "mine.toml").unlink()
+    monkeypatch.setattr(Shelf, "files", {})  # an installation that does not ship it
+    back = icmj.read_log(elsewhere / "mine.rrd")
+    with back.run.at_hand() as run:
+        assert icmj.prepare(run).prediction.delta_crit == pytest.approx(result.prediction.delta_crit, rel=1e-12)
 
 
 def test_every_case_has_the_name_of_its_file():

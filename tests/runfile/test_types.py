@@ -23,8 +23,8 @@ from icmj.runfile.json_schema import json_schema
 from icmj.runfile.keys import to_toml
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
-from icmj.runfile.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 from icmj.runfile.sweep_tables import SweepFile, load_sweep
+from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS: dict[str, type[BaseModel]] = {

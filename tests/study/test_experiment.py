@@ -15,8 +15,8 @@ from icmj.cli.main import main
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
-from icmj.runfile.shipped import EXPERIMENTS
 from icmj.study.trials import opened
+from icmj.work.shipped import EXPERIMENTS
 
 TEXT = """
 [experiment]

@@ -50,6 +50,11 @@ class Shelf:
             return path
         return self.files.get(path.name, path)
 
+    def beside(self, folder: Path, name: str) -> Path:
+        """The file that a file in ``folder`` means by ``name``: one there, else the shipped one of this name."""
+        path = folder / name
+        return path if Path(name).name != name or path.exists() else self.files.get(name, path)
+
     def near(self, path: Path) -> str:
         """``; did you mean three-link-0.9?`` for a file that is not there: one beside it, or a shipped one.
 
