@@ -238,6 +238,7 @@ def simulate_plant(
             invalid.
     """
     expect(controller, Law, "simulate_plant", "give case.controller, or trial.law")
+    expect_linear(controller.plant, "the plant of the controller")
     if isinstance(plant, LinearPlant):
         plant = matched(plant, controller.plant, match)
         from icmj.linear.run import simulate as simulate_linear

@@ -167,12 +167,9 @@ def _missing(place: _Place, annotation: Any) -> str:
     if len(members) != 1:
         return f"{place_in_words(place)} is missing"
     needed = [name for name, field in members[0].model_fields.items() if field.is_required()]
-    return f"the table [{place_in_words(place)}] is missing" + (f"; {_listed(needed)} required" if needed else "")
-
-
-def _listed(names: Sequence[str]) -> str:
-    """``a and b are``."""
-    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"
+    verb = "is" if len(needed) == 1 else "are"
+    more = f"; {' and '.join(needed)} {verb} required" if needed else ""
+    return f"the table [{place_in_words(place)}] is missing{more}"
 
 
 def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
