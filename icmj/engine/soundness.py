@@ -87,6 +87,11 @@ def examine(path: Path) -> None:
         if not path.is_file():
             what = "not a file" if path.exists() else "no such model file"
             raise ModelError(f"{one_line(path, 300)}: {what}{'' if path.exists() else MODELS.near(path)}")
+        if path.suffix.lower() == ".osim":
+            raise ModelError(
+                f"{one_line(path, 300)}: a model of OpenSim, not MJCF; convert it, for example with MyoConverter, and give "
+                "the .xml that it writes"
+            )
     except (OSError, ValueError) as error:
         raise ModelError(f"{one_line(path, 300)}: no such model file ({one_line(error, 100)})") from error
     read = [mark for _, mark in _read(path)]

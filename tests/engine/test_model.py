@@ -1,5 +1,7 @@
 """Loading and deviating MJCF plants; the shipped models against their segment tables."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -109,3 +111,10 @@ def test_a_generated_name_is_nobody_elses(tmp_path):
     text = text.replace('name="angle"', 'name="y1"')
     plant = load_plant(written(tmp_path, text)).linearisation.plant
     assert (plant.inputs, plant.outputs) == (("u1", "u1_"), ("y1", "y1_"))
+
+
+def test_a_model_of_opensim_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "gait2392.osim"
+    path.write_text('<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="a"/></OpenSimDocument>')
+    with pytest.raises(ModelError, match=r"gait2392.osim: a model of OpenSim, not MJCF; convert it, .*MyoConverter"):
+        load_plant(path)
