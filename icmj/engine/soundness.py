@@ -89,8 +89,8 @@ def examine(path: Path) -> None:
             raise ModelError(f"{one_line(path, 300)}: {what}{'' if path.exists() else MODELS.near(path)}")
         if path.suffix.lower() == ".osim":
             raise ModelError(
-                f"{one_line(path, 300)}: a model of OpenSim, not MJCF; convert it, for example with MyoConverter, and give "
-                "the .xml that it writes"
+                f"{one_line(path, 300)}: a model of OpenSim, not MJCF; convert it, for example with MyoConverter, and "
+                "give the .xml that it writes"
             )
     except (OSError, ValueError) as error:
         raise ModelError(f"{one_line(path, 300)}: no such model file ({one_line(error, 100)})") from error
