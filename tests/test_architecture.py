@@ -112,7 +112,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
     )
     ours = {
         *("base.files", "base.parquet", "base.npz", "base.ledger"),  # the way itself
-        *("base.compilation", "runfile.shipped", "work.shipped", "work.provenance", "cli.starting"),  # files of the installation
+        *("base.compilation", "work.shipped", "work.provenance", "cli.starting"),  # files of the installation
         *("report.builder", "report.drawing", "log.sink", "series.c3d", "sweeps.sweep"),  # what they just wrote
         *("series.reading",),
     }
