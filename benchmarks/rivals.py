@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 from benchmarks.row import Row, interleaved, median
 from icmj.case.case import prepare, simulate
-from icmj.case.trial import prepare_trial, simulate_trial
 from icmj.runfile.reading import load_run
 
 RUNS = Path(__file__).resolve().parent.parent / "runs" / "rivals"
@@ -37,9 +36,5 @@ def rows() -> list[Row]:
 
 def _run(name: str, noises: list[Any], plant: Literal["linear", "mujoco"]) -> Callable[[], object]:
     changes = {"simulation.duration": DURATION, "simulation.disturbance": noises}
-    run = load_run(RUNS / f"{name}.toml").with_(**changes)
-    if name == EVENT:
-        case = prepare(run)
-        return lambda: simulate(case, plant)
-    trial = prepare_trial(run)
-    return lambda: simulate_trial(trial, plant)
+    case = prepare(load_run(RUNS / f"{name}.toml").with_(**changes))
+    return lambda: simulate(case, plant)

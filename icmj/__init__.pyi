@@ -6,9 +6,6 @@ from .case.case import prepare as prepare
 from .case.case import simulate as simulate
 from .case.case import simulate_plant as simulate_plant
 from .case.iosystem import to_iosystem as to_iosystem
-from .case.trial import Trial as Trial
-from .case.trial import prepare_trial as prepare_trial
-from .case.trial import simulate_trial as simulate_trial
 from .comparison.comparison import Comparison as Comparison
 from .comparison.comparison import compare as compare
 from .controller.channels import Channel as Channel
@@ -107,7 +104,6 @@ from .identification.identification import identify as identify
 from .identification.observed import Observed as Observed
 from .identification.unknown import Unknown as Unknown
 from .log.reader import read_log as read_log
-from .log.reader import read_trial as read_trial
 from .log.writer import write_log as write_log
 from .measurement.measurement import Measurement as Measurement
 from .measurement.measurement import measure as measure
@@ -132,7 +128,6 @@ from .report import build_live as build_live
 from .report import build_report as build_report
 from .report import plots as plots
 from .result.result import Result as Result
-from .result.tried import Tried as Tried
 from .runfile.composing import compose_run as compose_run
 from .runfile.experiment_tables import load_experiment as load_experiment
 from .runfile.reading import load_run as load_run
@@ -161,7 +156,6 @@ from .study.fit import fit as fit
 from .study.kind import Experiment as Experiment
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study
-from .study.trial import try_law as try_law
 from .sweeps.dataset import read_sweep as read_sweep
 from .sweeps.sweep import sweep as sweep
 from .theory.delay_roots import DelayLoop as DelayLoop

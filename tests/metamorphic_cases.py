@@ -216,7 +216,7 @@ def play(drawn: Drawn, plant: str) -> icmj.Simulation:
     run = file_of(drawn)
     if drawn.base in _EVENT:
         return icmj.simulate(icmj.prepare(run), plant, trigger=trigger_of(drawn))  # type: ignore[arg-type]
-    return icmj.simulate_trial(icmj.prepare_trial(run), plant)  # type: ignore[arg-type]
+    return icmj.simulate(icmj.prepare(run), plant)  # type: ignore[arg-type]
 
 
 def differ(a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, shift: float = 0.0) -> str:

@@ -5,35 +5,38 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.plants import AnyPlant
-from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
 from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint, setpoint
-from icmj.controller.trigger import EventRule
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.modes import uncontrollable
-from icmj.runfile.control_tables import Weights
-from icmj.runfile.law_tables import Predictor
+from icmj.runfile.control_tables import Parts, Weights
 from icmj.runfile.schema import RunFile
 from icmj.runfile.setpoint_tables import targets
 
 
-def controlled(run: RunFile, assumed: AnyPlant, design: Design | None = None) -> tuple[Controller, EventRule]:
-    """The controller of a run file and its event rule, for its assumed plant; with a ``design`` that is at hand.
+def controller_of(run: RunFile, assumed: LinearPlant, design: Design | None = None) -> Law:
+    """The controller of a run file, for its assumed plant; with a ``design`` that is at hand.
 
     The set-point is part of it, so that whatever simulates the controller follows the set-point.
 
     Raises:
         DesignError, AnalysisError: if the weights give none, or rule, delay or set-point do not fit.
-        RunFileError: if a file of the set-point cannot be read.
+        RunFileError: if a file of the set-point cannot be read, or a controller of one's own may not be made, or
+            cannot be.
     """
-    design = design or designed(assumed.linearisation.plant, run.design)
-    rule = run.intermittent.trigger(design, run.code)
-    hold, late = run.intermittent.made_hold(design, run.code), run.intermittent.sampling_delay
-    return Controller(design, hold, rule, delay_of(run), setpoint_of(run, design.plant), sampling_delay=late), rule
+    return run.controller.law(parts_of(run, assumed, design))
+
+
+def parts_of(run: RunFile, assumed: LinearPlant, design: Design | None = None) -> Parts:
+    """What the table of the controller takes, with a ``design`` that is at hand."""
+    known = assumed if design is None else design.plant
+    return Parts(
+        assumed, delay_of(run), run.code,
+        design=lambda: design or designed(assumed, run.design), setpoint=lambda: setpoint_of(run, known),
+    )  # fmt: skip
 
 
 def setpoint_of(run: RunFile, assumed: LinearPlant) -> Setpoint | None:
@@ -43,19 +46,6 @@ def setpoint_of(run: RunFile, assumed: LinearPlant) -> Setpoint | None:
         RunFileError, AnalysisError: if a file of it cannot be read, or the assumed plant has no such set-point.
     """
     return setpoint(assumed, targets(run.setpoint, run.simulation.duration, run.path))
-
-
-def rival(run: RunFile, assumed: LinearPlant) -> Law:
-    """The controller of a run file that is not intermittent, for its assumed plant.
-
-    Raises:
-        DesignError, AnalysisError: if the weights give none, or delay or set-point do not fit.
-        RunFileError: if a controller of one's own may not be made, or cannot be.
-    """
-    table, delay = run.rival, delay_of(run)
-    if not isinstance(table, Predictor):
-        return table.law(assumed, delay.t_d, run.code)
-    return table.predictor(designed(assumed, run.design), delay, setpoint_of(run, assumed))
 
 
 def designed(plant: LinearPlant, weights: Weights) -> Design:

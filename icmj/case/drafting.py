@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.case.case import Case, prepare
+from icmj.case.case import expect_prediction, prepare
 from icmj.case.draft_text import Draft, draft_text
 from icmj.engine.inventory import Inventory, inventory
 from icmj.engine.plant import MujocoPlant, load_plant
@@ -16,6 +17,9 @@ from icmj.errors import IcmjError, ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.selection import OperatingKind, OperatingRule, Selection
 from icmj.runfile.reading import parse_run
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 RULES: tuple[OperatingKind, ...] = ("as given", "static control", "balance")
 MOTION = ("rad", "m", "rad/s", "m/s", "")  # forces and accelerations jump with the inputs
@@ -33,7 +37,7 @@ class Drafted:
     """
 
     text: str
-    case: Case | None
+    case: PredictedCase | None
     trouble: str
 
 
@@ -66,7 +70,7 @@ def draft_run(model: Path, out: Path, keyframe: str | None = None) -> Drafted:
         draft = Draft(model, out, there, keyed, rule, plant.linearisation.plant, outputs, drop, *weights(plant))
         text = draft_text(draft)
         try:
-            return Drafted(text, prepare(parse_run(text, out)), "")
+            return Drafted(text, expect_prediction(prepare(parse_run(text, out)), "a first run file"), "")
         except IcmjError as error:
             best = best or Drafted(text, None, str(error).removeprefix(f"{out}: "))
     return best or Drafted(draft_text(nothing), None, trouble)

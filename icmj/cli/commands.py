@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from icmj.result.result import Result
-    from icmj.result.tried import Tried
     from icmj.study.page import Page
 
 CROSSINGS = (
@@ -61,7 +60,7 @@ def study(command: arguments.Study) -> None:
         longest = None if command.yes else LONGEST
         outputs = run_study(runs, command.out, jobs=command.jobs, progress=working.tell, longest=longest)
     if command.json:
-        record = plain_runs((*outputs.page.comparisons, *outputs.page.tried), logs=outputs.logs, report=outputs.report)
+        record = plain_runs((*outputs.page.comparisons, *outputs.page.others), logs=outputs.logs, report=outputs.report)
         OUT.show(record | {"summary": str(outputs.summary)})
         return
     _tell_page(outputs.page, bool(command.set))
@@ -77,17 +76,18 @@ def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
     from icmj.cli.records import plain_prediction
-    from icmj.cli.switched import analyse_trial
+    from icmj.cli.switched import show_roots
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.theory.facts import PREDICTION
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
-    if run.tries:
-        return analyse_trial(run, command.json)
     with Working(label := f"analysing {run.case.name}", ERR) as working:
         case = prepare(run, progress=lambda done: working.tell(label, done))
     prediction, plant = case.prediction, case.assumed.linearisation.plant
+    if prediction is None:
+        show_roots(case, command.json)
+        return
     outputs, units = plant.outputs, plant.output_units or ("",) * plant.n_y
     if command.json:
         OUT.show(plain_prediction(prediction, outputs, case.notices))
@@ -121,23 +121,24 @@ def analyse(command: arguments.Analyse) -> None:
 @execute.register
 def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, and print the result beside the prediction if there is one."""
+    from icmj.case.case import prepare
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.study.estimate import LONGEST, in_words
-    from icmj.study.study import admitted, carried_out, made, open_folder, plants_of
+    from icmj.study.study import admit, open_folder, plants_of, run_case
 
     run_file = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     name, plant = run_file.case.name, command.plant or plants_of(run_file)[-1]
     with Working(name, ERR) as working:
-        case = made(run_file)
-        seconds = admitted(case, plant, None if command.yes else LONGEST)
+        case = prepare(run_file)
+        seconds = admit(case, plant, None if command.yes else LONGEST)
         if seconds > TOLD:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{name}.{plant}.rrd"
         meanwhile("icmj.log.writer")
         with emptied(command.out), heard_once() as heard:
             open_folder(command.out, log.name)
-            result = carried_out(case, plant, lambda done: working.tell(name, done))
+            result = run_case(case, plant, lambda done: working.tell(name, done))
             working.tell("writing the log", 0.95)
             from icmj.log.writer import write_log  # by now it has been imported meanwhile
 
@@ -156,24 +157,23 @@ def _tell_page(page: Page, changed: bool = False) -> None:
     """Print the contents of a report: a table of runs with a prediction, and one sentence for each other run."""
     if page.comparisons:
         show_comparisons(page.comparisons, OUT, changed=changed)
-    for tried in page.tried:
-        OUT.say(f"{tried.run.case.name} ({tried.simulation.plant}): {tried.words}")
+    for other in page.others:
+        OUT.say(f"{other.run.case.name} ({other.simulation.plant}): {other.words}")
 
 
-def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
+def _tell_run(result: Result, log: Path, changed: bool) -> None:
     """What a run did, in a table and in words."""
     from icmj.comparison.comparison import compare
-    from icmj.result.result import Result
+    from icmj.result.result import has_prediction
     from icmj.simulation.remarks import relative_error
 
-    if isinstance(result, Result):
+    if has_prediction(result):
         show_comparisons([compare(result)], OUT, changed=changed)
         OUT.say(f"The run {result.simulation.outcome.message}.")
-        OUT.say(result.measurement.words)
     else:
         for notice in result.notices:
             OUT.note(notice)
-        OUT.say(result.words)
+    OUT.say(result.words)
     for name, value in result.measures.items():
         OUT.say(f"{name}: {amount(value)}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
@@ -186,15 +186,15 @@ def _tell_run(result: Result | Tried, log: Path, changed: bool) -> None:
 @execute.register
 def live(command: arguments.Live) -> None:
     """Write the page of one case."""
+    from icmj.case.case import prepare
     from icmj.report.live import build_live
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
-    from icmj.study.study import made
 
     replaceable(command.out)
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     with Working(label := f"predicting {run.case.name}", ERR) as working:
-        build_live(made(run), command.out, progress=lambda done: working.tell(label, done))
+        build_live(prepare(run), command.out, progress=lambda done: working.tell(label, done))
     OUT.say(f"page  {command.out}", wrap=False)
 
 
@@ -216,7 +216,7 @@ def report(command: arguments.Report) -> None:
         branches, logs = branches_among([path for path in command.logs if path not in folders])
         page = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
     if command.json:
-        OUT.show(plain_runs((*page.comparisons, *page.tried), report=command.out))
+        OUT.show(plain_runs((*page.comparisons, *page.others), report=command.out))
         return
     _tell_page(page)
     OUT.say(f"report  {command.out}", wrap=False)

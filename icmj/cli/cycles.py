@@ -17,35 +17,35 @@ from icmj.cli.working import Working
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
-    from icmj.case.case import Case
+    from icmj.case.case import Case, PredictedCase
     from icmj.cycle.branch import Branch
     from icmj.cycle.cycle import Cycle
     from icmj.cycle.return_map import PlantKind
-    from icmj.runfile.schema import RunFile
     from icmj.simulation.simulation import Simulation
 
 
 @execute.register
 def cycle(command: arguments.Cycle) -> None:
     """Find the cycle of one case and print it beside the prediction."""
-    from icmj.case.case import prepare
-    from icmj.case.trial import prepare_trial
-    from icmj.cli.switched import show_cycle, with_cycle
+    from icmj.case.case import has_prediction, prepare
+    from icmj.cli.switched import show_cycle
     from icmj.cycle.cycle import find_cycle
+    from icmj.cycle.switched import has_exact_cycle
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
     from icmj.study.study import plants_of
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     plant = command.plant or plants_of(run)[-1]
-    if run.tries:
-        if plant == "linear" and with_cycle(trial := prepare_trial(run)):
-            show_cycle(trial, command.json)
+    with Working(f"cycle of {run.case.name}", ERR):
+        case = prepare(run)
+    if not has_prediction(case):
+        if plant == "linear" and has_exact_cycle(case.controller):
+            show_cycle(case, command.json)
         else:
-            _rounds(run, plant, command.json)
+            _rounds(case, plant, command.json)
         return
     with Working(f"cycle of {run.case.name}", ERR) as working:
-        case = prepare(run)
         found = find_cycle(
             case, plant, start=command.start, progress=lambda done: working.tell(f"cycle of {run.case.name}", done)
         )
@@ -58,23 +58,23 @@ def cycle(command: arguments.Cycle) -> None:
             OUT.note(notice)
 
 
-def _rounds(run: RunFile, plant: PlantKind, json: bool) -> None:
+def _rounds(case: Case, plant: PlantKind, json: bool) -> None:
     """What a run under a switched controller settles on: rounds that shrink, grow, or are a cycle."""
     from dataclasses import asdict
 
     from icmj.errors import CycleError
     from icmj.experiments.rounds import rounds_of
-    from icmj.study.study import admitted, carried_out, made
+    from icmj.study.study import admit, run_case
 
+    run = case.run
     with Working(f"cycle of {run.case.name}", ERR) as working:
-        trial = made(run)
-        if not trial.law.realisation.guards:  # type: ignore[union-attr]
+        if not case.controller.realisation.guards:
             raise CycleError(
                 f"{run.path}: a controller that never switches has no cycle of its own: the motion dies out or grows; "
                 "icmj run shows it"
             )
-        admitted(trial, plant, None)
-        done = carried_out(trial, plant, lambda part: working.tell(f"cycle of {run.case.name}", part))
+        admit(case, plant, None)
+        done = run_case(case, plant, lambda part: working.tell(f"cycle of {run.case.name}", part))
         found = rounds_of(done.simulation)
     simulation = done.simulation
     reach = {
@@ -119,7 +119,7 @@ def continue_(command: arguments.Continue) -> None:
     from icmj.study.study import open_folder, plants_of
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
-    if run.tries:
+    if not run.has_events:
         show_branch(command, run)
         return
     main_plant = command.plant or plants_of(run)[-1]
@@ -198,7 +198,7 @@ def _show_branch(branch: Branch) -> None:
         OUT.say(f"The branch {branch.end}.")
 
 
-def plain_cycle(found: Cycle, case: Case) -> dict[str, Any]:
+def plain_cycle(found: Cycle, case: PredictedCase) -> dict[str, Any]:
     """What ``icmj cycle --json`` prints."""
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
     return plain(
@@ -231,7 +231,7 @@ def plain_cycle(found: Cycle, case: Case) -> dict[str, Any]:
     )
 
 
-def _show(found: Cycle, case: Case) -> None:
+def _show(found: Cycle, case: PredictedCase) -> None:
     plant, prediction = case.actual.linearisation.plant, case.prediction
     orbit = prediction.orbit
     rows: list[tuple[str, str, str]] = []

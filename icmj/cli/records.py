@@ -16,24 +16,19 @@ if TYPE_CHECKING:
     from icmj.plant.notice import Notice
     from icmj.plant.quality import Quality
     from icmj.result.result import Result
-    from icmj.result.tried import Tried
     from icmj.theory.prediction import Prediction
 
 MODES = ("neutral", "uncontrollable", "unobservable")
 
 
-def plain_runs(runs: Iterable[Comparison | Result | Tried], **files: Path | Iterable[Path]) -> dict[str, Any]:
+def plain_runs(runs: Iterable[Comparison | Result], **files: Path | Iterable[Path]) -> dict[str, Any]:
     """What ``--json`` prints of runs: each as in ``summary.json``; and the files written."""
-    from icmj.comparison.comparison import Comparison, compare, to_json
-    from icmj.result.tried import Tried, to_record
+    from icmj.comparison.comparison import Comparison, to_json, to_record
 
     written = {
         kind: str(file) if isinstance(file, Path) else [str(one) for one in file] for kind, file in files.items()
     }
-    records = [
-        to_record(run) if isinstance(run, Tried) else to_json(run if isinstance(run, Comparison) else compare(run))
-        for run in runs
-    ]
+    records = [to_json(run) if isinstance(run, Comparison) else to_record(run) for run in runs]
     return {"runs": records, **written}
 
 

@@ -22,7 +22,7 @@ def export(command: arguments.Export) -> None:
     """Write rows and events of a log, say where they are."""
     from icmj.base.files import replaceable
     from icmj.errors import DataError
-    from icmj.log import read_any
+    from icmj.log import read_log
     from icmj.series.writing import FORMATS, write_series
 
     out = command.log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
@@ -32,7 +32,7 @@ def export(command: arguments.Export) -> None:
     events_out = out.with_suffix(f".events{out.suffix}")
     replaceable(out, events_out)
     with Working(f"exporting {command.log.name}", ERR):
-        result = read_any(command.log)
+        result = read_log(command.log)
         rows, events = result.to_series(command.rate), result.events_to_series()
         write_series(rows, out)
         write_series(events, events_out)
@@ -89,9 +89,9 @@ def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
     if command.file.suffix == ".rrd":
-        from icmj.log import read_any
+        from icmj.log import read_log
 
-        result = read_any(command.file)
+        result = read_log(command.file)
         notes = tuple(notice for notice in result.notices if notice.startswith("slow noise"))
         series = result.to_series(RATE if command.rate is None else command.rate)
         ground = result.simulation.pressure

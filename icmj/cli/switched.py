@@ -15,7 +15,7 @@ from icmj.cli.working import Working
 from icmj.errors import named
 
 if TYPE_CHECKING:
-    from icmj.case.trial import Trial
+    from icmj.case.case import Case
     from icmj.cli.arguments import Continue
     from icmj.controller.switching import SwitchingPD
     from icmj.cycle.switched import SwitchedCycle
@@ -25,15 +25,7 @@ if TYPE_CHECKING:
 SHOWN = 12  # rows of a branch
 
 
-def with_cycle(trial: Trial) -> bool:
-    """Whether it is a switched feedback of one joint with a dead zone, whose cycle is found exactly."""
-    from icmj.controller.switching import SwitchingPD
-
-    law = trial.law
-    return isinstance(law, SwitchingPD) and law.switches and law.dead_zone > 0
-
-
-def show_cycle(trial: Trial, json: bool) -> None:
+def show_cycle(case: Case, json: bool) -> None:
     """Find the cycle that the run settles on, and print it.
 
     Raises:
@@ -41,9 +33,9 @@ def show_cycle(trial: Trial, json: bool) -> None:
     """
     from icmj.cycle.switched import find_switched_cycle
 
-    run = trial.run
+    run = case.run
     with Working(f"cycle of {run.case.name}", ERR):
-        plant, law, x0 = _loop(trial)
+        plant, law, x0 = _loop(case)
         with named(run.path):
             found = find_switched_cycle(plant, law, x0)
     if json:
@@ -62,19 +54,20 @@ def show_branch(command: Continue, run: RunFile) -> None:
     Raises:
         CycleError: if there is none, or what was asked for is not the linear plant's, or not the controller's.
     """
-    from icmj.case.trial import prepare_trial
+    from icmj.case.case import prepare
+    from icmj.cycle.switched import has_exact_cycle
     from icmj.cycle.switched_branch import follow_switched, varied
     from icmj.errors import CycleError
 
     name = command.parameter.removeprefix("controller.")
     with Working(f"{run.case.name}.{name}", ERR):
-        trial = prepare_trial(run)
-        if command.plant == "mujoco" or not with_cycle(trial):
+        case = prepare(run)
+        if command.plant == "mujoco" or not has_exact_cycle(case.controller):
             raise CycleError(
                 f"{run.path}: branches are followed of intermittent control, and of switched feedback of one joint "
                 "with a dead zone on the linear plant (--plant linear); icmj cycle tells what other runs settle on"
             )
-        plant, law, x0 = _loop(trial)
+        plant, law, x0 = _loop(case)
         with named(run.path):
             if command.from_ is not None:
                 law = varied(law, name)[0](command.from_)
@@ -98,36 +91,32 @@ def show_branch(command: Continue, run: RunFile) -> None:
     OUT.say(f"The branch {branch.end}.")
 
 
-def _loop(trial: Trial) -> tuple[LinearPlant, SwitchingPD, Array | None]:
+def _loop(case: Case) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     """The actual plant with the controller's inputs and outputs, the controller, and where the run starts."""
     from icmj.case.plants import linear_plant
     from icmj.plant.matching import matched
     from icmj.simulation.settings import plant_start
 
-    plant = matched(linear_plant(trial.actual, trial.settings), trial.law.plant, "position")
-    x0 = plant_start(plant, trial.settings, None)
-    return plant, trial.law, (x0 if x0.any() else None)  # type: ignore[return-value]
+    law = case.controller
+    plant = matched(linear_plant(case.actual, case.settings), law.plant, "position")
+    x0 = plant_start(plant, case.settings, None)
+    return plant, law, (x0 if x0.any() else None)  # type: ignore[return-value]
 
 
-def analyse_trial(run: RunFile, json: bool) -> None:
+def show_roots(case: Case, json: bool) -> None:
     """Print the characteristic roots of a loop that stays in each mode, and its rounds if it has any."""
-    from dataclasses import replace
-
+    from icmj.case.case import mode_roots
     from icmj.case.plants import linear_plant
-    from icmj.case.trial import mode_roots, prepare_trial
-    from icmj.controller.switching import SwitchingPD
-    from icmj.experiments.rounds import rounds
+    from icmj.experiments.rounds import rounds_without_dead_zone
 
-    with Working(f"analysing {run.case.name}", ERR):
-        trial = prepare_trial(run)
-        roots, rounded = mode_roots(trial), None
-        if isinstance(trial.law, SwitchingPD) and len(roots) > 1:
-            with named(run.path):
-                rounded = rounds(linear_plant(trial.actual, trial.settings), replace(trial.law, dead_zone=0.0))
+    run = case.run
+    with Working(f"analysing {run.case.name}", ERR), named(run.path):
+        roots = mode_roots(case)
+        rounded = rounds_without_dead_zone(case.controller, linear_plant(case.actual, case.settings))
     if json:
         told = None if rounded is None else vars(rounded) | {"verdict": rounded.verdict}
-        notices = [vars(notice) for notice in trial.notices]
-        OUT.show(plain({"control": trial.law.kind, "roots": roots, "rounds": told, "notices": notices}))
+        notices = [vars(notice) for notice in case.notices]
+        OUT.show(plain({"control": case.controller.kind, "roots": roots, "rounds": told, "notices": notices}))
         return
     rows = [(mode, "stable" if found[0].real < 0 else "unstable", pairs(found)) for mode, found in roots.items()]
     show_table(
@@ -136,7 +125,7 @@ def analyse_trial(run: RunFile, json: bool) -> None:
     )  # fmt: skip
     if rounded is not None:
         OUT.say(f"Without a dead zone: {rounded.words[0].lower()}{rounded.words[1:]}")
-    for notice in trial.notices:
+    for notice in case.notices:
         OUT.note(notice)
 
 

@@ -18,7 +18,8 @@ from icmj.base.fact import told
 from icmj.base.numbers import amount, relative
 from icmj.comparison.facts import RUN
 from icmj.comparison.verdict import verdict_in_words
-from icmj.result.result import Result
+from icmj.errors import AnalysisError
+from icmj.result.result import Result, has_prediction
 from icmj.theory.facts import PREDICTION
 
 COMPARED = tuple((fact, next(f for f in PREDICTION if f.name == fact.against)) for fact in RUN if fact.against)
@@ -115,7 +116,14 @@ class Comparison(Shown):
 
 
 def compare(result: Result) -> Comparison:
-    """Compare a simulated run with the prediction for it."""
+    """Compare a simulated run with the prediction for it.
+
+    Raises:
+        AnalysisError: if its controller has no event rule, and hence no prediction.
+    """
+    if not has_prediction(result):
+        kind = result.controller.kind
+        raise AnalysisError(f"{result.run.case.name}: a run under {kind} control has no prediction to be compared with")
     predicted = Predicted(**told(PREDICTION, result.prediction, "record"))
     measured = Measured(**told(RUN, result, "record"))
     off = {
@@ -153,6 +161,23 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
         "notices": list(comparison.notices),
         **({"pressure": plain(dict(comparison.pressure))} if comparison.pressure else {}),
         **({"measures": plain(dict(comparison.measures))} if comparison.measures else {}),
+    }
+
+
+def to_record(result: Result) -> dict[str, Any]:
+    """A record of ``summary.json`` for any run: that of its comparison or, without a prediction, what it did."""
+    if has_prediction(result):
+        return to_json(compare(result))
+    return {
+        "case": result.run.case.name,
+        "plant": result.simulation.plant,
+        "control": result.controller.kind,
+        "controller": plain(dict(result.controller.facts())),
+        "outcome": result.simulation.outcome.kind,
+        "switches": len(result.simulation.events),
+        "words": result.words,
+        "notices": list(result.notices),
+        "measures": plain(dict(result.measures)),
     }
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from icmj.measurement.measurement import Measurement
-from icmj.result.result import Result
 from icmj.theory.prediction import Prediction
 
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
-def verdict_in_words(result: Result, converged: bool) -> str:
+
+def verdict_in_words(result: PredictedResult, converged: bool) -> str:
     """The prediction and the measured motion in words, for a reader who does not know the theory.
 
     Args:

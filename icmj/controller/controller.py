@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -125,6 +125,14 @@ class Controller(Law):
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger; a sampling delay is kept only with an event rule."""
         return replace(self, trigger=trigger, sampling_delay=self.sampling_delay if trigger.kind == "event" else 0.0)
+
+
+def has_trigger(law: Law) -> TypeGuard[Controller]:
+    """Whether a controller takes feedback when a trigger of its own says so: an event rule, a clock, or all the time.
+
+    Such a one has the other parts of :class:`Controller`, too: design, hold and delay.
+    """
+    return isinstance(getattr(law, "trigger", None), Trigger)
 
 
 def layout_of(controller: Controller) -> Layout:

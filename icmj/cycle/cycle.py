@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from icmj.base.array import SAME, Array
 from icmj.base.environment import single_threaded
-from icmj.case.case import Case
+from icmj.case.case import Case, expect_prediction
 from icmj.case.plants import linear_plant
 from icmj.cycle.jacobian import fast_jacobian, jacobian, multipliers
 from icmj.cycle.newton import CLOSED, Closed, Guess, from_prediction, from_simulation, newton, shortest
 from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
-from icmj.errors import CycleError, expect
+from icmj.errors import CycleError
 
 Start = Literal["auto", "prediction", "simulation"]
 LONGEST = 20.0  # of the first guess's intervals: a flight this long without an event does not come back
@@ -143,7 +143,7 @@ def find_cycle(
         CycleError: if there is no cycle near the guess, with the reason, or if a disturbance changes in time.
         SimulationError: if a flight cannot be prepared.
     """
-    expect(case, Case, "find_cycle", "a cycle of switched feedback is computed by icmj cycle")
+    case = expect_prediction(case, "find_cycle")
     rule = case.rule if size is None else case.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
     actual = linear_plant(case.actual, settings) if plant == "linear" else case.model

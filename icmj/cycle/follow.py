@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.case.case import Case, prepare
+from icmj.case.case import expect_prediction, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.continuation import Walk, walk
 from icmj.cycle.crossing import direction
@@ -21,6 +22,9 @@ from icmj.cycle.point import point
 from icmj.cycle.return_map import PlantKind, ReturnMap
 from icmj.errors import CycleError
 from icmj.runfile.schema import RunFile
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 AWAY = 0.02  # of the state's size: the first step onto a branch that branches off
 BRANCHING = ("flip", "symmetry breaking", "branch point")
@@ -61,7 +65,7 @@ def follow(
     if isinstance(start, Guess):
         family, guess = Family(run, of, plant), start
     else:
-        case = prepare(run)
+        case = expect_prediction(prepare(run), "a branch of cycles")
         family = Family(run, of, plant, case)
         guess = _guess(case, family.at(first), start)
     curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
@@ -154,7 +158,7 @@ def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array
     return np.asarray(ends[1] - ends[0])
 
 
-def _guess(case: Case, loop: ReturnMap, start: Start) -> Guess:
+def _guess(case: PredictedCase, loop: ReturnMap, start: Start) -> Guess:
     orbit = case.prediction.orbit
     if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
         return from_prediction(case, loop, case.rule.size)

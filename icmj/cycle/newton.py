@@ -8,15 +8,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import Case, simulate_plant
+from icmj.case.case import simulate_plant
 from icmj.cycle.return_map import Flights, Lost, ReturnMap, Turn
 from icmj.errors import CycleError
 from icmj.measurement.measurement import event_states, measure
 from icmj.measurement.recurrence import closure
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 CLOSED = 1e-10  # relative closure that counts
 FLOOR = 2e-13  # relative closure below which a flight is only rounding
@@ -192,7 +196,7 @@ class Guess:
     longest: float
 
 
-def from_prediction(case: Case, loop: ReturnMap, size: float) -> Guess:
+def from_prediction(case: PredictedCase, loop: ReturnMap, size: float) -> Guess:
     """The linear orbit at the threshold ``size``.
 
     Raises:

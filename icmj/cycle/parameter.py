@@ -10,8 +10,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from icmj.case.case import Case
-from icmj.case.designs import controlled
+from icmj.case.case import Case, expect_prediction
+from icmj.case.designs import designed, parts_of
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
 from icmj.cycle.return_map import PlantKind, ReturnMap
 from icmj.engine.open_loop import OpenLoops
@@ -128,7 +128,7 @@ class Family:
             self._known = {
                 "assumed": (self._bare(run), like.assumed),
                 "actual": (self._bodies(run), like.actual),
-                "design": ((self._bare(run), run.design), like.controller.design),
+                "design": ((self._bare(run), run.design), expect_prediction(like, "a branch").controller.design),
             }
 
     def at(self, value: float, longest: float | None = None) -> ReturnMap:
@@ -147,9 +147,9 @@ class Family:
         actual: AnyPlant = self._once(
             "actual", self._bodies(run), lambda: self._regained(run) or actual_plant(run, assumed)
         )
-        designed = (self._bare(run), run.design)
-        design = self._once("design", designed, lambda: controlled(run, assumed)[0].design)
-        controller = replace(controlled(run, assumed, design)[0], setpoint=None)
+        weights = (self._bare(run), run.design)
+        design = self._once("design", weights, lambda: designed(assumed.linearisation.plant, run.design))
+        controller = replace(run.intermittent.law(parts_of(run, assumed.linearisation.plant, design)), setpoint=None)
         settings = run.drawn().simulation.settings()
         if longest is not None:
             settings = replace(settings, duration=longest)

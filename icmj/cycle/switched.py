@@ -10,12 +10,14 @@ states; of these one is 0, because ξ lies on the edge of the region, and all ot
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from icmj.base.array import SAME, Array
+from icmj.controller.law import Law
 from icmj.controller.switching import OFF, SwitchingPD
 from icmj.cycle.jacobian import jacobian, multipliers
 from icmj.cycle.newton import newton
@@ -34,6 +36,19 @@ _SAME = 1e-7  # relative: ξ that are one
 _CLOSE = 1e-3  # relative: a simulation that comes as near to an earlier ξ is near a cycle
 _LIMIT = 1e9  # of positions, in units of the dead zone's size: beyond, the motion has left
 _WARM = 300.0  # delays of a simulation that a first guess is taken from, at first
+
+
+@singledispatch
+def has_exact_cycle(law: Law) -> bool:
+    """Whether the cycle of a controller is found exactly by :func:`find_switched_cycle`: of one joint, switched, with a
+    dead zone.
+    """
+    return False
+
+
+@has_exact_cycle.register
+def _(law: SwitchingPD) -> bool:
+    return law.switches and law.dead_zone > 0
 
 
 @dataclass(frozen=True, eq=False)

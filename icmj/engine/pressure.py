@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller
+from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.law import Law
 from icmj.engine.actuator import second_order_lag
 from icmj.engine.callbacks import hushed, installed
@@ -29,7 +29,7 @@ def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -
     """The simulation with the ground reaction if the plant stands on a floor, otherwise unchanged."""
     if not _Ground(plant).stands:
         return simulation
-    known = controller if isinstance(controller, Controller) else None
+    known = controller if has_trigger(controller) else None
     return replace(simulation, pressure=centre_of_pressure(plant, simulation, known))
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.controller.controller import Controller
+from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.engine.accuracy import Accuracy, apart, estimate, facts, finer, scaled
 from icmj.engine.closed_loop import ComposedLoop, close_loop
@@ -70,7 +70,7 @@ def simulate(
         SimulationError: if a named state or input does not exist, a start state has the wrong shape, or the timestep
             is not usable.
     """
-    if not isinstance(controller, Controller):
+    if not has_trigger(controller):
         expect_no_observer(controller, settings, x_o0, x_h0)
         return simulate_tapped(plant, controller, settings, x0=x0, progress=progress, error_estimate=error_estimate)
     x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)

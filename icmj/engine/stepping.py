@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import mujoco
 
-from icmj.controller.controller import Controller
-from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.controller.law import Law
+from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.model import data_at
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule
 from icmj.engine.stages import is_flow, may_constrain
+from icmj.engine.tapped import close
 from icmj.errors import SimulationError
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
@@ -75,13 +76,13 @@ def schedule_of(loop: ComposedLoop, settings: Settings) -> Schedule:
     return loop.schedule(settings, steps.timestep, steps.tolerance)
 
 
-def refined(plant: MujocoPlant, controller: Controller, settings: Settings, factor: float) -> Settings:
+def refined(plant: MujocoPlant, controller: Law, settings: Settings, factor: float) -> Settings:
     """The settings with ``factor`` on the timestep, or its fourth power on the tolerance.
 
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`stepping_of`.
     """
-    steps = stepping_of(close_loop(plant, controller, settings), settings)
+    steps = stepping_of(close(plant, controller, settings), settings)
     if steps.tolerance:
         return replace(settings, tolerance=max(factor**4 * steps.tolerance, LEAST_TOLERANCE))
     return replace(settings, timestep=factor * steps.timestep, tolerance=None)

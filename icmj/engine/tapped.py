@@ -17,8 +17,9 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.instant import SAME
 from icmj.base.signals import unhurried
+from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, integrator_of
+from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, close_loop, integrator_of
 from icmj.engine.composition import compose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
@@ -228,6 +229,15 @@ def _stand(tapped: Tapped, data: mujoco.MjData) -> Stand:
     track, history, now = tapped.track, deepcopy(tapped.history), deepcopy(tapped.now)
     state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
     return Stand(float(data.time), float(track.t[2]), history, now, int(track.marks[0]), state)
+
+
+def close(plant: MujocoPlant, law: Law, settings: Settings) -> ComposedLoop:
+    """Compose plant and controller, with a trigger or with delayed readings alone.
+
+    Raises:
+        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
+    """
+    return close_loop(plant, law, settings) if has_trigger(law) else close_tapped(plant, law, settings)
 
 
 def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop:

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import Case, simulate
-from icmj.errors import expect
+from icmj.case.case import Case, expect_prediction, simulate
 from icmj.experiments.growth import undriven
 from icmj.measurement.measurement import measure
 from icmj.result.result import AmplitudeLaw
@@ -30,8 +29,7 @@ def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
         The law; ``None`` if no attracting cycle is predicted or there are fewer than two thresholds. A threshold at
         which the run does not settle has NaN errors and is left out of the fit.
     """
-    expect(case, Case, "measure_law")
-    case = undriven(case)
+    case = undriven(expect_prediction(case, "the amplitude law"))
     orbit, trigger = case.prediction.orbit, case.rule
     if len(q_t) < 2 or orbit is None or case.prediction.verdict != "attracting":
         return None

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller
+from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
@@ -72,7 +72,7 @@ def frequency_response(
     if f.ndim != 1 or not (np.isfinite(f).all() and (f > 0).all()):
         raise AnalysisError("frequencies must be positive and finite, as a vector [Hz]")
     plant = matched(plant, controller.plant, match)
-    law = _observed(controller, f) if isinstance(controller, Controller) else _tapped(controller, f)
+    law = _observed(controller, f) if has_trigger(controller) else _tapped(controller, f)
     s, n, n_u, n_y = 2j * np.pi * f[:, None, None], plant.n, plant.n_u, plant.n_y
     # u = T (C x + n) + Q r, and x = (s − A)⁻¹ B (u + d)
     T, Q = law
@@ -81,7 +81,7 @@ def frequency_response(
     own = np.concatenate([np.zeros((len(f), n_u, n_u)), T, Q], axis=2)
     x = np.linalg.solve(s * np.eye(n) - plant.A - plant.B @ T @ plant.C, plant.B @ (own + D))
     u = T @ (plant.C @ x) + own
-    names = controller.setpoint.names if isinstance(controller, Controller) and controller.setpoint else ()
+    names = controller.setpoint.names if has_trigger(controller) and controller.setpoint else ()
     signals = (
         *(f"d.{name}" for name in plant.inputs or map(str, range(n_u))),
         *(f"n.{name}" for name in plant.outputs or map(str, range(n_y))),

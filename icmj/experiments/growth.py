@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.case.case import Case, PlantKind, open_loop
+from icmj.case.case import Case, PlantKind, expect_prediction, open_loop
 from icmj.controller.trigger import ClockTrigger
-from icmj.errors import SimulationError, expect
+from icmj.errors import SimulationError
 from icmj.measurement.measurement import growth_per_interval, reduced_states
 from icmj.result.result import Growth
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
 INTERVALS = 6  # the least that a growth is measured from
 
 
-def undriven(case: Case) -> Case:
+def undriven(case: PredictedCase) -> PredictedCase:
     """The same case without set-point and disturbances: the loop itself, of which eigenvalues and orbits are."""
     controller, settings = replace(case.controller, setpoint=None), replace(case.settings, disturbance=())
     run = case.run.with_(**{"setpoint": None, "simulation.disturbance": None})
@@ -33,8 +37,7 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
         The points; ``None`` if ``points`` is 0. If Δ_crit is undefined, they are spread over the interval searched.
         Values that overflow are NaN.
     """
-    expect(case, Case, "measure_growth")
-    case = undriven(case)
+    case = undriven(expect_prediction(case, "growth under a clock"))
     if points == 0:
         return None
     delta_crit = case.prediction.delta_crit
@@ -45,7 +48,7 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
     return Growth(deltas, np.array(measured), np.array(predicted))
 
 
-def _growth(case: Case, plant: PlantKind, delta: float) -> tuple[float, float]:
+def _growth(case: PredictedCase, plant: PlantKind, delta: float) -> tuple[float, float]:
     system = case.system
     with np.errstate(over="ignore", invalid="ignore"):
         phi = system.phi(delta)

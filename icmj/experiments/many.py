@@ -13,7 +13,7 @@ from icmj.base.array import Array, instants, naturals
 from icmj.base.card import Card, Shown
 from icmj.case.case import Case, PlantKind, prepare, revised, simulate, simulate_plant
 from icmj.case.plants import linear_plant
-from icmj.case.trial import Trial, prepare_trial, simulate_trial
+from icmj.controller.controller import has_trigger
 from icmj.errors import SimulationError, expect
 from icmj.experiments.quiet_standing import sway_numbers
 from icmj.runfile.messages import short
@@ -36,7 +36,7 @@ class Batch(Shown):
     """Many runs of one case; see :func:`simulate_many`.
 
     Attributes:
-        base: the case or trial of which all runs are.
+        base: the case of which all runs are.
         seeds: seed of each run, shape (n,).
         varied: varied values by key of the run file, each of shape (n,).
         t: times of the rows of the signals [s], shape (K,).
@@ -44,7 +44,7 @@ class Batch(Shown):
         kept: the requested quantities by name, each of shape (n, …); see :func:`simulate_many`.
     """
 
-    base: Case | Trial
+    base: Case
     seeds: np.ndarray
     varied: Mapping[str, np.ndarray]
     t: Array
@@ -58,8 +58,8 @@ class Batch(Shown):
         """The quantity that was kept under this name."""
         return self.kept[name]
 
-    def case(self, index: int) -> Case | Trial:
-        """The case or trial of one of these runs, which can be simulated again with its complete record."""
+    def case(self, index: int) -> Case:
+        """The case of one of these runs, which can be simulated again with its complete record."""
         case = _varied(self.base, {key: values[index].item() for key, values in self.varied.items()})
         return replace(case, settings=reseeded(case.settings, int(self.seeds[index])))
 
@@ -77,7 +77,7 @@ class Batch(Shown):
 
 
 def simulate_many(
-    case: Case | Trial,
+    case: Case,
     n: int | None = None,
     *,
     plant: PlantKind = "linear",
@@ -90,7 +90,7 @@ def simulate_many(
     """Simulate one case many times, with different noise seeds or values, and keep the same quantities of every run.
 
     Args:
-        case: the case, or the trial of a controller that is not intermittent.
+        case: the case.
         n: number of runs; by default the number of ``seeds`` or of values to ``vary``.
         plant: ``linear`` or ``mujoco``.
         seeds: one seed for each run, by default 0, 1, 2, …. Together with the seed of each noise it determines the
@@ -111,10 +111,10 @@ def simulate_many(
         SimulationError: if numbers of runs differ, a seed or a number is not whole, or a quantity to be kept is unknown
             or, from a function, no table of numbers.
         RunFileError: if a key is unknown, or a value not allowed.
-        AnalysisError: if it is neither case nor trial.
+        AnalysisError: if it is no case.
         StudyError: if the number of processes is not positive.
     """
-    expect(case, Trial if isinstance(case, Trial) else Case, "simulate_many")
+    expect(case, Case, "simulate_many")
     varied = {key: _vector(key, values) for key, values in (vary or {}).items()}
     each = None if seeds is None else naturals(seeds, "seeds", SimulationError)
     lengths = {key: len(values) for key, values in varied.items()} | ({} if each is None else {"seeds": len(each)})
@@ -167,7 +167,7 @@ def _some(
     seeds: np.ndarray,
     varied: Mapping[str, np.ndarray],
     keep: Keep,
-    like: Case | Trial | None = None,
+    like: Case | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> _Told:
     """Carry out some of the runs, one after the other."""
@@ -175,9 +175,7 @@ def _some(
     for index, seed in enumerate(seeds):
         case = _varied(base, {key: values[index].item() for key, values in varied.items()})
         case = replace(case, settings=reseeded(case.settings, int(seed)))
-        if isinstance(case, Trial):
-            found = simulate_trial(case, plant)
-        elif callable(keep) or plant != "linear":
+        if callable(keep) or plant != "linear":
             found = simulate(case, plant)
         else:  # without the centre of pressure, which nobody asks for
             actual = linear_plant(case.actual, case.settings)
@@ -196,45 +194,39 @@ class _Prepared:
 
     def __init__(self) -> None:
         self._run: RunFile | None = None
-        self._case: Case | Trial | None = None
+        self._case: Case | None = None
 
-    def get(self, run: RunFile) -> Case | Trial:
+    def get(self, run: RunFile) -> Case:
         """The case of a run file."""
         if self._case is None or self._run != run:
-            self._run, self._case = run, _prepared(run)
+            self._run, self._case = run, prepare(run)
         return self._case
 
 
 _PREPARED = _Prepared()
 
 
-def _parts(case: Case | Trial, varies: bool) -> dict[str, Any]:
+def _parts(case: Case, varies: bool) -> dict[str, Any]:
     """What another process takes of the case beside its run file: they may have been replaced in it."""
-    own = isinstance(case, Case) and case.controller.trigger is not case.rule
+    law = case.controller
+    rule = law.trigger if has_trigger(law) else None
+    own = case.rule is not None and rule is not case.rule
     if varies and (own or case.settings != case.run.simulation.settings()):
         raise SimulationError(
             "vary: these are values of the run file, and settings or trigger of this case are others than those of its "
             "run file; prepare one that says the same"
         )
-    law = case.controller.trigger if isinstance(case, Case) else case.law
-    names = ["controller", "rule"] if isinstance(case, Case) else ["law"]
-    there = type(law).__module__.startswith("icmj.")  # code of the user's own is known by the run file alone
-    return {name: getattr(case, name) for name in ("settings", *(names if there else ()))}
+    # code of the user's own is known by the run file alone
+    there = type(rule or law).__module__.startswith("icmj.")
+    return {name: getattr(case, name) for name in ("settings", *(("controller", "rule") if there else ()))}
 
 
-def _prepared(run: RunFile, like: Case | Trial | None = None) -> Case | Trial:
-    like = like if like and like.run.tries == run.tries else None
-    return prepare_trial(run, like) if run.tries else prepare(run, like=like)  # type: ignore[arg-type]
-
-
-def _varied(case: Case | Trial, changes: Mapping[str, Any]) -> Case | Trial:
+def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
     """The case with other values; changes of the simulation alone reuse plants and design."""
     if not changes:
         return case
     run = case.run.with_(**changes)
-    if isinstance(case, Case) and all(key.startswith("simulation.") for key in changes):
-        return revised(case, run)
-    return _prepared(run, case)
+    return revised(case, run) if all(key.startswith("simulation.") for key in changes) else prepare(run, like=case)
 
 
 def _vector(key: str, values: ArrayLike) -> np.ndarray:

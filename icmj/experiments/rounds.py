@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
+from icmj.controller.law import Law
 from icmj.controller.switching import SwitchingPD
 from icmj.errors import AnalysisError, expect
 from icmj.linear.run import simulate
@@ -110,6 +112,19 @@ def _left(x: Array, factor: float) -> float:
     departure = np.linalg.norm(x[1:] - factor * x[:-1], axis=1) / np.linalg.norm(x[1:], axis=1)
     told = np.flatnonzero((departure > _TOLD[0]) & (departure < _TOLD[1]))
     return float(np.exp(np.polyfit(told, np.log(departure[told]), 1)[0])) if len(told) >= _FEWEST else float("nan")
+
+
+@singledispatch
+def rounds_without_dead_zone(law: Law, plant: LinearPlant) -> Rounds | None:
+    """The rounds of a controller whose dead zone is taken away; ``None`` of one that has none to be taken, or does not
+    switch.
+    """
+    return None
+
+
+@rounds_without_dead_zone.register
+def _(law: SwitchingPD, plant: LinearPlant) -> Rounds | None:
+    return rounds(plant, replace(law, dead_zone=0.0)) if law.switches else None
 
 
 def rounds(

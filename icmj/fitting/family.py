@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.case.designs import controlled, rival
+from icmj.case.designs import controller_of
 from icmj.case.doubts import check_names
 from icmj.case.files import digests, fingerprint_of
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
-from icmj.controller.controller import Controller
+from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.errors import FitError
 from icmj.fitting.prior import Prior
@@ -68,7 +68,7 @@ class Member:
             reason.
         """
         settings = reseeded(self.settings, seed)
-        if isinstance(self.law, Controller):
+        if has_trigger(self.law):
             simulator = Simulator(self.plant, self.law, settings, settings.record_interval)
             loop = simulator.loop
             found, outcome = simulator.run(loop.state(*start_states(self.plant, self.law, settings)))
@@ -134,7 +134,7 @@ class Family:
         assumed = assumed_plant(run)
         actual = actual_plant(run, assumed)
         check_names(run, assumed.linearisation.plant, actual)
-        law = rival(run, assumed.linearisation.plant) if run.tries else controlled(run, assumed)[0]
+        law = controller_of(run, assumed.linearisation.plant)
         settings = run.simulation.settings()
         plant = matched(linear_plant(actual, settings), law.plant, "position")
         torque = dict(self.file.pressure.torque)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,6 +15,9 @@ from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError
 from icmj.identification.rhythm import Rhythm
 from icmj.identification.unknown import Unknown
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 _POINTS = 33  # of the interval in which it is sought
 _SAME = 1e-6  # relative: a root at which the interval is not the one observed is a jump
@@ -113,7 +117,7 @@ def refined(inverse: Inverse, candidate: Candidate, rhythm: Rhythm) -> Candidate
     return Candidate(value, candidate.error, candidate.sign)
 
 
-def _rate(case: Case | None) -> tuple[float, int]:
+def _rate(case: PredictedCase | None) -> tuple[float, int]:
     if case is None:
         return float("nan"), 0
     found = case.prediction

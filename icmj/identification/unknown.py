@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.case.case import Case, prepare
+from icmj.case.case import Case, expect_prediction, prepare
 from icmj.errors import IcmjError, IdentificationError
 from icmj.plant.change import Change
 from icmj.runfile.schema import RunFile
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 
 @dataclass(frozen=True)
@@ -60,17 +63,17 @@ class Unknown:
         deviation = {"what": self.change.what, **of, "factor": float(value)}
         return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)
 
-    def case(self, value: float, like: Case | None = None, **changes: Any) -> Case | None:
+    def case(self, value: float, like: Case | None = None, **changes: Any) -> PredictedCase | None:
         """The case with this value, or ``None`` if no case can be prepared."""
         try:
-            return prepare(self.at(value, **changes), like=like)
+            return expect_prediction(prepare(self.at(value, **changes), like=like), "identification")
         except IcmjError:
             return None
 
-    def checked(self) -> Case:
+    def checked(self) -> PredictedCase:
         """The case in the middle of the range, to check that it can be prepared.
 
         Raises:
             IcmjError: if the run file or its models do not have the field or change.
         """
-        return prepare(self.at((self.low + self.high) / 2))
+        return expect_prediction(prepare(self.at((self.low + self.high) / 2)), "identification")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.environment import single_threaded
-from icmj.controller.controller import Controller
+from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.linear.simulator import Simulator
 from icmj.linear.tapped import simulate_tapped
@@ -56,7 +56,7 @@ def simulate(
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
             finite, or a disturbance names an unknown input or output.
     """
-    if not isinstance(controller, Controller):
+    if not has_trigger(controller):
         expect_no_observer(controller, settings, x_o0, x_h0)
         return simulate_tapped(plant, controller, settings, x0=x0, progress=progress)
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)

@@ -22,7 +22,7 @@ from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.case.files import plant_files
 from icmj.controller.channels import Channel, SwitchingChannels
-from icmj.controller.controller import Controller
+from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.delay import Delay
 from icmj.controller.delayed_pid import DelayedPID
 from icmj.controller.design import Design
@@ -42,7 +42,6 @@ from icmj.measurement.statistics import Estimate, Statistics
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.push import Push
 from icmj.result.result import AmplitudeLaw, Attractor, Growth, Result
-from icmj.result.tried import Tried
 from icmj.runfile.kept import MOST_BYTES, Kept
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import RunFile
@@ -61,19 +60,19 @@ _DATA: tuple[type, ...] = (
     *(Crossing, NeutralMode, Family, Orbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
-    *(Growth, AmplitudeLaw, Attractor, Result, Tried),
+    *(Growth, AmplitudeLaw, Attractor, Result),
     *(Layout, Rates, Mode, Guard, Realisation, RecordedLaw),
     *(SwitchingPD, Channel, SwitchingChannels, DelayedPID, PredictorController),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
-_LEFT_OUT = {("Result", "scene"), ("Tried", "scene")}  # stored as what it is for, the 3D entities
+_LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
 
 _KINDS = "fciub"  # float, complex, integers, bool
 
 Flat = dict[str, NDArray[Any]]
 
 
-def pack(result: Result | Tried) -> tuple[str, Flat]:
+def pack(result: Result) -> tuple[str, Flat]:
     """The tree as JSON text, and the arrays by their dotted place in it, flattened row by row.
 
     Complex arrays are stored as (re, im) pairs; dtype and shape are in the tree.
@@ -83,15 +82,14 @@ def pack(result: Result | Tried) -> tuple[str, Flat]:
     """
     arrays: Flat = {}
     # of a rule, or a controller, of somebody's own a log carries the numbers, and says where the code is
-    if isinstance(result, Tried):
-        result = replace(result, law=recorded_law(result.law))
-    else:
-        controller = result.controller
-        result = replace(result, controller=controller.triggered_by(recorded(controller.trigger, controller.design)))
+    law = recorded_law(result.controller)
+    if has_trigger(law):
+        law = law.triggered_by(recorded(law.trigger, law.design))
+    result = replace(result, controller=law)
     return json.dumps(_encode(result, "", arrays), ensure_ascii=False), arrays
 
 
-def unpack(tree: str, arrays: Flat) -> Result | Tried:
+def unpack(tree: str, arrays: Flat) -> Result:
     """The result from what :func:`pack` gave, every array bit for bit.
 
     Raises:
@@ -104,7 +102,7 @@ def unpack(tree: str, arrays: Flat) -> Result | Tried:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError, RecursionError) as error:
         raise LogError(f"the archive is not one of this version of icmj ({one_line(error, 200)})") from error
-    if not isinstance(result, Result | Tried):
+    if type(result) is not Result:
         raise LogError("the archive holds no result")
     validate(result)
     return result
@@ -179,6 +177,8 @@ def _decode(value: Any, arrays: Flat) -> Any:
         told = {key: str(text) for key, text in value.get("kept", {}).items()}
         return run.keeping(Kept(files=files, **told)) if files else run
     parts = {k: _decode(v, arrays) for k, v in value.items() if k != "@"}
+    if value.get("@") == "Tried":  # a run without a prediction, as it was called before
+        return Result(controller=parts.pop("law"), prediction=None, **parts)
     return _CLASSES[value["@"]](**parts) if "@" in value else parts
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rerun as rr
@@ -11,9 +11,11 @@ import rerun.blueprint as rrb
 from icmj.log.chart import GROWTH, LAW, WIDE, charts
 from icmj.log.figure import eye
 from icmj.log.sink import TIMELINE
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 from icmj.view.quantity import in_brackets, shared_unit
+
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
 BACKGROUND = (52, 58, 66, 255)
 DARK = (24, 27, 31, 255)
@@ -24,6 +26,8 @@ ROOM = 0.36  # of the time shown: left free at the right of the curves, for the 
 
 def blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``, without views of data that it does not have."""
+    if not has_prediction(result):
+        return _whole(result)
     control = result.simulation.control
     window = _window(result)
     left: list[Any] = [body(result)] if result.scene is not None else []
@@ -43,11 +47,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
         rrb.Tabs(*states, active_tab=0),
     ]
     if result.simulation.pressure is not None:
-        ground = [
-            plot("Centre of pressure [m]", "pressure", window),
-            plot("Load on the ground [N]", "load", window),
-        ]
-        middle.insert(2, rrb.Tabs(*ground, active_tab=0))
+        middle.insert(2, _ground(window))
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
         right.append(plot("Open-loop interval [s], whole run", "interval", whole_run(result), ahead=True))
@@ -58,6 +58,29 @@ def blueprint(result: Result) -> rrb.Blueprint:
         rrb.Vertical(*middle),
         rrb.Vertical(*right, row_shares=[4, 3, 3][: len(right)]),
     )
+
+
+def _ground(axis: rrb.TimeAxis, *, ahead: bool = False) -> rrb.Tabs:
+    views = (("Centre of pressure [m]", "pressure"), ("Load on the ground [N]", "load"))
+    return rrb.Tabs(*(plot(name, origin, axis, ahead=ahead) for name, origin in views), active_tab=0)
+
+
+def _whole(result: Result) -> rrb.Blueprint:
+    """Body, outputs, inputs and mode over the whole run, and the summary: of a run beside which there is nothing."""
+    axis, run = whole_run(result), result.simulation
+    plots: list[Any] = [
+        plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", axis, ahead=True),
+        plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", axis, ahead=True),
+        plot("Plant state x", "states/plant", axis, ahead=True),
+    ]
+    if run.pressure is not None:
+        plots.append(_ground(axis, ahead=True))
+    if run.mode.size:
+        numbered = ", ".join(f"{i} {name}" for i, name in enumerate(run.modes))
+        plots.append(plot(f"Mode: {numbered}", "mode", axis, ahead=True))
+    left: list[Any] = [body(result)] if result.scene is not None else []
+    right = rrb.TextDocumentView(origin="summary", name="Summary")
+    return arranged(*(rrb.Vertical(*part) for part in (left, plots, [right]) if part))
 
 
 def arranged(*columns: rrb.Vertical) -> rrb.Blueprint:
@@ -72,7 +95,7 @@ def arranged(*columns: rrb.Vertical) -> rrb.Blueprint:
     )
 
 
-def _window(result: Result) -> rrb.TimeAxis:
+def _window(result: PredictedResult) -> rrb.TimeAxis:
     """A time axis that follows the cursor: some intervals before it, and room for the legend after it."""
     simulation, interval = result.simulation, result.measurement.interval
     if interval is None or not np.isfinite(interval) or interval <= 0:
@@ -86,7 +109,7 @@ def _window(result: Result) -> rrb.TimeAxis:
     )
 
 
-def whole_run(result: Result | Tried) -> rrb.TimeAxis:
+def whole_run(result: Result) -> rrb.TimeAxis:
     """A time axis over the whole run, and room for the legend."""
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
@@ -113,7 +136,7 @@ def plot(name: str, origin: str, axis: rrb.TimeAxis, *, ahead: bool = False) -> 
     )
 
 
-def body(result: Result | Tried) -> rrb.Spatial3DView:
+def body(result: Result) -> rrb.Spatial3DView:
     """The body, and its sway magnified, in 3D."""
     assert result.scene is not None
     position, target = eye(result.scene)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
@@ -17,11 +18,13 @@ from icmj.base.array import Array, between
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.log.sink import time_column
-from icmj.result.result import Result
 from icmj.simulation.scene import frames
 from icmj.view.laid_orbit import laid_orbit, predicted_growth
 from icmj.view.motion import event_rows, output_rate
 from icmj.view.quantity import in_brackets, shared_unit, threshold_unit
+
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
 WIDE = 1.6  # width of the frame over its height
 GROWTH, LAW = "growth", "law"
@@ -64,19 +67,19 @@ class Chart:
     points: list[tuple[str, Array, Array, Colour]] = field(default_factory=list)
 
 
-def charts(result: Result) -> dict[str, Chart]:
+def charts(result: PredictedResult) -> dict[str, Chart]:
     """The charts for which ``result`` has data, by entity path."""
     found = {GROWTH: _growth(result), LAW: _law(result)}
     return {path: chart for path, chart in found.items() if chart is not None}
 
 
-def write_charts(recording: rr.RecordingStream, result: Result) -> None:
+def write_charts(recording: rr.RecordingStream, result: PredictedResult) -> None:
     """Write every chart of ``result``."""
     for path, chart in charts(result).items():
         _write(recording, path, chart)
 
 
-def _growth(result: Result) -> Chart | None:
+def _growth(result: PredictedResult) -> Chart | None:
     """Largest |λ(φ)| against the interval of the clock, with measured growth, the unit circle and Δ_crit."""
     if result.growth is None:
         return None
@@ -95,7 +98,7 @@ def _growth(result: Result) -> Chart | None:
     return Chart(x, y, lines, [measured])
 
 
-def _law(result: Result) -> Chart | None:
+def _law(result: PredictedResult) -> Chart | None:
     """Relative errors of interval and amplitude against the threshold, on logarithmic axes, with a slope of 2."""
     law = result.law
     if law is None:
@@ -168,7 +171,7 @@ def _write_words(recording: rr.RecordingStream, path: str, at: Array, labels: li
     recording.log(path, words, static=True)
 
 
-def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
+def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) -> None:
     """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and the present point."""
     simulation = result.simulation
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)

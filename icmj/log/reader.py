@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from icmj.base.text import one_line
+from icmj.controller.controller import has_trigger
 from icmj.controller.trigger import RecordedRule
 from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
 from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
 from icmj.result.result import Result
-from icmj.result.tried import Tried
 from icmj.work.own_code import Code
 
 _REPLACED = 5  # how often a log may be replaced while it is read
@@ -27,7 +27,9 @@ class DamagedLog(LogError):
 def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
     """Read the result from which a log was written, bit for bit; ``scene`` is ``None``.
 
-    An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`).
+    An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`), and so is a
+    controller (:class:`icmj.controller.law.RecordedLaw`). Logs of controllers without an event rule that earlier
+    versions wrote are read, too.
 
     Args:
         path: the log.
@@ -39,34 +41,11 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
         LogError: if the file is missing, not a log of icmj, cut short, or its archive has changed since it was
             written.
     """
-    result = read_any(path)
-    if isinstance(result, Tried):
-        raise LogError(
-            f"{path}: the log of a {result.law.kind} controller, which has no prediction; icmj.read_trial reads it"
-        )
+    result = _read(path)
     return _own(result) if allow_code else result
 
 
-def read_trial(path: Path | str) -> Tried:
-    """Read the run of a log whose controller is not intermittent; ``scene`` is ``None``.
-
-    A controller from user code is read as its numbers (:class:`icmj.controller.law.RecordedLaw`).
-
-    Raises:
-        LogError: as for :func:`read_log`, or if the controller is intermittent.
-    """
-    result = read_any(path)
-    if isinstance(result, Result):
-        raise LogError(f"{path}: the log of an intermittent controller; read_log reads it")
-    return result
-
-
-def read_any(path: Path | str) -> Result | Tried:
-    """The result from which a log was written, for any controller.
-
-    Raises:
-        LogError: as of :func:`read_log`.
-    """
+def _read(path: Path | str) -> Result:
     path = Path(path)
     row = static_row(path, "/archive")
     columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
@@ -91,8 +70,9 @@ def read_any(path: Path | str) -> Result | Tried:
 
 def _own(result: Result) -> Result:
     """The result with its event rule made from user code, if that is available and unchanged."""
-    rule = result.controller.trigger
-    if not isinstance(rule, RecordedRule):
+    controller = result.controller
+    rule = controller.trigger if has_trigger(controller) else None
+    if not has_trigger(controller) or not isinstance(rule, RecordedRule):
         return result
     code = Code(result.run.path.parent, allowed=True)
     if code.digest(rule.reference) != rule.sha256:
@@ -101,7 +81,7 @@ def _own(result: Result) -> Result:
         made = code.made(rule.reference, **rule.parameters)
     except RunFileError:  # the name is not there, or what it makes fails here
         return result
-    return replace(result, controller=result.controller.triggered_by(made))
+    return replace(result, controller=controller.triggered_by(made))
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:

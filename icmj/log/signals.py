@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,12 +15,14 @@ from icmj.base.array import SAME, Array
 from icmj.controller.setpoint import Setpoint
 from icmj.log import palette
 from icmj.log.palette import Colour
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 from icmj.simulation.simulation import Simulation
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import acting, modes, reduced, running_interval, with_resets
 from icmj.view.quantity import in_brackets
+
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +54,31 @@ class Group:
 
 def groups(result: Result) -> Iterator[Group]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
-    yield from _signals(result)
+    yield from _signals(result) if has_prediction(result) else _bare_signals(result)
     yield from acting_groups(result)
     yield from pressure_groups(result)
-    yield from _trigger(result)
-    yield from _intervals(result)
-    yield from _modes(result)
+    if has_prediction(result):
+        yield from _trigger(result)
+        yield from _intervals(result)
+        yield from _modes(result)
+    run = result.simulation
+    if run.mode.size:
+        yield Group("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (palette.RUNNING,))
 
 
-def _signals(result: Result) -> Iterator[Group]:
+def _bare_signals(result: Result) -> Iterator[Group]:
+    """Outputs, inputs and states of a run with nothing to be compared with."""
+    run, plant = result.simulation, result.actual
+    for path, values, names in (
+        ("outputs/run", run.y, plant.outputs),
+        ("inputs/run", run.u, plant.inputs),
+        ("states/plant", run.x, plant.states),
+    ):
+        yield Group(path, run.t, values, names, palette.series(len(names)))
+    yield from setpoint_groups(run)
+
+
+def _signals(result: PredictedResult) -> Iterator[Group]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
@@ -103,7 +121,7 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
     return when[order], values[order]
 
 
-def acting_groups(result: Result | Tried) -> Iterator[Group]:
+def acting_groups(result: Result) -> Iterator[Group]:
     """The inputs that act on the plant where they differ from the command: limited, and with disturbances."""
     inputs = acting(result)
     if inputs:
@@ -120,7 +138,7 @@ def acting_groups(result: Result | Tried) -> Iterator[Group]:
         yield Group("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
-def pressure_groups(result: Result | Tried) -> Iterator[Group]:
+def pressure_groups(result: Result) -> Iterator[Group]:
     """Centre of pressure, its value at rest, and the load of each contact."""
     simulation, pressure = result.simulation, result.simulation.pressure
     if pressure is None:
@@ -141,7 +159,7 @@ def pressure_groups(result: Result | Tried) -> Iterator[Group]:
         yield Group(path, t, np.ascontiguousarray(values), names, palette.series(len(names)))
 
 
-def _trigger(result: Result) -> Iterator[Group]:
+def _trigger(result: PredictedResult) -> Iterator[Group]:
     """E over the square of the threshold, with the level at which an event is due and the events on it."""
     simulation, controller = result.simulation, result.controller
     faces = controller.trigger.faces(controller.design)
@@ -156,7 +174,7 @@ def _trigger(result: Result) -> Iterator[Group]:
         yield Group("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
 
 
-def _intervals(result: Result) -> Iterator[Group]:
+def _intervals(result: PredictedResult) -> Iterator[Group]:
     """Open-loop interval as it runs and at events, with Δ_crit."""
     simulation, prediction = result.simulation, result.prediction
     if simulation.control == "continuous":
@@ -172,7 +190,7 @@ def _intervals(result: Result) -> Iterator[Group]:
         yield Group("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
 
 
-def _modes(result: Result) -> Iterator[Group]:
+def _modes(result: PredictedResult) -> Iterator[Group]:
     """χ, its real part, with ±γ and the critical mode at the events."""
     simulation, prediction = result.simulation, result.prediction
     if prediction.V_inv is None:

@@ -6,27 +6,30 @@ from collections.abc import Mapping
 from itertools import repeat
 from typing import Any
 
+import numpy as np
+
 from icmj.base.fact import told
 from icmj.base.numbers import amount, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.comparison.comparison import COMPARED, Comparison
 from icmj.comparison.facts import RUN
 from icmj.measurement.statistics import Estimate
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 from icmj.theory.facts import PREDICTION
 from icmj.view.quantity import in_unit
 
 Properties = dict[str, dict[str, float | int | bool | str]]
 
 
-def properties(result: Result, compared: Comparison) -> Properties:
+def properties(result: Result, compared: Comparison | None) -> Properties:
     """Facts of the run in full precision, by topic; a number that does not exist is left out.
 
     Args:
         result: the run.
-        compared: the run beside its prediction.
+        compared: the run beside its prediction, if there is one.
     """
+    if compared is None or not has_prediction(result):
+        return _joined(result, result.words, {"controller": _settings(result)})
     prediction, motion, outputs = result.prediction, result.measurement, result.actual.outputs
     error = compared.relative_error
     off = () if error.amplitude is None else error.amplitude
@@ -38,11 +41,11 @@ def properties(result: Result, compared: Comparison) -> Properties:
         | {f"amplitude_{k}": float(v) for k, v in zip(outputs, off, strict=False)},
         "statistics": _statistics(result),
     }
-    return joined(result, compared.words, topics)
+    return _joined(result, compared.words, topics)
 
 
-def joined(result: Result | Tried, verdict: str, topics: Mapping[str, Mapping[str, Any]]) -> Properties:
-    """Topics that only one kind of result has, with those that all have; without what does not exist."""
+def _joined(result: Result, verdict: str, topics: Mapping[str, Mapping[str, Any]]) -> Properties:
+    """Topics that not every result has, with those that all have; without what does not exist."""
     run, simulation = result.run, result.simulation
     outcome = simulation.outcome
     of_all: dict[str, dict[str, Any]] = {
@@ -65,8 +68,10 @@ def joined(result: Result | Tried, verdict: str, topics: Mapping[str, Mapping[st
     return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in told.items()}
 
 
-def markdown(result: Result, compared: Comparison) -> str:
-    """One page: the verdict, the numbers side by side, how the run ended and what made it."""
+def markdown(result: Result, compared: Comparison | None) -> str:
+    """One page: the verdict, the numbers side by side if there is a prediction, how the run ended and what made it."""
+    if compared is None or not has_prediction(result):
+        return _plain_page(result)
     run, simulation = result.run, result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
     outputs, units = result.actual.outputs, result.actual.output_units or ("",) * result.actual.n_y
@@ -109,6 +114,42 @@ def markdown(result: Result, compared: Comparison) -> str:
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _plain_page(result: Result) -> str:
+    """One page without a prediction: what the run did, the controller, how it was computed and what made it."""
+    run = result.simulation
+    parts = {
+        "Controller": _settings(result),
+        "Run": {
+            "outcome": f"the run {run.outcome.message}",
+            "switches": len(run.events),
+            "rows": len(run.t),
+            **result.measures,
+            **run.precision,
+        },
+        "Provenance": result.provenance,
+    }
+    lines = [f"# {result.run.case.title}", f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
+    lines.append(result.words)
+    for title, facts in parts.items():
+        lines += ["", f"## {title}", *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in facts.items())]
+    if run.pressure is not None:
+        lines += ["", "## Ground", *(f"- {words}" for words in run.pressure.words)]
+    return "\n".join(lines) + "\n"
+
+
+def _settings(result: Result) -> dict[str, Any]:
+    """The facts of the controller as a log's properties hold them."""
+    found: dict[str, Any] = {}
+    for key, value in result.controller.facts().items():
+        if value is None:
+            continue
+        if not isinstance(value, bool | int | float | str):
+            array = np.asarray(value)
+            value = float(array.item()) if array.size == 1 else str(array.tolist())
+        found[key] = value
+    return found
 
 
 def _statistics(result: Result) -> dict[str, float | None]:

@@ -6,34 +6,43 @@ what was written makes sense.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.controller import has_trigger
 from icmj.errors import AnalysisError, LogError
 from icmj.log.conformity import conform
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
 
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
+
 MOST_EVENTS = 64  # of one period; eight are looked for
 
 
-def validate(result: Result | Tried) -> None:
+def validate(result: Result) -> None:
     """Check everything that readers of a result rely on.
 
     Raises:
         LogError: at the first thing that is not as promised, by its dotted place.
     """
     conform(result)
-    if isinstance(result, Tried):
-        actual, assumed = result.actual, result.law.plant
-        _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
-        _simulation(result, "simulation", result.simulation, 0)
+    actual, assumed, controller = result.actual, result.controller.plant, result.controller
+    _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
+    if not has_prediction(result):
+        for name in ("continuous", "measurement", "growth", "law", "statistics"):
+            _require(getattr(result, name) is None, name, "is there without a prediction")
+        _require(not result.attractors, "attractors", "are there without a prediction")
+        _simulation(result, "simulation", result.simulation, assumed.n if has_trigger(controller) else 0)
         return
+    _require(has_trigger(controller), "prediction", f"is there for a {controller.kind} controller")
+    for name in ("continuous", "measurement"):
+        _require(getattr(result, name) is not None, name, "is missing beside a prediction")
     _plants(result)
     for name, simulation in (("simulation", result.simulation), ("continuous", result.continuous)):
         _simulation(result, name, simulation, result.assumed.n)
@@ -44,9 +53,8 @@ def validate(result: Result | Tried) -> None:
     _statistics(result)
 
 
-def _plants(result: Result) -> None:
-    actual, assumed, design = result.actual, result.assumed, result.controller.design
-    _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
+def _plants(result: PredictedResult) -> None:
+    assumed, design = result.assumed, result.controller.design
     mine, theirs = (design.plant.n, design.plant.n_u, design.plant.n_y), (assumed.n, assumed.n_u, assumed.n_y)
     _require(mine == theirs, "controller.design.plant", f"has the sizes {mine}, expected {theirs}")
     _finite("controller.design.k", design.k)
@@ -59,7 +67,7 @@ def _plants(result: Result) -> None:
         raise LogError(f"controller.trigger does not fit the design: {error}") from error
 
 
-def _simulation(result: Result | Tried, name: str, simulation: Simulation, m: int) -> None:
+def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> None:
     n, n_u, n_y = result.actual.n, result.actual.n_u, result.actual.n_y
     N = _rising(f"{name}.t", simulation.t, least=1)
     for key, width in (("x", n), ("y", n_y), ("u", n_u), ("x_o", m), ("x_h", m)):
@@ -105,7 +113,7 @@ def _pressure(name: str, simulation: Simulation) -> None:
         _shape(f"{name}.{key}", getattr(pressure, key), *shape)
 
 
-def _measurement(result: Result) -> None:
+def _measurement(result: PredictedResult) -> None:
     measured = result.measurement
     for where, told in (("measurement", measured), ("prediction", result.prediction)):
         for key in ("outputs", "output_units"):
@@ -125,7 +133,7 @@ def _measurement(result: Result) -> None:
         _positive(f"measurement.{key}", getattr(measured, key))
 
 
-def _prediction(result: Result, prediction: Prediction) -> None:
+def _prediction(result: PredictedResult, prediction: Prediction) -> None:
     size = _at_events(result)
     delayed = bool(result.simulation.delay) == bool(result.controller.delay)
     _require(delayed, "simulation.delay", "and the controller's are not one: only one of them is none")
@@ -148,7 +156,7 @@ def _prediction(result: Result, prediction: Prediction) -> None:
         _orbit(result, prediction.orbit)
 
 
-def _orbit(result: Result, orbit: Orbit) -> None:
+def _orbit(result: PredictedResult, orbit: Orbit) -> None:
     n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
     M = _rising("prediction.orbit.t", orbit.t, least=2, twice=1 if result.controller.delay else 0)  # the action
     _positive("prediction.orbit.delta", orbit.delta)
@@ -163,7 +171,7 @@ def _orbit(result: Result, orbit: Orbit) -> None:
             _shape(f"prediction.orbit.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
 
 
-def _experiments(result: Result) -> None:
+def _experiments(result: PredictedResult) -> None:
     n, m = result.actual.n, result.assumed.n
     if result.growth is not None:
         points = _rising("growth.delta", result.growth.delta, least=1)
@@ -184,7 +192,7 @@ def _experiments(result: Result) -> None:
         _require(attractor.count >= 1 and 0 <= attractor.share <= 1, where, "has no sensible count or share")
 
 
-def _statistics(result: Result) -> None:
+def _statistics(result: PredictedResult) -> None:
     told, n_y = result.statistics, result.actual.n_y
     if told is None:
         return
@@ -200,7 +208,7 @@ def _statistics(result: Result) -> None:
         _shape(f"statistics.spectrum.{key}", getattr(told.spectrum, key), F, n_y)
 
 
-def _at_events(result: Result) -> int:
+def _at_events(result: PredictedResult) -> int:
     """Length of the state that the map from event to event acts on; with a delay it includes the hold."""
     n, m = result.actual.n, result.assumed.n
     return n + 2 * m if result.controller.delay else n + m

@@ -18,13 +18,12 @@ from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.comparison.comparison import compare
 from icmj.errors import LogError
-from icmj.log import archive, signals, summary, tried
+from icmj.log import archive, signals, summary
 from icmj.log.blueprint import blueprint
 from icmj.log.chart import write_charts, write_phase_plane
 from icmj.log.figure import write_figures
 from icmj.log.sink import in_memory, time_column
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 
 APPLICATION = "icmj"
 LITTLE = 20_000_000  # bytes; the longest shipped run logs half of it
@@ -32,7 +31,7 @@ FORMAT = 1
 """Version of what the archive holds; raised when an older reader could misread a newer log."""
 
 
-def write_log(result: Result | Tried, path: Path | str) -> None:
+def write_log(result: Result, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
     The log is written under a temporary name, read back to check that it is complete, and renamed, so a log is
@@ -65,7 +64,7 @@ def strictly() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def _write(result: Result | Tried, tree: str, arrays: archive.Flat, sink: Path) -> None:
+def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     digest = archive.digest(tree, arrays)
     # one identity for one content: two versions of a case stay two recordings in the viewer
     identity = uuid.uuid5(uuid.NAMESPACE_OID, digest)
@@ -73,24 +72,20 @@ def _write(result: Result | Tried, tree: str, arrays: archive.Flat, sink: Path) 
     recording = rr.RecordingStream(
         APPLICATION, recording_id=identity, batcher_config=rr.ChunkBatcherConfig(flush_num_rows=1)
     )
-    recording.save(sink, default_blueprint=tried.blueprint(result) if isinstance(result, Tried) else blueprint(result))
+    recording.save(sink, default_blueprint=blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
-    if isinstance(result, Tried):
-        properties, words, groups = tried.properties(result), tried.markdown(result), tried.groups(result)
-    else:
-        compared = compare(result)
-        properties, words = summary.properties(result, compared), summary.markdown(result, compared)
-        groups = signals.groups(result)
+    compared = compare(result) if has_prediction(result) else None
+    properties, words = summary.properties(result, compared), summary.markdown(result, compared)
     for name, facts in properties.items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
     recording.log("summary", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN), static=True)
     _write_archive(recording, tree, arrays, digest)
-    for group in groups:
+    for group in signals.groups(result):
         _write_group(recording, group)
-    if isinstance(result, Result):
+    if has_prediction(result):
         write_phase_plane(recording, result)
         write_charts(recording, result)
     if result.scene is not None:

@@ -23,9 +23,8 @@ from icmj.report.pairing import CaseRuns, paired
 from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.sections import DrawnPanel, Picture, Section, numbered
 from icmj.report.sections.statements import in_paper_order
-from icmj.result.result import Result
+from icmj.result.result import Result, has_prediction
 from icmj.result.swept import Swept
-from icmj.result.tried import Tried
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +37,7 @@ SUBTITLE = "What the paper reports, what linear theory predicts, and what two si
 
 FOLLOWED = "Cycles of the event-driven loop as a parameter varies: where they exist, attract, change and end."
 SWEPT = "What linear theory predicts and what simulated plants do, over a range of parameters."
-TRIED = "Standing under other controllers"
+OTHERS = "Standing under other controllers"
 MOVED = "How simulated plants move"
 NOTHING = "These controllers have no event rule and no critical interval: their runs are shown without a prediction."
 
@@ -50,20 +49,19 @@ def build_report(
     figures: Path | None = None,
     sweeps: Sequence[Swept] = (),
     branches: Sequence[Branch] = (),
-    tried: Sequence[Tried] = (),
     draw: Draw | None = None,
 ) -> None:
     """Build the comparison report: one self-contained HTML page, and each figure as PDF and SVG.
 
     Args:
         results: runs as read from logs; normally one on the linear plant and one in MuJoCo for each case. Angles
-            are drawn in degrees, other outputs in the units of their plant.
+            are drawn in degrees, other outputs in the units of their plant. Runs without a prediction are shown after
+            those with one, or alone.
         out: path of the page.
         figures: folder of the single figures; ``<stem>_figures`` in the folder of the page if ``None``.
         sweeps: sweeps as read from their folders, shown after the runs, or alone.
         branches: branches of cycles as read from their files, shown after runs and sweeps, or alone. Branches of one
             run file along one parameter share a figure, in which those of the linear plant are drawn below the others.
-        tried: runs under controllers that are not intermittent, shown after these, or alone.
         draw: a function that draws the figures of all cases into a folder, see
             :func:`icmj.report.drawing.draw_case`; if ``None``, they are drawn one after the other.
 
@@ -71,14 +69,16 @@ def build_report(
         ReportError: if there are no results, sweeps or branches, two results of the same run, or the files cannot be
             written. In this case no page is left, except one that existed before.
     """
-    cases = in_paper_order(paired(results)) if results or not (sweeps or branches or tried) else []
+    others = [result for result in results if not has_prediction(result)]
+    predicted = [result for result in results if has_prediction(result)]
+    cases = in_paper_order(paired(predicted)) if predicted or not (sweeps or branches or others) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with scratch(out) as staged:
             (draw or draw_all)(cases, staged)
-            page = render(cases, staged, sweeps, branches, tried)
+            page = render(cases, staged, sweeps, branches, others)
             (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
@@ -105,18 +105,18 @@ def render(
     folder: Path,
     sweeps: Sequence[Swept] = (),
     branches: Sequence[Branch] = (),
-    tried: Sequence[Tried] = (),
+    alone: Sequence[Result] = (),
 ) -> str:
     """The page's HTML; the figures of the cases are in ``folder``, those of sweeps and branches are drawn into it."""
     panels, laws, noisy = _pictures(cases, folder)
-    motions, of_case, of_trial = _motions(cases, tried)
+    motions, of_case, of_other = _motions(cases, alone)
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
     grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
     after = before + 1 + numbered(swept) + numbered(grown)
-    controllers = _rivals(cases, tried, folder)
+    controllers = _rivals(cases, alone, folder)
     beside = sections.rivals(controllers, after)
-    others = sections.tried(tried, _tried(tried, folder), after + len(controllers), of_trial)
+    others = sections.others(alone, _others(alone, folder), after + len(controllers), of_other)
     parts: list[Section | None] = [swept, grown, beside, others]
     if cases:
         parts = [
@@ -133,17 +133,17 @@ def render(
             sections.designs(cases),
             sections.settings(cases),
         ]
-    alone = bool(tried) and not (cases or sweeps or branches)
+    only = bool(alone) and not (cases or sweeps or branches)
     return filled(
         [part for part in parts if part is not None],
-        title=TRIED if alone else TITLE,
-        subtitle=MOVED if alone else SUBTITLE,
+        title=OTHERS if only else TITLE,
+        subtitle=MOVED if only else SUBTITLE,
         abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
-        first=_first(cases, tried, folder, of_case | of_trial, motions) if cases or tried else None,
+        first=_first(cases, alone, folder, of_case | of_other, motions) if cases or alone else None,
         motions=script(motions) if motions else "",
         paper=bool(cases or sweeps or branches),
         source=" and ".join(
-            word for word, given in (("logs", cases or tried), ("sweeps", sweeps), ("branches", branches)) if given
+            word for word, given in (("logs", cases or alone), ("sweeps", sweeps), ("branches", branches)) if given
         ),
         beside="The figures are also available as PDF and SVG files in the folder beside this page.",
     )
@@ -174,13 +174,13 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
 
 
 def _motions(
-    cases: Sequence[CaseRuns], tried: Sequence[Tried]
+    cases: Sequence[CaseRuns], others: Sequence[Result]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, str], dict[str, str]]:
-    """Motions that the page plays, by key, and these keys by case: of cases, and of trials."""
+    """Motions that the page plays, by key, and these keys by case: of cases, and of runs without a prediction."""
     motions: dict[str, dict[str, Any]] = {}
     named: tuple[dict[str, str], dict[str, str]] = ({}, {})
-    runs: list[tuple[dict[str, str], str, Result | Tried]] = [(named[0], case.name, case.last) for case in cases]
-    runs += [(named[1], run.run.case.name, run) for run in tried]
+    runs: list[tuple[dict[str, str], str, Result]] = [(named[0], case.name, case.last) for case in cases]
+    runs += [(named[1], run.run.case.name, run) for run in others]
     for of, name, run in runs:
         found = moving(run)
         if found is not None and (name not in of or run.simulation.plant == "mujoco"):
@@ -191,7 +191,7 @@ def _motions(
 
 def _first(
     cases: Sequence[CaseRuns],
-    tried: Sequence[Tried],
+    others: Sequence[Result],
     folder: Path,
     named: Mapping[str, str],
     motions: Mapping[str, dict[str, Any]],
@@ -207,7 +207,7 @@ def _first(
     settled = {case.name for case in cases if any(c.measured.converged for c in case.comparisons.values())}
     best = max(bodies, key=lambda name: (name in settled, len(bodies[name]["shapes"])), default=None)
     return {
-        "headline": sections.headline(cases, tried),
+        "headline": sections.headline(cases, others),
         "picture": drawn,
         "narrow": narrow,
         "caption": sections.caption(cases),
@@ -270,29 +270,29 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
     return found
 
 
-def _tried(runs: Sequence[Tried], folder: Path) -> dict[str, Picture]:
+def _others(runs: Sequence[Result], folder: Path) -> dict[str, Picture]:
     """Outputs over time of every case under another controller."""
-    from icmj.report.rivals import trial_figure
+    from icmj.report.rivals import run_figure
 
-    cases: dict[str, list[Tried]] = {}
+    cases: dict[str, list[Result]] = {}
     for run in runs:
         cases.setdefault(run.run.case.name, []).append(run)
     with style.applied():
         return {
-            name: _drawn(trial_figure(same), folder, f"{name}_trial", f"{same[0].run.case.title}, over time")
+            name: _drawn(run_figure(same), folder, f"{name}_run", f"{same[0].run.case.title}, over time")
             for name, same in cases.items()
         }
 
 
 def _rivals(
-    cases: Sequence[CaseRuns], tried: Sequence[Tried], folder: Path
+    cases: Sequence[CaseRuns], others: Sequence[Result], folder: Path
 ) -> list[tuple[list[Rival], tuple[Picture, Picture]]]:
     """Controllers of one body, with their spectra and paths."""
     found = []
-    if tried:
+    if others:
         runs = [result for case in cases for result in case.runs.values()]
         with style.applied():
-            for n, group in enumerate(rivals([*runs, *tried]), 1):
+            for n, group in enumerate(rivals([*runs, *others]), 1):
                 spectra = _drawn(spectra_figure(group), folder, f"controllers_{n}_spectra", "Spectra of the outputs")
                 paths = _drawn(paths_figure(group), folder, f"controllers_{n}_paths", "Rates against outputs")
                 found.append((group, (spectra, paths)))

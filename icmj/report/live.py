@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,10 +21,9 @@ from icmj.base.environment import single_threaded
 from icmj.base.files import write_text
 from icmj.base.text import one_line
 from icmj.base.version import VERSION
-from icmj.case.case import Case
+from icmj.case.case import Case, has_prediction
 from icmj.case.plants import AnyPlant
-from icmj.case.trial import Trial
-from icmj.controller.controller import Controller
+from icmj.controller.controller import has_trigger
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
 from icmj.engine.chain import chain_of
@@ -41,6 +40,9 @@ from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 from icmj.view.quantity import quantities
 
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
+
 DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2)  # s; between them a slider of the intermittent controller has no place
 GAINS, STEP = (0.6, 1.5), 0.01  # of b
 LONGEST = 0.5  # s, of a delay whose readings the page can be given
@@ -50,11 +52,11 @@ HEADING = "Balance with a wrong internal model"
 BANDWIDTH = 5.0  # Hz, of the torques that a page adds where the run file has no noise
 
 
-def build_live(case: Case | Trial, out: Path | str, *, progress: Callable[[float], None] | None = None) -> None:
+def build_live(case: Case, out: Path | str, *, progress: Callable[[float], None] | None = None) -> None:
     """Write a page that simulates ``case`` live in a browser: one HTML file that requests nothing from anywhere.
 
     Args:
-        case: a case or a trial; the run file's state at t = 0 is the page's.
+        case: the case; the run file's state at t = 0 is the page's.
         out: the page.
         progress: called repeatedly with the completed fraction of the predictions, 0–1.
 
@@ -85,14 +87,14 @@ def page(description: Mapping[str, Any]) -> str:
 
 
 @single_threaded()
-def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """All that the page's script reads, as plain data.
 
     Raises:
         ReportError: as of :func:`build_live`.
     """
     run, actual, settings = case.run, case.actual, case.settings
-    law = case.law if isinstance(case, Trial) else case.controller
+    law = case.controller
     if refusal := _refusal(case):
         raise ReportError(f"{run.path}: no live page of this case: {refusal}")
     linear = actual.linearisation.plant
@@ -122,12 +124,12 @@ def describe(case: Case | Trial, *, progress: Callable[[float], None] | None = N
         "body": links and chain_body(links, _positions(actual), run.study.magnification),
         "table": None,
     }  # fmt: skip
-    return described | (_law(case) if isinstance(case, Trial) else _rule(case, unit, progress or (lambda done: None)))
+    return described | (_rule(case, unit, progress or (lambda done: None)) if has_prediction(case) else _law(case))
 
 
-def _refusal(case: Case | Trial) -> str:
+def _refusal(case: Case) -> str:
     """Why the page's loop cannot simulate a case; empty if it can."""
-    law, settings = case.law if isinstance(case, Trial) else case.controller, case.settings
+    law, settings = case.controller, case.settings
     real = law.realisation
     if case.run.setpoint:
         return "the page moves no set-point; leave out [setpoint]"
@@ -135,9 +137,11 @@ def _refusal(case: Case | Trial) -> str:
         return (
             f"a {law.kind} controller reads its own commands or is reset by a clock, which the page's loop does not do"
         )
-    if isinstance(law, Controller) and law.sampling_delay:
+    if not has_prediction(case) and not real.tapped:
+        return "the page has an event rule, or a controller that reads delayed outputs, and this one has neither"
+    if has_trigger(law) and law.sampling_delay:
         return "events of the page come at once; leave out sampling_delay"
-    if isinstance(law, Controller) and law.delay.predicted != law.delay.t_d:
+    if has_trigger(law) and law.delay.predicted != law.delay.t_d:
         return "the page has one slider for actual and assumed delay; leave out [actual] delay"
     if real.tapped and real.taps[-1] > LONGEST:
         return f"the page remembers readings of {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
@@ -155,13 +159,13 @@ def _placed(settings: Settings) -> list[Placed]:
     return [source for source in settings.disturbance if isinstance(source, Placed)]
 
 
-def _gain(case: Case | Trial) -> float:
+def _gain(case: Case) -> float:
     if isinstance(case.actual, MujocoPlant):
         return float(case.actual.linearisation.ports.b[0])
     return float(np.atleast_1d(case.run.actual.gain)[0])
 
 
-def _start(case: Case | Trial) -> list[float]:
+def _start(case: Case) -> list[float]:
     return [float(value) for value in plant_start(case.actual.linearisation.plant, case.settings)]
 
 
@@ -172,7 +176,7 @@ def _positions(plant: AnyPlant) -> list[int]:
     return [states.index(i) if i in states else -1 for i in range(plant.model.nv)]
 
 
-def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[Any]]:
+def _limits(case: Case, plant: LinearPlant) -> list[list[Any]]:
     """(state, size, name) of each position whose departure ends the run; those without a limit are left out."""
     actual, limit = case.actual, case.settings.limit
     if isinstance(actual, MujocoPlant):
@@ -192,7 +196,7 @@ def _limits(case: Case | Trial, plant: LinearPlant) -> list[list[Any]]:
     ]
 
 
-def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, Any]]:
+def _acting(case: Case, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, Any]]:
     """Terms (on commands 0 or readings 1, index, a, ω, φ, start, end), and what the slider of noise says.
 
     Where the run file has noise, the slider multiplies it; elsewhere it is torque of one size for all inputs, in
@@ -206,7 +210,7 @@ def _acting(case: Case | Trial, plant: LinearPlant) -> tuple[list[list[Any]], di
     ]
     if terms:
         return terms, {"own": True, "noisy": case.settings.noisy, "most": 3.0, "start": 1.0, "unit": ""}
-    orbit = None if isinstance(case, Trial) else case.prediction.orbit
+    orbit = None if case.prediction is None else case.prediction.orbit
     share = np.ones(plant.n_u) if orbit is None else np.nan_to_num(orbit.u_peak, posinf=1.0)
     share = share / share[0] if share[0] > 0 and np.isfinite(share).all() else np.ones(plant.n_u)
     for index, size in enumerate(share):
@@ -221,20 +225,20 @@ def _end(of: Disturbance, i: int) -> float | None:
     return float(of.end[i]) if np.isfinite(of.end[i]) else None
 
 
-def _law(trial: Trial) -> dict[str, Any]:
+def _law(case: Case) -> dict[str, Any]:
     """A controller that reads delayed outputs; it has no event rule."""
-    real = trial.law.realisation
+    real = case.controller.realisation
     delay = real.taps[0]
     return {
         "delay": delay,
         "delays": [0.02, LONGEST],
-        "controller": _modes(trial.law.realisation) | {
+        "controller": _modes(real) | {
             "taps": [tap / delay for tap in real.taps],
             "guards": [{"Q": guard.Q.tolist(), "c": guard.c} for guard in real.guards],
             "table": None if real.table is None else real.table.tolist(),
             "resets": [{"delay": delay, "J": real.J.tolist(), "G": real.G.tolist()}],
         },
-        "start": {"x": _start(trial), "a": [0.0] * len(real.J)},
+        "start": {"x": _start(case), "a": [0.0] * len(real.J)},
     }  # fmt: skip
 
 
@@ -246,7 +250,7 @@ def _modes(real: Realisation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> dict[str, Any]:
+def _rule(case: PredictedCase, unit: LinearPlant, progress: Callable[[float], None]) -> dict[str, Any]:
     """The intermittent controller with the delays that its slider offers, and the predictions for each."""
     own = case.controller.delay.t_d
     delays = sorted({*DELAYS, own})
@@ -270,7 +274,9 @@ def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> d
     }  # fmt: skip
 
 
-def _table(case: Case, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]) -> dict[str, Any]:
+def _table(
+    case: PredictedCase, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]
+) -> dict[str, Any]:
     """Predictions by delay and b; the orbit is (x, x_o, x_h) at its event, for the threshold of the run file."""
     first, last = (round(round(g / STEP) * STEP, 6) for g in (min(GAINS[0], _gain(case)), max(GAINS[1], _gain(case))))
     gains = sorted({1.0, _gain(case), *(round(b, 6) for b in np.arange(first, last + STEP / 2, STEP))})
@@ -291,7 +297,7 @@ def _table(case: Case, unit: LinearPlant, delays: list[float], progress: Callabl
     }
 
 
-def _row(case: Case, plant: LinearPlant, delay: Delay) -> list[Any]:
+def _row(case: PredictedCase, plant: LinearPlant, delay: Delay) -> list[Any]:
     """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, and its state; ``None`` for what is not."""
     design, hold = case.controller.design, case.controller.hold
     try:

@@ -21,7 +21,6 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.report.style import NAME
 from icmj.result.result import Result
-from icmj.result.tried import Tried
 from icmj.simulation.scene import Geom, Scene, frames
 from icmj.view.motion import output_rate
 from icmj.view.quantity import quantities
@@ -50,7 +49,7 @@ def joined(*names: str) -> Markup:
     return Markup(re.sub(r"^import .*\n|^export (?=\w)", "", text, flags=re.M))
 
 
-def moving(run: Result | Tried) -> dict[str, Any] | None:
+def moving(run: Result) -> dict[str, Any] | None:
     """The motion of a run for the script; ``None`` of one without two frames of finite numbers.
 
     Its columns are ``t``, ``y`` and ``v`` (outputs and their rates, as people read them), and of a body, true and
@@ -84,9 +83,9 @@ def moving(run: Result | Tried) -> dict[str, Any] | None:
     }
 
 
-def _cycle(run: Result | Tried) -> float | None:
+def _cycle(run: Result) -> float | None:
     """Period [s] of what the run settled on, if it did."""
-    measured = run.measurement if isinstance(run, Result) else None
+    measured = run.measurement
     if measured is None or measured.kind != "cycle" or not measured.period or measured.period > LONGEST:
         return None
     return round(float(measured.period), 6)

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from icmj.comparison.comparison import Comparison, compare
 from icmj.errors import ReportError
-from icmj.result.result import Result
+from icmj.result.result import Result, has_prediction
 from icmj.theory.prediction import Prediction
+
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,25 +21,25 @@ class CaseRuns:
     """One case: its name and its runs, keyed ``linear`` and ``mujoco``, in that order."""
 
     name: str
-    runs: dict[str, Result]
+    runs: dict[str, PredictedResult]
 
     @property
-    def linear(self) -> Result | None:
+    def linear(self) -> PredictedResult | None:
         """The run of the linear plant, if there."""
         return self.runs.get("linear")
 
     @property
-    def mujoco(self) -> Result | None:
+    def mujoco(self) -> PredictedResult | None:
         """The run of the MuJoCo plant, if there."""
         return self.runs.get("mujoco")
 
     @property
-    def first(self) -> Result:
+    def first(self) -> PredictedResult:
         """The result to read shared facts from: the linear plant's if there, else MuJoCo's."""
         return next(iter(self.runs.values()))
 
     @property
-    def last(self) -> Result:
+    def last(self) -> PredictedResult:
         """The result drawn on top: MuJoCo's if there, else the linear plant's."""
         return list(self.runs.values())[-1]
 
@@ -54,13 +58,16 @@ def paired(results: Sequence[Result]) -> list[CaseRuns]:
     """Results grouped by case, in the order in which the cases first appear.
 
     Raises:
-        ReportError: if there are none, or two of the same case and plant.
+        ReportError: if there are none, two of the same case and plant, or one without a prediction.
     """
     if not results:
         raise ReportError("no results to report; give at least one log")
-    groups: dict[str, dict[str, Result]] = {}
+    groups: dict[str, dict[str, PredictedResult]] = {}
     for result in results:
         name, plant = result.run.case.name, result.simulation.plant
+        if not has_prediction(result):
+            kind = result.controller.kind
+            raise ReportError(f"case {name!r}: a run under {kind} control has no prediction to stand beside")
         runs = groups.setdefault(name, {})
         if plant in runs:
             raise ReportError(f"two logs hold case {name!r} on the {plant} plant; give only one of them")

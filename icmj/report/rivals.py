@@ -13,8 +13,7 @@ from icmj.errors import DataError
 from icmj.measurement.sway import Sway, measure_sway
 from icmj.report import style
 from icmj.report.sway import COLOURS, LOWEST
-from icmj.result.result import Result
-from icmj.result.tried import Tried
+from icmj.result.result import Result, has_prediction
 from icmj.series.series import Series
 from icmj.view.motion import output_rate
 from icmj.view.quantity import in_brackets, quantities, shared_unit
@@ -33,30 +32,30 @@ class Rival:
     """One controller of a body: its run, what it is called, and the sway over the second half of the run."""
 
     name: str
-    run: Result | Tried
+    run: Result
     sway: Sway
 
 
-def rivals(runs: Sequence[Result | Tried]) -> list[list[Rival]]:
-    """Runs of one body on one plant under several controllers, one of which at least is not intermittent."""
-    groups: list[list[Result | Tried]] = []
+def rivals(runs: Sequence[Result]) -> list[list[Rival]]:
+    """Runs of one body on one plant under several controllers, one of which at least has no prediction."""
+    groups: list[list[Result]] = []
     for run in runs:
         group = next((group for group in groups if _same_body(group[0], run)), None)
         if group is None:
             groups.append(group := [])
         group.append(run)
     found = [[rival for run in group if (rival := _rival(run)) is not None] for group in groups]
-    return [group for group in found if len(group) > 1 and any(isinstance(rival.run, Tried) for rival in group)]
+    return [group for group in found if len(group) > 1 and not all(has_prediction(rival.run) for rival in group)]
 
 
-def _same_body(one: Result | Tried, other: Result | Tried) -> bool:
+def _same_body(one: Result, other: Result) -> bool:
     a, b = one.actual, other.actual
     if one.simulation.plant != other.simulation.plant or (a.n, a.n_u, a.outputs) != (b.n, b.n_u, b.outputs):
         return False
     return all(np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in ((a.A, b.A), (a.B, b.B), (a.C, b.C)))
 
 
-def _rival(run: Result | Tried) -> Rival | None:
+def _rival(run: Result) -> Rival | None:
     """The controller's entry; ``None`` if the run is too short or not finite."""
     simulation, shown = run.simulation, quantities(run.actual)
     start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
@@ -66,7 +65,7 @@ def _rival(run: Result | Tried) -> Rival | None:
     columns = zip(simulation.y.T, shown, strict=True)
     values = np.column_stack([unit.factor * np.interp(t, simulation.t, y) for y, unit in columns])
     series = Series(t, values, run.actual.outputs, tuple(unit.unit for unit in shown))
-    kind = run.law.kind if isinstance(run, Tried) else run.simulation.control
+    kind = run.controller.kind
     try:
         return Rival(f"{run.run.case.title} ({kind})", run, measure_sway(series))
     except DataError:
@@ -109,7 +108,7 @@ def paths_figure(group: Sequence[Rival]) -> Figure:
     return style.each_output(plant.n_y, draw, quantities(plant)[-1].label("value"), 6)
 
 
-def trial_figure(runs: Sequence[Tried]) -> Figure:
+def run_figure(runs: Sequence[Result]) -> Figure:
     """Every output of one case, and its inputs beneath, on each plant."""
     first = runs[0]
     shown = quantities(first.actual)

@@ -1,15 +1,18 @@
-"""The contents of one log: the case, its prediction, the simulated run, and the results."""
+"""The contents of one log: the case, its prediction if there is one, the simulated run, and the results."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.card import Card, Shown
 from icmj.base.version import VERSION
-from icmj.controller.controller import Controller
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
@@ -84,9 +87,11 @@ class Result(Shown):
     Attributes:
         run: the run file, with its text.
         assumed, actual: linearised plants [Â, B̂, Ĉ] and [A, B, C].
-        controller: design, hold and trigger.
-        prediction: the results of the linear theory.
-        simulation: the run under intermittent control.
+        controller: the controller.
+        prediction: the results of the linear theory for an event rule; ``None`` for a controller that has none, and
+            then there are neither ``continuous``, ``measurement``, ``growth``, ``law``, ``attractors`` nor
+            ``statistics``.
+        simulation: the run; its events are those of the event rule, or the switches of a controller without one.
         continuous: the run under continuous control, on the same plant from the same initial state.
         measurement: the measured motion of the run.
         growth: growth under a clock, or ``None`` if it was not computed.
@@ -102,11 +107,11 @@ class Result(Shown):
     run: RunFile
     assumed: LinearPlant
     actual: LinearPlant
-    controller: Controller
-    prediction: Prediction
+    controller: Law
+    prediction: Prediction | None
     simulation: Simulation
-    continuous: Simulation
-    measurement: Measurement
+    continuous: Simulation | None = None
+    measurement: Measurement | None = None
     growth: Growth | None = None
     law: AmplitudeLaw | None = None
     scene: Scene | None = None
@@ -118,10 +123,23 @@ class Result(Shown):
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
-        run, prediction, motion = self.simulation.card(), self.prediction.card(), self.measurement.card()
-        case = self.run.case
-        rows = (("case", f"{case.name}: {case.title}"), *prediction.rows[:5], *run.rows, *motion.rows[:2])
-        return Card(f"{case.name}, {run.line}; {prediction.line}; {motion.line}", rows, self.measurement.words)
+        case, run = self.run.case, self.simulation.card()
+        rows = (("case", f"{case.name}: {case.title}"),)
+        if not has_prediction(self):
+            return Card(f"{case.name}, {run.line}", (*rows, *run.rows), self.words)
+        prediction, motion = self.prediction.card(), self.measurement.card()
+        line = f"{case.name}, {run.line}; {prediction.line}; {motion.line}"
+        return Card(line, (*rows, *prediction.rows[:5], *run.rows, *motion.rows[:2]), self.words)
+
+    @property
+    def words(self) -> str:
+        """The motion of the run in one sentence."""
+        if self.measurement is not None:
+            return self.measurement.words
+        count = len(self.simulation.events)
+        what = f"it switched {count} times" if self.simulation.mode.size else f"it had {count} events"
+        more = f"; {what}" if count else ""
+        return f"Under {self.controller.kind} control the run {self.simulation.outcome.message}{more}."
 
     def to_series(self, rate: float | None = None) -> Series:
         """Every signal of the run, as :meth:`icmj.Simulation.to_series` with its controller and pushes gives them.
@@ -132,8 +150,15 @@ class Result(Shown):
         Raises:
             DataError: if the rate is not usable.
         """
-        settings = self.run.simulation.settings()
-        series = self.simulation.to_series(rate, self.controller, acting_on(self.actual, settings).edges)
+        edges, law = acting_on(self.actual, self.run.simulation.settings()).edges, self.controller
+        if has_trigger(law):
+            series = self.simulation.to_series(rate, law, edges)
+        else:
+            if law.setpoint:
+                edges = np.concatenate([edges, law.setpoint.edges])
+            # what jumps is read again, and answered with a kink, as long after as a tap says
+            breaks = np.unique(np.concatenate([edges, *(edges + tap for tap in law.realisation.taps)]))
+            series = self.simulation.to_series(rate, breaks=breaks)
         return replace(series, facts=self._facts | series.facts)
 
     def to_xarray(self, rate: float | None = None) -> Dataset:
@@ -152,3 +177,21 @@ class Result(Shown):
     @property
     def _facts(self) -> dict[str, str]:
         return {"case": self.run.case.name, "title": self.run.case.title, "version": VERSION}
+
+
+if TYPE_CHECKING:
+
+    @dataclass(frozen=True, eq=False, repr=False)
+    class PredictedResult(Result):
+        """A result as type checkers see it once :func:`has_prediction` has said that it has a prediction."""
+
+        controller: Controller
+        prediction: Prediction
+        simulation: Simulation
+        continuous: Simulation
+        measurement: Measurement
+
+
+def has_prediction(result: Result) -> TypeGuard[PredictedResult]:
+    """Whether a result has a prediction, and all that is compared with it."""
+    return result.prediction is not None

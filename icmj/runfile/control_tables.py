@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal, cast
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 from pydantic import model_validator
 
 from icmj.base.array import real
+from icmj.controller.controller import Controller
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import HOLDS, Hold
+from icmj.controller.law import Law
+from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_rule
 from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.notice import Kind
 from icmj.runfile.table import (
     Interval,
@@ -55,7 +62,48 @@ class Weights(TomlTable):
         return self
 
 
-class Control(TomlTable):
+@dataclass(frozen=True)
+class Parts:
+    """What the table of a controller makes its controller of.
+
+    Attributes:
+        assumed: the assumed plant.
+        delay: actual and assumed delay.
+        code: the code that the run file may name.
+        design: gains by the weights of the run file; computed when asked for.
+        setpoint: the set-point of the run file, for the assumed plant; computed when asked for.
+    """
+
+    assumed: LinearPlant
+    delay: Delay
+    code: Code
+    design: Callable[[], Design]
+    setpoint: Callable[[], Setpoint | None]
+
+
+class ControllerTable(TomlTable):
+    """A table ``[controller]`` of any kind."""
+
+    has_events: ClassVar[bool] = False
+    """Whether its controller has an event rule, and with it a critical interval and a prediction."""
+    follows: ClassVar[bool] = False
+    """Whether its controller follows a set-point."""
+
+    def law(self, parts: Parts) -> Law:
+        """The controller.
+
+        Raises:
+            DesignError, AnalysisError: if the weights give none, or a part does not fit the plant.
+            RunFileError: if a controller, rule or hold of one's own may not be made, or cannot be.
+        """
+        raise NotImplementedError
+
+    def identity(self) -> dict[str, Any]:
+        """Values that make it another controller for the paper's theory, for fingerprints."""
+        return self.model_dump()
+
+
+class Control(ControllerTable):
     """Hold and event rule: ``quadratic`` with Q_t and q_t, or ``box`` with a threshold for each output or state.
 
     ``delta_min`` is Δ_min, the shortest time between two events [s], which psychologists call the refractory period.
@@ -90,6 +138,24 @@ class Control(TomlTable):
     """Time from the instant at which the rule reaches its threshold to the event, at which observer and set-point are
     sampled [s]. ``delta_min`` then counts from threshold to threshold, and the rule is evaluated again after the
     action. The prediction does not account for it."""
+
+    has_events: ClassVar[bool] = True
+    follows: ClassVar[bool] = True
+
+    def law(self, parts: Parts) -> Controller:
+        """The controller of the design, with hold, event rule, delay and set-point.
+
+        Raises:
+            DesignError, AnalysisError, RunFileError: as for :meth:`ControllerTable.law`.
+        """
+        design = parts.design()
+        rule = self.trigger(design, parts.code)
+        hold = self.made_hold(design, parts.code)
+        return Controller(design, hold, rule, parts.delay, parts.setpoint(), sampling_delay=self.sampling_delay)
+
+    def identity(self) -> dict[str, Any]:
+        """Hold and weight of the rule; its threshold is none of the theory."""
+        return self.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.A_h else set()))
 
     def trigger(self, design: Design, code: Code) -> EventRule:
         """The event rule for a controller of this design; ``code`` creates a user-defined rule.

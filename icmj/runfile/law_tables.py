@@ -8,18 +8,14 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from icmj.controller.channels import Channel, SwitchingChannels
-from icmj.controller.delay import Delay
 from icmj.controller.delayed_pid import DelayedPID
-from icmj.controller.design import Design
 from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
-from icmj.controller.setpoint import Setpoint
 from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import RunFileError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.control_tables import Control
+from icmj.runfile.control_tables import Control, ControllerTable, Parts
 from icmj.runfile.table import MOST, Finite, NonNegative, Numbers, Parameters, Positive, Reference, TomlTable
-from icmj.work.own_code import Code, accepted
+from icmj.work.own_code import accepted
 
 Share = Annotated[float, Field(gt=0, le=1)]
 Combination = str | Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST)]
@@ -73,7 +69,7 @@ def _once(table: Switching | SwitchingChannel) -> None:
         raise ValueError("give slope or share, not both")
 
 
-class Switching(TomlTable):
+class Switching(ControllerTable):
     """Feedback of delayed outputs that is switched on and off in their state plane (Asai et al. 2009).
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
@@ -98,16 +94,17 @@ class Switching(TomlTable):
     switches: bool = True
     """Whether feedback is switched; if not, this is the continuous delayed controller."""
 
-    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
-        """The controller for a plant and a delay [s].
+    def law(self, parts: Parts) -> Law:
+        """The controller for the assumed plant, with the actual delay.
 
         Raises:
             AnalysisError: if it does not fit the plant.
         """
         slope, switches = _line(self)
         return SwitchingPD(
-            assumed, self.position, self.rate, self.P, self.D, delay, slope, self.dead_zone, self.switches and switches
-        )
+            parts.assumed, self.position, self.rate, self.P, self.D, parts.delay.t_d, slope, self.dead_zone,
+            self.switches and switches,
+        )  # fmt: skip
 
     @model_validator(mode="after")
     def _says_it_once(self) -> Switching:
@@ -115,7 +112,7 @@ class Switching(TomlTable):
         return self
 
 
-class Channelled(TomlTable):
+class Channelled(ControllerTable):
     """Switched feedback for a body with several joints: each channel is switched in its own plane.
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
@@ -128,16 +125,16 @@ class Channelled(TomlTable):
     channel: Annotated[list[SwitchingChannel], Field(min_length=1, max_length=MOST)]
     """The channels, one ``[[controller.channel]]`` each."""
 
-    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
-        """The controller for a plant and a delay [s].
+    def law(self, parts: Parts) -> Law:
+        """The controller for the assumed plant, with the actual delay.
 
         Raises:
             AnalysisError: if it does not fit the plant.
         """
-        return SwitchingChannels(assumed, tuple(each.channel for each in self.channel), delay)
+        return SwitchingChannels(parts.assumed, tuple(each.channel for each in self.channel), parts.delay.t_d)
 
 
-class DelayedPIDTable(TomlTable):
+class DelayedPIDTable(ControllerTable):
     """Continuous delayed feedback, proportional, integral and derivative, with force feedback (Peterka's family).
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
@@ -166,17 +163,17 @@ class DelayedPIDTable(TomlTable):
     force_time: Positive = 1.0
     """Time constant τ of the force feedback [s]."""
 
-    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
-        """The controller for a plant and a delay [s].
+    def law(self, parts: Parts) -> Law:
+        """The controller for the assumed plant, with the actual delay.
 
         Raises:
             AnalysisError: if it does not fit the plant.
         """
         given = self.model_dump(exclude={"kind"})
-        return DelayedPID(assumed, **given, delay=delay)
+        return DelayedPID(parts.assumed, **given, delay=parts.delay.t_d)
 
 
-class Predictor(TomlTable):
+class Predictor(ControllerTable):
     """The continuous predictor controller: observer, predictor over the delay, and feedback act continuously.
 
     Its gains are those of ``[design]``, its delay is that of the plant, and its predictor uses the assumed delay.
@@ -185,16 +182,20 @@ class Predictor(TomlTable):
     kind: Literal["predictor"]
     """Kind of controller."""
 
-    def predictor(self, design: Design, delay: Delay, setpoint: Setpoint | None) -> PredictorController:
-        """The controller of a design.
+    follows: ClassVar[bool] = True
+
+    def law(self, parts: Parts) -> Law:
+        """The controller of the design.
 
         Raises:
-            AnalysisError: if there is no delay, or one over which nothing can be predicted.
+            DesignError, AnalysisError: if the weights give none, or there is no delay, or one over which nothing can
+                be predicted.
+            RunFileError: if a file of the set-point cannot be read.
         """
-        return PredictorController(design, delay, setpoint)
+        return PredictorController(parts.design(), parts.delay, parts.setpoint())
 
 
-class OwnController(TomlTable):
+class OwnController(ControllerTable):
     """Your own controller: the ``module:name`` of a class that inherits from ``icmj.Law``."""
 
     tag: ClassVar[str] = "own"
@@ -204,14 +205,14 @@ class OwnController(TomlTable):
     parameters: Parameters = {}
     """Parameters of the controller, by name."""
 
-    def law(self, assumed: LinearPlant, delay: float, code: Code) -> Law:
-        """The controller for a plant and a delay [s], made by ``code``.
+    def law(self, parts: Parts) -> Law:
+        """The controller for the assumed plant and, if it takes one, the actual delay.
 
         Raises:
             RunFileError: if it may not be made, cannot be, or is none.
         """
-        given = accepted(code.named(self.kind), {"delay": delay})
-        made = code.made(self.kind, assumed, **{**given, **self.parameters})
+        given = accepted(parts.code.named(self.kind), {"delay": parts.delay.t_d})
+        made = parts.code.made(self.kind, parts.assumed, **{**given, **self.parameters})
         if not isinstance(made, Law):
             raise RunFileError(f"controller.kind: {self.kind} makes a {type(made).__name__}; expected an icmj.Law")
         return made

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
@@ -19,7 +19,7 @@ from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, Weights
 from icmj.runfile.kept import Kept
 from icmj.runfile.keys import plain, put, to_toml
-from icmj.runfile.law_tables import AnyController, Channelled, DelayedPIDTable, OwnController, Predictor, Switching
+from icmj.runfile.law_tables import AnyController
 from icmj.runfile.messages import in_words
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.setpoint_tables import SetpointTable, followed_files
@@ -157,11 +157,7 @@ class RunFile(TomlTable):
         for table in (data["assumed"], data["actual"]):
             if "model" in table:
                 table["model"] = Path(table["model"]).name.removesuffix(".xml") + ".xml"
-        if isinstance(self.controller, Control):
-            rule = self.controller.model_dump(include={"hold", "Q_t"} | ({"A_h"} if self.controller.A_h else set()))
-        else:
-            rule = self.controller.model_dump()
-        content = json.dumps(data | {"rule": rule}, sort_keys=True)
+        content = json.dumps(data | {"rule": self.controller.identity()}, sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 
     @property
@@ -185,7 +181,7 @@ class RunFile(TomlTable):
 
     @model_validator(mode="after")
     def _only_a_controller_with_a_model_follows(self) -> RunFile:
-        if self.setpoint and not isinstance(self.controller, Control | Predictor):
+        if self.setpoint and not self.controller.follows:
             raise ValueError(
                 "a set-point is for the intermittent or the predictor controller; one of kind "
                 f"{self.controller.kind!r} has none"
@@ -205,28 +201,17 @@ class RunFile(TomlTable):
         Raises:
             RunFileError: if the controller is another one, for which there are no theory, cycles and thresholds.
         """
-        if isinstance(self.controller, Control):
-            return self.controller
+        if self.has_events:
+            return cast(Control, self.controller)
         raise RunFileError(
             f"{self._path}: the controller is of kind {self.controller.kind!r}, which has no event rule and no "
             "critical interval; icmj analyse tells the roots of its loop, icmj run and icmj study simulate it"
         )
 
     @property
-    def tries(self) -> bool:
-        """Whether its controller is not intermittent, so that it is simulated without a prediction."""
-        return not isinstance(self.controller, Control)
-
-    @property
-    def rival(self) -> Predictor | Switching | Channelled | DelayedPIDTable | OwnController:
-        """The controller, if it is not intermittent.
-
-        Raises:
-            RunFileError: if it is intermittent.
-        """
-        if not isinstance(self.controller, Control):
-            return self.controller
-        raise RunFileError(f"{self._path}: the controller is intermittent")
+    def has_events(self) -> bool:
+        """Whether its controller has an event rule, and with it a prediction; others are simulated without one."""
+        return self.controller.has_events
 
     @property
     def code(self) -> Code:

@@ -164,7 +164,7 @@ class SweepFile(FileOfRuns):
         """
         made = cls._read(data, path, text)
         made._base = made._run(base or made.sweep.run, made.set, "set", allow_code)
-        if made._base.tries and (made.ask.cycle or made.ask.attractors):
+        if not made._base.has_events and (made.ask.cycle or made.ask.attractors):
             raise RunFileError(
                 f"{path}: ask: cycle and attractors are for intermittent control; the controller is of kind "
                 f"{made._base.controller.kind!r}, ask for its motion"

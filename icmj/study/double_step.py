@@ -10,7 +10,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
 from icmj.controller.step_pairs import find_step_pairs
 from icmj.errors import DataError
 from icmj.experiments.double_step.explanation import KINDS, Explanation, explain_reactions
@@ -107,7 +106,7 @@ class DoubleStepKind(Kind):
         )
         return timed(moved, steps.pairs().end, table.rate)
 
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         name = self.settings.control or f"u.{simulation.labels.inputs[0]}"
         one = sampled(simulation.to_series().chosen([name]), simulation, self.settings.rate)
         r = simulation.setpoint
@@ -129,7 +128,7 @@ class DoubleStepKind(Kind):
         return replace(pair, names=(TARGET, CONTROL))
 
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundDoubleStep:
         table, seen = self.settings, []
         for one in completed(recordings):

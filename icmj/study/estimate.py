@@ -14,19 +14,16 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.case import Case, PlantKind
+from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
-from icmj.case.trial import Trial, expect_measures
-from icmj.controller.controller import Controller
+from icmj.controller.controller import has_trigger
 from icmj.controller.delay import NO_DELAY
-from icmj.controller.law import Law
-from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
-from icmj.engine.stepping import stepping_of
+from icmj.engine.stepping import Stepping, stepping_of
 from icmj.engine.tableau import fastest_rate
-from icmj.engine.tapped import close_tapped
-from icmj.errors import SimulationError, StudyError
+from icmj.engine.tapped import close
+from icmj.errors import SimulationError, StudyError, named
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.matching import matched
@@ -39,7 +36,7 @@ LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
 MEMORY = 1.9e9  # bytes that a run may take without being asked twice
 _OWN, _PER_NUMBER = 0.4e9, 60.0  # bytes: of the libraries, and of each number while a log is written
-BLOCKS, SERIES = 1e6, 1e6  # the same on the linear plant, and there under a controller that is not intermittent
+BLOCKS, SERIES = 1e6, 1e6  # the same on the linear plant, and there under a controller of delayed readings
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PER_TRIAL = 5e-3  # s to begin a trial of an experiment, and to write and read it
@@ -49,7 +46,7 @@ _LONGEST_PROBE = 2.0  # s of work after which a probe is ended: what takes long 
 _OTHER_STARTS = 3.0  # runs that one random start takes on average, longer ones among them
 
 
-def startable(case: Case | Trial, plant: PlantKind) -> None:
+def startable(case: Case, plant: PlantKind) -> None:
     """See that a run of the case can start, before anything is written for it.
 
     Raises:
@@ -57,54 +54,48 @@ def startable(case: Case | Trial, plant: PlantKind) -> None:
         RunFileError: if its own measures may not be called.
     """
     expect_measures(case.run)
-    if isinstance(case, Trial):
-        there = linear_plant(case.actual, case.settings)
-        expect_tapped(case.law, there)
-        expect_no_observer(case.law, case.settings)
-        plant_start(there, case.settings, None)
-        if plant == "mujoco" and isinstance(case.actual, MujocoPlant):
-            _timestep(case)
-        return
-    try:
-        start_states(case.actual.linearisation.plant, case.controller, case.settings)
+    law, settings, there = case.controller, case.settings, linear_plant(case.actual, case.settings)
+    with named(case.run.path):
+        if has_trigger(law):
+            start_states(there, law, settings)
+            if plant == "linear":
+                linear_loop(there, law)
+        else:
+            expect_tapped(law, there)
+            expect_no_observer(law, settings)
+            plant_start(there, settings, None)
         if plant == "mujoco":
-            stepping_of(close_loop(case.model, case.controller, case.settings), case.settings)
-        else:
-            linear_loop(case.actual.linearisation.plant, case.controller)
-    except SimulationError as error:
-        raise SimulationError(f"{case.run.path}: {error}") from error
+            _stepping(case)
 
 
-def estimate(case: Case | Trial, plant: PlantKind) -> float:
-    """Seconds that :func:`icmj.study.study.carried_out` will take, about; 0 where it is plainly quick."""
-    settings, study = case.settings, case.run.study
+def estimate(case: Case, plant: PlantKind) -> float:
+    """Seconds that :func:`icmj.study.study.run_case` will take, about; 0 where it is plainly quick."""
+    settings, study, law = case.settings, case.run.study, case.controller
     simulated, growth = settings.duration, 0.0
-    if isinstance(case, Case):
+    if case.prediction is not None:
         repeats = 1.5  # the run, and continuous control, which has no events
-        if plant == "linear":
-            repeats += _OTHER_STARTS * study.attractor_starts
-        else:
-            repeats += len(study.law_q_t)
+        repeats += _OTHER_STARTS * study.attractor_starts if plant == "linear" else len(study.law_q_t)
         growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
         simulated = repeats * settings.duration + growth
-    elif plant == "mujoco":  # its last seconds are flown twice more, for their error
-        simulated += 2 * min(simulated, 2 * max(1.0, 3 * float(case.law.realisation.taps[-1])))
+    elif plant == "mujoco" and not has_trigger(law):  # its last seconds are flown twice more, for their error
+        simulated += 2 * min(simulated, 2 * max(1.0, 3 * float(law.realisation.taps[-1])))
     return _seconds(case, plant, simulated, settings.duration / settings.record_interval, growth)
 
 
-def estimate_trials(case: Case | Trial, plant: PlantKind, count: int) -> float:
+def estimate_trials(case: Case, plant: PlantKind, count: int) -> float:
     """Seconds that ``count`` runs of a case will take, about, with nothing but their recordings."""
     simulated = count * case.settings.duration
     return _PER_TRIAL * count + _seconds(case, plant, simulated, simulated / case.settings.record_interval)
 
 
-def _seconds(case: Case | Trial, plant: PlantKind, simulated: float, rows: float, growth: float = 0.0) -> float:
+def _seconds(case: Case, plant: PlantKind, simulated: float, rows: float, growth: float = 0.0) -> float:
     """Seconds of work for so many ``simulated`` seconds, of which ``growth`` begin near rest, and rows."""
     weight = 1 + len(_acting(case)) / _TERMS  # each is evaluated at every step
+    triggered = has_trigger(case.controller)
     if plant == "linear":
-        steps, few = simulated * _rate(case), SERIES if isinstance(case, Trial) else 128 * BLOCKS
+        steps, few = simulated * _rate(case), 128 * BLOCKS if triggered else SERIES
     else:
-        steps, few = simulated / _timestep(case), STRETCHES if isinstance(case, Trial) else STEPS
+        steps, few = simulated / _timestep(case), STEPS if triggered else STRETCHES
     seconds = _PER_ROW * rows
     if weight * steps > few or rows > ROWS:
         try:
@@ -115,7 +106,7 @@ def _seconds(case: Case | Trial, plant: PlantKind, simulated: float, rows: float
     return seconds
 
 
-def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: float | None) -> None:
+def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None) -> None:
     """Check that the estimate of a case does not exceed a limit.
 
     Raises:
@@ -141,7 +132,7 @@ def refuse_long(case: Case | Trial, plant: PlantKind, seconds: float, longest: f
     )
 
 
-def refuse_trials(path: Path, work: Sequence[tuple[Case | Trial, PlantKind, int]], jobs: int, longest: float) -> None:
+def refuse_trials(path: Path, work: Sequence[tuple[Case, PlantKind, int]], jobs: int, longest: float) -> None:
     """Check that the trials of an experiment, so many of each case on a plant, do not exceed a limit.
 
     Raises:
@@ -161,11 +152,11 @@ def refuse_trials(path: Path, work: Sequence[tuple[Case | Trial, PlantKind, int]
         )
 
 
-def _columns(case: Case | Trial) -> float:
-    """Numbers in a row of a run and of its continuous control."""
-    plant, controller = case.actual.linearisation.plant, case.controller if isinstance(case, Case) else None
-    states = 0 if controller is None else 2 * controller.design.plant.n
-    return (1 if controller is None else 2) * (1 + plant.n + plant.n_y + plant.n_u) + states
+def _columns(case: Case) -> float:
+    """Numbers in a row of a run and, beside a prediction, of its continuous control."""
+    plant, runs = case.actual.linearisation.plant, 1 if case.prediction is None else 2
+    states = 2 * case.controller.plant.n if has_trigger(case.controller) else 0
+    return runs * (1 + plant.n + plant.n_y + plant.n_u) + states
 
 
 def in_words(seconds: float) -> str:
@@ -176,43 +167,37 @@ def in_words(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def _law(case: Case | Trial) -> Law:
-    """The controller of its runs."""
-    return case.law if isinstance(case, Trial) else case.controller
-
-
-def _acting(case: Case | Trial) -> Array:
+def _acting(case: Case) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
-    plant, settings = case.actual.linearisation.plant, case.settings
-    if isinstance(case, Trial):
-        return np.concatenate([acting_on(plant, settings).omega, case.law.realisation.signals[:, 2]])
-    return acting_on(plant, settings, _law(case)).omega
+    plant, settings, law = case.actual.linearisation.plant, case.settings, case.controller
+    if has_trigger(law):
+        return acting_on(plant, settings, law).omega
+    return np.concatenate([acting_on(plant, settings).omega, law.realisation.signals[:, 2]])
 
 
-def _rate(case: Case | Trial) -> float:
+def _rate(case: Case) -> float:
     """About how fast the closed loop is, or what drives it [1/s]: 128 of its inverse are a block, one is a series."""
-    if isinstance(case, Trial):  # a series is no longer than the shortest tap
-        there = matched(linear_plant(case.actual, case.settings), case.law.plant, "position")
-        own = max(fastest_rate(there, case.law), 1 / float(case.law.realisation.taps[0]))
-    else:
-        design = case.controller.design
-        own = max(float(np.linalg.norm(M, 2)) for M in (case.actual.linearisation.plant.A, design.A_c, design.A_o))
+    law = case.controller
+    if has_trigger(law):
+        A, design = case.actual.linearisation.plant.A, law.design
+        own = max(float(np.linalg.norm(M, 2)) for M in (A, design.A_c, design.A_o))
+    else:  # a series is no longer than the shortest tap
+        there = matched(linear_plant(case.actual, case.settings), law.plant, "position")
+        own = max(fastest_rate(there, law), 1 / float(law.realisation.taps[0]))
     return max(own, float(_acting(case).max(initial=0.0)))
 
 
-def _timestep(case: Case | Trial) -> float:
+def _timestep(case: Case) -> float:
     """The largest time step in MuJoCo [s], or stretch; if steps are adapted, approximately."""
-    if isinstance(case, Trial):
-        assert isinstance(case.actual, MujocoPlant)
-        body = case.actual.matched(case.law.plant, "position")
-        loop: ComposedLoop = close_tapped(body, case.law, case.settings)
-        longest = 0.5 / _rate(case)
-    else:
-        loop, longest = close_loop(case.model, case.controller, case.settings), np.inf
-    step = stepping_of(loop, case.settings).timestep
+    longest = np.inf if has_trigger(case.controller) else 0.5 / _rate(case)
     # no step goes across a bend of noise
     bends = (noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))
-    return min([step, longest, *bends])
+    return min([_stepping(case).timestep, longest, *bends])
+
+
+def _stepping(case: Case) -> Stepping:
+    law, settings = case.controller, case.settings
+    return stepping_of(close(case.model.matched(law.plant, "position"), law, settings), settings)
 
 
 class _Enough(Exception):
@@ -223,7 +208,7 @@ class _Ended(Exception):
     """The run of a probe fell, or diverged: it tells nothing of others."""
 
 
-def _pace(case: Case | Trial, plant: PlantKind, settings: Settings) -> float:
+def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
     """Seconds of work for one second of simulation, from ever longer beginnings of the run.
 
     Raises:
@@ -245,11 +230,11 @@ def _pace(case: Case | Trial, plant: PlantKind, settings: Settings) -> float:
         return 0.0  # which the run itself will say
 
 
-def _timed(case: Case | Trial, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
+def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
     """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
-    law = _law(case)
-    if isinstance(law, Controller) and law.delay.t_d >= settings.duration:  # no such run could start
+    law = case.controller
+    if has_trigger(law) and law.delay.t_d >= settings.duration:  # no such run could start
         law = replace(law, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     half: tuple[float, float] | None = None

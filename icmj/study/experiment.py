@@ -19,8 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.environment import single_threaded
-from icmj.case.case import Case, PlantKind, prepare, revised, simulate
-from icmj.case.trial import Trial, prepare_trial, simulate_trial
+from icmj.case.case import Case, PlantKind, expect_prediction, prepare, revised, simulate
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.errors import DataError, IcmjError, RunFileError
@@ -171,7 +170,8 @@ class Condition:
     def trigger(self, case: Case) -> Trigger | None:
         """The trigger that replaces that of the case."""
         if self.table.control == "continuous":
-            return continuous_limit(case.controller, case.settings.share_interval)
+            controller = expect_prediction(case, 'control = "continuous"').controller
+            return continuous_limit(controller, case.settings.share_interval)
         return None if self.table.interval is None else ClockTrigger(self.table.interval)
 
 
@@ -182,8 +182,10 @@ def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
         RunFileError: if a case has no plant, or another controller where it has no such thing.
     """
     for name, title, table, run in zip(file.names, file.titles, file.case, file.runs, strict=True):
-        if run.tries and table.control != "own":
-            raise RunFileError(f"{file.path}: case {name!r}: a controller of kind {run.rival.kind!r} has no events")
+        if table.control != "own" and not run.has_events:
+            raise RunFileError(
+                f"{file.path}: case {name!r}: a controller of kind {run.controller.kind!r} has no events"
+            )
         plants = [plant for plant in file.experiment.plants if plant == "linear" or run.on_engine]
         if not plants:
             raise RunFileError(f"{file.path}: case {name!r}: its plant is given by matrices; add the linear plant")
@@ -191,10 +193,9 @@ def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
             yield Condition(name, title, plant, table, run)
 
 
-def _prepared(kind: Kind, one: Condition, seed: int) -> Case | Trial:
+def _prepared(kind: Kind, one: Condition, seed: int) -> Case:
     """The case of its first trial; errors come before anything is simulated."""
-    run = kind.stimulated(one.run, seed)
-    return prepare_trial(run) if run.tries else prepare(run)
+    return prepare(kind.stimulated(one.run, seed))
 
 
 def _trials(
@@ -245,10 +246,7 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     """One trial of a case on a plant."""
     case = _KEPT.get(kind.stimulated(one.run, seed))
     case = replace(case, settings=reseeded(case.settings, seed))
-    if isinstance(case, Trial):
-        found = simulate_trial(case, one.plant, progress=progress)
-    else:
-        found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
+    found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     return Recording(kind.recorded(case, found), found.events.t.copy(), "completed" if whole else found.outcome.kind)
 
@@ -258,17 +256,14 @@ class _Kept:
 
     def __init__(self) -> None:
         self._key: object = None
-        self._case: Case | Trial | None = None
+        self._case: Case | None = None
 
-    def get(self, run: RunFile) -> Case | Trial:
+    def get(self, run: RunFile) -> Case:
         """The case of a run file."""
         key = (run.path, run.assumed, run.actual, run.design, run.controller, run.analysis)
         if self._key != key:
             self._case = None
-        if run.tries:
-            self._case = prepare_trial(run, self._case if isinstance(self._case, Trial) else None)
-        else:
-            self._case = revised(self._case, run) if isinstance(self._case, Case) else prepare(run)
+        self._case = prepare(run) if self._case is None else revised(self._case, run)
         self._key = key
         return self._case
 
@@ -276,14 +271,14 @@ class _Kept:
 _KEPT = _Kept()
 
 
-def _controlled(one: Condition, case: Case | Trial) -> Case | Trial:
+def _controlled(one: Condition, case: Case) -> Case:
     """The case with the controller of this condition."""
-    if isinstance(case, Case) and (trigger := one.trigger(case)) is not None:
-        return replace(case, controller=case.controller.triggered_by(trigger))
+    if (trigger := one.trigger(case)) is not None:
+        return replace(case, controller=expect_prediction(case, "another trigger").controller.triggered_by(trigger))
     return case
 
 
-def _told(kind: Kind, one: Condition, case: Case | Trial, trials: Sequence[Recording]) -> Told:
+def _told(kind: Kind, one: Condition, case: Case, trials: Sequence[Recording]) -> Told:
     """The result of the analysis or, if there is none, the reason."""
     try:
         finding = kind.analysed(trials, _controlled(one, case), one.plant)

@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.base.array import Array, between
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
+from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError
@@ -99,7 +99,7 @@ class IntersectionPointKind(Kind):
     def stimulated(self, run: RunFile, seed: int) -> RunFile:
         return timed(run, self.settings.settle + self.settings.duration, self.settings.rate)
 
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         axis = self.settings.axis
         names = (f"force.{axis}", "force.z", f"cop.{axis}")
         force = ground_force(_model(case), simulation).chosen(names)
@@ -120,7 +120,7 @@ class IntersectionPointKind(Kind):
         return even_series(replace(pair, names=("force_angle", f"cop.{self.settings.axis}")))
 
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundPoint:
         height = self.settings.height
         if height is None and case is not None:
@@ -146,10 +146,10 @@ class IntersectionPointKind(Kind):
 
         return intersection_figure(found)
 
-    def _theory(self, case: Case | Trial, like: IntersectionPoint) -> IntersectionPoint | None:
+    def _theory(self, case: Case, like: IntersectionPoint) -> IntersectionPoint | None:
         """Curve of the continuous loop under noise alone; ``None`` if control is intermittent or has no curve."""
-        law = case.law if isinstance(case, Trial) else case.controller
-        if law.setpoint or (isinstance(case, Case) and case.controller.trigger.kind == "event"):
+        law = case.controller
+        if law.setpoint or (has_trigger(law) and law.trigger.kind == "event"):
             return None
         plant = case.actual.linearisation.plant
         try:
@@ -166,7 +166,7 @@ class IntersectionPointKind(Kind):
         return intersection_curve(like.frequency, np.stack(H, axis=2), np.ones(len(H)), like.height) if H else None
 
 
-def _model(case: Case | Trial) -> MujocoPlant:
+def _model(case: Case) -> MujocoPlant:
     if isinstance(case.actual, MujocoPlant):
         return case.actual
     raise AnalysisError(f"{case.run.path}: a plant given by matrices has no weight; the ground's force needs a model")

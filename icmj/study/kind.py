@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 from icmj.base.array import instants
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
 from icmj.errors import DataError
 from icmj.experiments.recording import Finding, Recording
 from icmj.runfile.experiment_tables import ExperimentFile
@@ -88,7 +87,7 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         """The evenly sampled signals of a run that the analysis needs; a recording of people contains the same."""
 
     @abstractmethod
@@ -97,7 +96,7 @@ class Kind(ABC):
 
     @abstractmethod
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> Finding:
         """The result of the trials of one case on one plant, or of recordings if neither is given.
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
 from icmj.errors import AnalysisError, DataError
 from icmj.experiments.frequency_response import frequency_response
 from icmj.experiments.multisine import Multisine, multisine
@@ -104,7 +103,7 @@ class MultisineKind(Kind):
         duration = (table.settle + table.periods) * table.period
         return timed(run.with_(**{key: [*kept, sines]}), duration, table.rate)
 
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         whole = simulation.to_series()
         name = self._response(simulation.labels.inputs)
         pair = whole.chosen([name])
@@ -127,7 +126,7 @@ class MultisineKind(Kind):
         return replace(pair, names=(STIMULUS, RESPONSE))
 
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundMultisine:
         trials = [one.series for one in completed(recordings)]
         table = self.settings
@@ -144,7 +143,7 @@ class MultisineKind(Kind):
     def _response(self, inputs: Sequence[str]) -> str:
         return self.settings.response or f"u.{self.settings.input or inputs[0]}"
 
-    def _stimulus(self, case: Case | Trial, simulation: Simulation, t: Array) -> tuple[Array, str]:
+    def _stimulus(self, case: Case, simulation: Simulation, t: Array) -> tuple[Array, str]:
         """Its values at times of the run, and its unit."""
         if self.settings.input is None:
             r = simulation.setpoint
@@ -157,8 +156,8 @@ class MultisineKind(Kind):
         values = sum((a * np.cos(omega * t + phi) for a, omega, phi in source.terms), 0 * t)
         return values, units.get(source.input or "") or "1"
 
-    def _theory(self, case: Case | Trial, line: Array) -> np.ndarray | None:
-        law = case.law if isinstance(case, Trial) else case.controller
+    def _theory(self, case: Case, line: Array) -> np.ndarray | None:
+        law = case.controller
         plant = case.actual.linearisation.plant
         try:
             found = frequency_response(plant, law, line, match="position")

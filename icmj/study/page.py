@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from icmj.comparison.comparison import Comparison
     from icmj.cycle.branch import Branch
     from icmj.report.pairing import CaseRuns
+    from icmj.result.result import Result
     from icmj.result.swept import Swept
-    from icmj.result.tried import Tried
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Page:
 
     Attributes:
         comparisons: of runs beside their prediction.
-        tried: runs under controllers that are not intermittent.
+        others: runs under controllers without a prediction.
     """
 
     comparisons: tuple[Comparison, ...]
-    tried: tuple[Tried, ...]
+    others: tuple[Result, ...]
 
 
 def report(
@@ -56,23 +56,22 @@ def report(
     Raises:
         LogError, ReportError: if a log cannot be read or the page cannot be built.
     """
-    from icmj.comparison.comparison import compare, to_json
-    from icmj.log import read_any, read_scene
+    from icmj.comparison.comparison import compare, to_json, to_record
+    from icmj.log import read_log, read_scene
     from icmj.report import build_report
-    from icmj.result.tried import Tried, to_record
+    from icmj.result.result import has_prediction
 
     tell = progress or (lambda part: None)
-    results, tried, of_case = [], list[Tried](), dict[str, list[Path]]()
+    results: list[Result] = []
+    of_case: dict[str, list[Path]] = {}
     for number, log in enumerate(logs, 1):
-        result = read_any(log)
-        result = replace(result, scene=read_scene(log))
-        if isinstance(result, Tried):
-            tried.append(result)
-        else:
-            results.append(result)
+        result = replace(read_log(log), scene=read_scene(log))
+        results.append(result)
+        if has_prediction(result):
             of_case.setdefault(result.run.case.name, []).append(log)
         tell(0.2 * number / len(logs))
-    comparisons = tuple(compare(result) for result in results)
+    comparisons = tuple(compare(result) for result in results if has_prediction(result))
+    others = tuple(result for result in results if not has_prediction(result))
     try:
         ready(out.parent)
     except OSError as error:
@@ -87,14 +86,14 @@ def report(
                 done[news.index] = news.done
                 tell(0.2 + 0.7 * sum(done) / len(tasks))
 
-    build_report(results, out, sweeps=sweeps, branches=branches, tried=tried, draw=draw)
+    build_report(results, out, sweeps=sweeps, branches=branches, draw=draw)
     if summary is not None:
-        records = json.dumps([*map(to_json, comparisons), *map(to_record, tried)], indent=2, allow_nan=False)
+        records = json.dumps([*map(to_json, comparisons), *map(to_record, others)], indent=2, allow_nan=False)
         try:
             write_text(summary, records + "\n")
         except OSError as error:
             raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
-    return Page(comparisons, tuple(tried))
+    return Page(comparisons, others)
 
 
 def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
 from icmj.experiments.multisine import Multisine, multisine
 from icmj.experiments.recording import Recording, completed
 from icmj.experiments.stance_channels import StanceChannels, fit_channels
@@ -76,7 +75,7 @@ class PerturbedStanceKind(Kind):
         duration = (table.settle + table.periods) * table.period
         return timed(run.with_(**{"simulation.disturbance": [*kept, tilt]}), duration, table.rate)
 
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         since = self.settings.settle * self.settings.period
         name = self.settings.output or case.actual.linearisation.plant.outputs[0]
         one = sampled(simulation.to_series().chosen([f"y.{name}"]), simulation, self.settings.rate, since)
@@ -89,7 +88,7 @@ class PerturbedStanceKind(Kind):
         return replace(pair, names=(TILT, BODY))
 
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundStance:
         trials = [one.series for one in completed(recordings)]
         table = self.settings

@@ -9,7 +9,6 @@ import numpy as np
 
 from icmj.base.array import between
 from icmj.case.case import Case, PlantKind
-from icmj.case.trial import Trial
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force
 from icmj.experiments.quiet_standing import Standing, quiet_standing
@@ -33,7 +32,7 @@ class QuietStandingKind(Kind):
     def stimulated(self, run: RunFile, seed: int) -> RunFile:
         return timed(run, self.settings.settle + self.settings.duration, self.settings.rate)
 
-    def recorded(self, case: Case | Trial, simulation: Simulation) -> Series:
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
         columns, model = tuple(self.settings.columns), case.actual
         whole = simulation.to_series()
         if isinstance(model, MujocoPlant) and (not columns or any(name.startswith("cop.") for name in columns)):
@@ -50,7 +49,7 @@ class QuietStandingKind(Kind):
         return even_series(series.chosen(self.settings.columns) if self.settings.columns else series)
 
     def analysed(
-        self, recordings: Sequence[Recording], case: Case | Trial | None = None, plant: PlantKind | None = None
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> Standing:
         settle = self.settings.settle if case is not None else 0.0
         later = [Recording(one.series, one.events[between(one.events, settle)], one.outcome) for one in recordings]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from icmj.base.files import clear_leftovers, ready
-from icmj.errors import LogError, RunFileError, SimulationError, named
+from icmj.errors import LogError, RunFileError, SimulationError, expect, named
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
@@ -17,10 +17,8 @@ from icmj.work.shipped import RUNS
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
-    from icmj.case.case import Case, PlantKind
-    from icmj.case.trial import Trial
+    from icmj.case.case import Case, PlantKind, PredictedCase
     from icmj.result.result import Attractor, Result
-    from icmj.result.tried import Tried
     from icmj.simulation.simulation import Simulation
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
@@ -78,48 +76,38 @@ def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
 
 
 def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
-    """Compute one case on one plant completely: prediction, run, continuous control, growth, amplitude law, poses.
+    """Compute one case on one plant completely: the run and its poses and, of an event rule, all beside its prediction.
 
-    If this is interrupted, the run up to this moment is kept, and further results that take much time are left out.
+    That is continuous control, growth, amplitude law, attractors and statistics. If this is interrupted, the run up to
+    this moment is kept, and further results that take much time are left out.
 
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
-    from icmj.case.case import Case, prepare, simulate
-    from icmj.case.trial import expect_measures, measured_by
-    from icmj.controller.controller import continuous_limit
+    from icmj.case.case import Case, expect_measures, prepare
+
+    report: Callable[[float], None] = progress or (lambda _: None)
+    case = prepare(run) if isinstance(run, RunFile) else run
+    expect(case, Case, "run_case", "or a RunFile")
+    expect_measures(case.run)
+    report(0.1)
+    with named(case.run.path):
+        return _complete(case, plant, report)
+
+
+def _complete(case: Case, plant: PlantKind, report: Callable[[float], None]) -> Result:
+    from icmj.case.case import has_prediction, measure_own, simulate
     from icmj.engine.pose import scene
-    from icmj.experiments.amplitude_law import measure_law
-    from icmj.experiments.growth import measure_growth
-    from icmj.measurement.measurement import measure
-    from icmj.measurement.statistics import statistics
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
     from icmj.simulation.scene import frames
     from icmj.work.provenance import provenance
 
-    report: Callable[[float], None] = progress or (lambda _: None)
-    case = run if isinstance(run, Case) else prepare(run)
-    run = case.run
-    expect_measures(run)
-    report(0.1)
-    simulation = simulate(case, plant, progress=lambda done: report(0.1 + 0.4 * done))
-    interrupted = simulation.outcome.kind in ("interrupted", "stalled")
-    continuous = simulate(
-        case,
-        plant,
-        trigger=continuous_limit(case.controller, case.settings.share_interval),
-        duration=_continuous_duration(case, simulation),
-        progress=lambda done: report(0.5 + 0.1 * done),
-    )
-    growth = law = None
-    found: tuple[Attractor, ...] = ()
-    if not interrupted:
-        growth = measure_growth(case, plant, run.study.growth_points)
-        report(0.75)
-        found = _attractors(case, lambda done: report(0.75 + 0.15 * done)) if plant == "linear" else ()
-        law = measure_law(case, run.study.law_q_t) if plant == "mujoco" else None
+    share = 0.4 if has_prediction(case) else 0.8
+    simulation = simulate(case, plant, progress=lambda done: report(0.1 + share * done))
+    beside = _beside(case, plant, simulation, report) if has_prediction(case) else {}
     report(0.9)
+    run = case.run
     return Result(
         run=run,
         assumed=case.assumed.linearisation.plant,
@@ -127,17 +115,43 @@ def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], 
         controller=case.controller,
         prediction=case.prediction,
         simulation=simulation,
-        continuous=continuous,
-        measurement=measure(simulation, T_hat=case.system.T_hat),
-        growth=growth,
-        law=law,
-        attractors=found,
         scene=scene(case.model, simulation, run.study.magnification, frames(simulation.t)) if run.on_engine else None,
         provenance=provenance(run.path.parent),
         notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
-        statistics=statistics(simulation) if simulation.noisy else None,
-        measures=measured_by(run, simulation),
+        measures=measure_own(run, simulation),
+        **beside,
     )
+
+
+def _beside(
+    case: PredictedCase, plant: PlantKind, simulation: Simulation, report: Callable[[float], None]
+) -> dict[str, Any]:
+    """What stands beside the prediction in a result."""
+    from icmj.case.case import simulate
+    from icmj.controller.controller import continuous_limit
+    from icmj.experiments.amplitude_law import measure_law
+    from icmj.experiments.growth import measure_growth
+    from icmj.measurement.measurement import measure
+    from icmj.measurement.statistics import statistics
+
+    study, found = case.run.study, dict[str, Any]()
+    found["continuous"] = simulate(
+        case,
+        plant,
+        trigger=continuous_limit(case.controller, case.settings.share_interval),
+        duration=_continuous_duration(case, simulation),
+        progress=lambda done: report(0.5 + 0.1 * done),
+    )
+    if simulation.outcome.kind not in ("interrupted", "stalled"):
+        found["growth"] = measure_growth(case, plant, study.growth_points)
+        report(0.75)
+        if plant == "linear":
+            found["attractors"] = _attractors(case, lambda done: report(0.75 + 0.15 * done))
+        else:
+            found["law"] = measure_law(case, study.law_q_t)
+    found["measurement"] = measure(simulation, T_hat=case.system.T_hat)
+    found["statistics"] = statistics(simulation) if simulation.noisy else None
+    return found
 
 
 def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
@@ -147,7 +161,7 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
     return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
 
 
-def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
+def _attractors(case: PredictedCase, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
     from icmj.case.plants import linear_plant
     from icmj.experiments.attractors import attractors
 
@@ -169,19 +183,7 @@ def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attracto
         return ()
 
 
-def made(run: RunFile) -> Case | Trial:
-    """The case or trial that is prepared from a run file, for any controller.
-
-    Raises:
-        IcmjError: if the run file, its models, the design or the controller fail.
-    """
-    from icmj.case.case import prepare
-    from icmj.case.trial import prepare_trial
-
-    return prepare_trial(run) if run.tries else prepare(run)
-
-
-def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> float:
+def admit(case: Case, plant: PlantKind, longest: float | None) -> float:
     """See, before anything is written, that a run can start and is not longer than ``longest`` [s]; its estimate [s].
 
     Raises:
@@ -196,24 +198,13 @@ def admitted(case: Case | Trial, plant: PlantKind, longest: float | None) -> flo
     return seconds
 
 
-def carried_out(case: Case | Trial, plant: PlantKind, progress: Tell | None = None) -> Result | Tried:
-    """One complete run on one plant, for any controller: :func:`run_case` or :func:`icmj.study.trial.try_law`.
-
-    Raises:
-        IcmjError: if it fails.
-    """
-    from icmj.case.case import Case
-    from icmj.study.trial import try_law
-
-    with named(case.run.path):
-        return run_case(case, plant, progress) if isinstance(case, Case) else try_law(case, plant, progress)
-
-
 def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:
     """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
-    case = made(run)
+    from icmj.case.case import prepare
+
+    case = prepare(run)
     for plant in plants_of(run):
-        admitted(case, plant, longest)
+        admit(case, plant, longest)
 
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
@@ -221,7 +212,7 @@ def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None
     from icmj.log import write_log
 
     log = folder / f"{run.case.name}.{plant}.rrd"
-    write_log(carried_out(made(run), plant, progress), log)
+    write_log(run_case(run, plant, progress), log)
     return log
 
 

@@ -1,5 +1,5 @@
 """Computation of one chunk of points: a row for each point, also for points that fail or whose
-controller is not intermittent.
+controller has no prediction.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -16,9 +16,17 @@ import pyarrow.parquet as pq
 from icmj.base.array import between
 from icmj.base.environment import single_threaded
 from icmj.base.text import one_line
-from icmj.case.case import Case, PlantKind, prepare, revised, simulate
+from icmj.case.case import (
+    Case,
+    PlantKind,
+    expect_prediction,
+    measure_own,
+    mode_roots,
+    prepare,
+    revised,
+    simulate,
+)
 from icmj.case.plants import linear_plant
-from icmj.case.trial import measured_by, mode_roots, prepare_trial, simulate_trial
 from icmj.comparison.comparison import finite
 from icmj.comparison.facts import RUN, Ran
 from icmj.errors import AnalysisError, CycleError, IcmjError, beyond_memory
@@ -28,9 +36,12 @@ from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile
 from icmj.sweeps import columns
-from icmj.sweeps.facts import CYCLE, TRIED, Moved, Sought
+from icmj.sweeps.facts import CYCLE, WITHOUT_PREDICTION, Moved, Sought
 from icmj.sweeps.plan import Plan
 from icmj.theory.facts import PREDICTION
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 Tell = Callable[[float], None]
 
@@ -97,9 +108,9 @@ def parquet(table: pa.Table) -> bytes:
 def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict[str, Any]:
     row = columns.begun(plan, index, values)
     try:
-        if plan.file.base.tries:
-            return row | tried_row(plan.run(values), plan.file.ask.motion)
-        case = _case(plan, plan.run(values), bench)
+        if not plan.file.base.has_events:
+            return row | _row_without_prediction(prepare(plan.run(values)), plan.file.ask.motion)
+        case = expect_prediction(_case(plan, plan.run(values), bench), "the prediction")
         row |= columns.row_of("predicted", PREDICTION, case.prediction, _outputs(case))
         for plant in plan.file.ask.motion:
             begin = time.process_time()
@@ -134,17 +145,17 @@ def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
     return revised(bench.case, run)
 
 
-def _motion(case: Case, plant: PlantKind) -> dict[str, Any]:
+def _motion(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
     run = simulate(case, plant)
     motion = measure(run, T_hat=case.system.T_hat)
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
     ran = Ran(assumed, actual, case.prediction, run, motion, statistics(run) if run.noisy else None)
     there = {"", plant, "noise" if run.noisy else ""}
     row = columns.row_of(plant, [fact for fact in RUN if fact.only in there], ran, _outputs(case))
-    return row | {f"{plant}_{name}": value for name, value in columns.own(measured_by(case.run, run)).items()}
+    return row | {f"{plant}_{name}": value for name, value in columns.own(measure_own(case.run, run)).items()}
 
 
-def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
+def _cycle(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
     from icmj.cycle.cycle import find_cycle
 
     what = f"{plant}_cycle"
@@ -156,7 +167,7 @@ def _cycle(case: Case, plant: PlantKind) -> dict[str, Any]:
     return columns.row_of(what, CYCLE, Sought(found, "", crit), _outputs(case))
 
 
-def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
+def _attractors(plan: Plan, case: PredictedCase) -> dict[str, Any]:
     found = attractors(
         linear_plant(case.actual, case.settings),
         case.controller,
@@ -178,18 +189,17 @@ def _outputs(case: Case) -> tuple[str, ...]:
     return case.assumed.linearisation.plant.outputs
 
 
-def tried_row(run: RunFile, plants: Sequence[PlantKind]) -> dict[str, Any]:
+def _row_without_prediction(case: Case, plants: Sequence[PlantKind]) -> dict[str, Any]:
     """The columns of one point, with the motion on each of ``plants``; a root that cannot be found is left out."""
-    trial = prepare_trial(run)
     row: dict[str, Any] = {}
     try:
-        root = next(iter(mode_roots(trial, 1).values()))[0]
+        root = next(iter(mode_roots(case, 1).values()))[0]
         row |= {"root_real": float(root.real), "root_imag": abs(float(root.imag))}
     except AnalysisError:  # it reads its outputs as they are, or its rates are out of proportion to its delay
         pass
     for plant in plants:
-        motion = simulate_trial(trial, plant)
+        motion = simulate(case, plant)
         moved = Moved(motion, rounds_of(motion), motion.y[between(motion.t, motion.t[-1] / 2)])
-        row |= columns.row_of(plant, TRIED, moved, trial.assumed.linearisation.plant.outputs)
-        row |= {f"{plant}_{name}": value for name, value in columns.own(measured_by(trial.run, motion)).items()}
+        row |= columns.row_of(plant, WITHOUT_PREDICTION, moved, _outputs(case))
+        row |= {f"{plant}_{name}": value for name, value in columns.own(measure_own(case.run, motion)).items()}
     return row

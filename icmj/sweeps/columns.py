@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from icmj.base.fact import Fact, Kind, told
 from icmj.comparison.facts import RUN
-from icmj.sweeps.facts import CYCLE, TRIED
+from icmj.sweeps.facts import CYCLE, WITHOUT_PREDICTION
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.points import Value
 from icmj.theory.facts import PREDICTION
@@ -21,7 +21,7 @@ KINDS: dict[Kind, pa.DataType] = {
     "number": pa.float64(), "eigenvalue": pa.float64(), "outputs": pa.float64(), "whole": pa.int32(),
     "count": pa.int64(), "truth": pa.bool_(), "text": pa.string(),
 }  # fmt: skip
-# of a controller that is not intermittent, which has no critical interval
+# of a controller without an event rule, which has no critical interval
 ROOT = {
     "root_real": (
         pa.float64(),
@@ -45,7 +45,7 @@ def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
     varies = zip(plan.points.names, plan.points.kinds, strict=True)
     return columns(
         varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors),
-        tried=plan.file.base.tries, measures=plan.measures,
+        predicted=plan.file.base.has_events, measures=plan.measures,
     )  # fmt: skip
 
 
@@ -57,22 +57,23 @@ def columns(
     cycle: Sequence[str],
     noisy: bool,
     attractors: bool,
-    tried: bool = False,
+    predicted: bool = True,
     measures: Sequence[str] = (),
 ) -> dict[str, tuple[pa.DataType, str]]:
     """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle.
 
-    ``tried`` says whether the controller is not intermittent; ``measures`` are names of the user's own numbers.
+    ``predicted`` says whether the controller has an event rule, and with it a prediction; ``measures`` are names of the
+    user's own numbers.
     """
     measured = own(dict.fromkeys(measures, OWN))
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
-    found |= ROOT if tried else _described("predicted", PREDICTION, outputs)
+    found |= _described("predicted", PREDICTION, outputs) if predicted else ROOT
     for plant in motion:
         there = {"", plant, "noise" if noisy else ""}
-        facts = TRIED if tried else [fact for fact in RUN if fact.only in there]
+        facts = [fact for fact in RUN if fact.only in there] if predicted else WITHOUT_PREDICTION
         found |= _described(plant, facts, outputs) | {f"{plant}_{name}": column for name, column in measured.items()}
     for plant in cycle:
         found |= _described(f"{plant}_cycle", CYCLE, outputs)

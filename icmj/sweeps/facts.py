@@ -1,4 +1,4 @@
-"""The facts that only sweeps tell: of exact cycles, and of runs under a controller that is not intermittent."""
+"""The facts that only sweeps tell: of exact cycles, and of runs without a prediction."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ CYCLE = (
     Fact("peak", "peak of each output", "", "largest magnitude of each output over it",
          attrgetter("cycle.y_peak"), "outputs"),
 )  # fmt: skip
-TRIED = (
+WITHOUT_PREDICTION = (
     Fact("outcome", "outcome", "", "completed, fell, diverged, stalled", attrgetter("run.outcome.kind"), "text"),
     Fact("end", "end", "s", "when the run ended", attrgetter("run.outcome.t")),
     Fact("switches", "switches", "", "switches in the run", lambda of: len(of.run.events), "count"),

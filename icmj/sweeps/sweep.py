@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from icmj.case.case import Case, PlantKind, prepare, simulate
-from icmj.case.trial import Trial, expect_measures, measured_by, prepare_trial, simulate_trial
+from icmj.case.case import Case, PlantKind, expect_measures, measure_own, prepare, simulate
 from icmj.errors import IcmjError, SweepError
 from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.sweeps.chunk import Computed, compute, died, parquet
@@ -48,7 +47,7 @@ def tried(plan: Plan) -> Plan:
     for index in plan.tried():
         try:
             run = plan.run(plan.points.at(index))
-            case = prepare_trial(run) if run.tries else prepare(run)
+            case = prepare(run)
             told = _measures(case, plan.file.ask.motion)
             return replace(plan, outputs=tuple(case.assumed.linearisation.plant.outputs), measures=told)
         except IcmjError as error:
@@ -56,13 +55,13 @@ def tried(plan: Plan) -> Plan:
     raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
 
 
-def _measures(case: Case | Trial, plants: Sequence[PlantKind]) -> tuple[str, ...]:
+def _measures(case: Case, plants: Sequence[PlantKind]) -> tuple[str, ...]:
     """Names of the numbers that the user's own measures return of a run."""
     if not case.run.study.measures or not plants:
         return ()
     expect_measures(case.run)
-    run = simulate(case, plants[0]) if isinstance(case, Case) else simulate_trial(case, plants[0])
-    return tuple(measured_by(case.run, run))
+    run = simulate(case, plants[0])
+    return tuple(measure_own(case.run, run))
 
 
 def estimate(plan: Plan) -> Estimate:

@@ -104,7 +104,7 @@ def _check_columns(found: pa.Schema, facts: Facts, schema: pa.Schema | None) -> 
     expected = columns(
         [(name, "number") for name in facts.varies], facts.outputs, motion=asked["motion"], cycle=asked["cycle"],
         noisy=bool(asked["noisy"]), attractors="attractors" in names,
-        tried="root_real" in names, measures=facts.measures,
+        predicted="root_real" not in names, measures=facts.measures,
     )  # fmt: skip
     if names != list(expected):
         raise ValueError("columns that a sweep does not have, or lacks")

@@ -13,16 +13,20 @@ no poles at the eigenvalues of Â, as the differential equation for P has. Those
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
+from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
 from icmj.errors import AnalysisError, expect
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.matching import matched
-from icmj.theory.delay_roots import DelayLoop
+from icmj.theory.delay_roots import DelayLoop, delay_loop
+
+MOST_MODES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +100,21 @@ class PredictorLoop(DelayLoop):
         whole = expm(block * t)[:n]
         once, twice = whole[:, n : n + n_u], whole[:, n + n_u :]
         return once, twice - t * once
+
+
+@singledispatch
+def loops_of(law: Law, plant: LinearPlant) -> dict[str, DelayLoop]:
+    """The loops of ``plant`` under a controller that stays in one mode, by mode; of very many modes, of the first.
+
+    Raises:
+        AnalysisError: if the controller reads its outputs without a delay.
+    """
+    return {mode.name: delay_loop(plant, law, i) for i, mode in enumerate(law.realisation.modes[:MOST_MODES])}
+
+
+@loops_of.register
+def _(law: PredictorController, plant: LinearPlant) -> dict[str, DelayLoop]:
+    return {"predictor": predictor_loop(plant, law)}
 
 
 def predictor_loop(plant: LinearPlant, law: PredictorController) -> PredictorLoop:

@@ -8,15 +8,18 @@ whose x̄ there is nearer to the run's. As t = 0 is an event, there always is a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.result.result import Result
 from icmj.theory.error_system import error_system
 from icmj.theory.locus import largest
 from icmj.theory.orbit import Orbit
 from icmj.view.motion import output_rate, reduced
+
+if TYPE_CHECKING:
+    from icmj.result.result import PredictedResult
 
 POINTS = 128
 BEYOND = 1.6  # times Δ_crit
@@ -65,7 +68,7 @@ class LaidOrbit:
         return t[(t >= begin) & (t <= end)]
 
 
-def laid_orbit(result: Result) -> LaidOrbit | None:
+def laid_orbit(result: PredictedResult) -> LaidOrbit | None:
     """The orbit at Δ_crit aligned with the run, whether or not a cycle is predicted; ``None`` without an orbit."""
     orbit, simulation = result.prediction.orbit, result.simulation
     if orbit is None:
@@ -86,7 +89,7 @@ def laid_orbit(result: Result) -> LaidOrbit | None:
     )
 
 
-def predicted_growth(result: Result) -> tuple[Array, Array]:
+def predicted_growth(result: PredictedResult) -> tuple[Array, Array]:
     """Intervals [s] and the largest |λ| of φ there, shapes (M,): from the delay to somewhat beyond Δ_crit."""
     prediction, controller = result.prediction, result.controller
     end = prediction.delta_max

@@ -11,11 +11,10 @@ from icmj.base.array import Array
 from icmj.measurement.measurement import reduced_states
 from icmj.plant.linear_plant import transformation
 from icmj.result.result import Result
-from icmj.result.tried import Tried
 from icmj.simulation.simulation import Simulation
 
 
-def output_rate(result: Result | Tried, x: Array, u: Array) -> Array:
+def output_rate(result: Result, x: Array, u: Array) -> Array:
     """ẏ = C(Ax + Bu) of the linearised actual plant; shapes (..., n), (..., n_u) → (..., n_y)."""
     plant = result.actual
     return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
@@ -35,6 +34,7 @@ def modes(result: Result, x_bar: Array) -> NDArray[np.complex128]:
 
     A mode is real if its eigenvalue is, as the critical one is; of a complex pair the real part is one phase.
     """
+    assert result.prediction is not None
     V_inv = result.prediction.V_inv
     assert V_inv is not None
     return x_bar @ V_inv.T
@@ -78,7 +78,7 @@ def running_interval(simulation: Simulation) -> tuple[Array, Array]:
     return t, since
 
 
-def acting(result: Result | Tried) -> list[int]:
+def acting(result: Result) -> list[int]:
     """Indices of the inputs where ``applied`` is not ``u``; a difference by rounding is none."""
     simulation = result.simulation
     if not simulation.applied.size:

@@ -53,7 +53,7 @@ def quantities(plant: LinearPlant) -> tuple[Quantity, ...]:
 
 def threshold_unit(result: Result) -> str:
     """Unit of the threshold: that of the outputs where the rule weighs these alone; "" where it has none to tell."""
-    plant, facts = result.assumed, result.controller.trigger.facts()
+    plant, facts = result.assumed, result.controller.facts()
     weight = facts.get("Q_t")
     of_outputs = facts.get("on") == "output"
     if isinstance(weight, np.ndarray):

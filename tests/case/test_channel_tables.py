@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from tapped_cases import PERSON
 
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import prepare, simulate
 from icmj.errors import IcmjError
-from icmj.log.reader import read_trial
+from icmj.log.reader import read_log
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile
-from icmj.study.trial import try_law
+from icmj.study.study import run_case
 
 HEAD = """
 case = { name = "asai", title = "Feedback of one joint" }
@@ -56,7 +56,7 @@ def continuous(tmp_path: Path) -> RunFile:
 def test_one_channel_is_the_controller_of_one_joint(channelled: RunFile, tmp_path: Path) -> None:
     known = written(tmp_path, 'kind = "switching"\n' + _lines(CHANNEL))
     for plant in ("linear", "mujoco"):
-        mine, theirs = (simulate_trial(prepare_trial(run), plant) for run in (channelled, known))  # type: ignore[arg-type]
+        mine, theirs = (simulate(prepare(run), plant) for run in (channelled, known))  # type: ignore[arg-type]
         np.testing.assert_array_equal(mine.x, theirs.x)
 
 
@@ -64,21 +64,21 @@ def test_one_channel_is_the_controller_of_one_joint(channelled: RunFile, tmp_pat
 def test_a_log_keeps_it_bit_for_bit(which: str, request: pytest.FixtureRequest) -> None:
     run = request.getfixturevalue(which)
     for plant in ("linear", "mujoco"):
-        result = try_law(run.with_(**{"simulation.duration": 3.0}), plant)  # type: ignore[arg-type]
+        result = run_case(run.with_(**{"simulation.duration": 3.0}), plant)  # type: ignore[arg-type]
         log = run.path.with_suffix(".rrd")
         write_log(result, log)
-        back = read_trial(log)
+        back = read_log(log)
         assert back.simulation.x.tobytes() == result.simulation.x.tobytes()
-        again = simulate_trial(prepare_trial(back.run), plant)  # type: ignore[arg-type]
+        again = simulate(prepare(back.run), plant)  # type: ignore[arg-type]
         assert again.x.tobytes() == result.simulation.x.tobytes()
-        assert type(back.law) is type(result.law)
+        assert type(back.controller) is type(result.controller)
 
 
 def test_the_engine_is_the_linear_plant_at_small_sway(continuous: RunFile) -> None:
     errors = []
     for size in (0.04, 0.02):
         run = continuous.with_(**{"simulation.initial": {"lean": size}, "simulation.duration": 2.0})
-        linear, engine = (simulate_trial(prepare_trial(run), plant) for plant in ("linear", "mujoco"))  # type: ignore[arg-type]
+        linear, engine = (simulate(prepare(run), plant) for plant in ("linear", "mujoco"))  # type: ignore[arg-type]
         theirs = np.interp(linear.t, engine.t, engine.x[:, 0])
         errors.append(np.abs(theirs - linear.x[:, 0]).max() / size)
     # the body's sine differs from its slope in the third power, relative in the second
@@ -99,7 +99,7 @@ def test_the_engine_is_the_linear_plant_at_small_sway(continuous: RunFile) -> No
 )
 def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, words: str) -> None:
     with pytest.raises(IcmjError, match=words) as told:
-        prepare_trial(channelled.with_(**change))
+        prepare(channelled.with_(**change))
     assert "\n" not in str(told.value)
 
 
@@ -115,5 +115,5 @@ def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, 
 )
 def test_what_is_wrong_with_a_delayed_pid_is_said(continuous: RunFile, change: dict, words: str) -> None:
     with pytest.raises(IcmjError, match=words) as told:
-        prepare_trial(continuous.with_(**change))
+        prepare(continuous.with_(**change))
     assert "\n" not in str(told.value)

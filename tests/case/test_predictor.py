@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import prepare, simulate
 from icmj.cli.main import main
 from icmj.errors import IcmjError
-from icmj.log.reader import read_summary, read_trial
+from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
-from icmj.study.trial import try_law
+from icmj.study.study import run_case
 
 RUN = """
 [case]
@@ -53,20 +53,20 @@ def run_path(tmp_path: Path, root: Path) -> Path:
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, plant: str) -> None:
-    result = try_law(load_run(run_path), plant)  # type: ignore[arg-type]
-    assert result.law.kind == "predictor"
+    result = run_case(load_run(run_path), plant)  # type: ignore[arg-type]
+    assert result.controller.kind == "predictor"
     log = run_path.with_suffix(".rrd")
     write_log(result, log)
-    back = read_trial(log)
+    back = read_log(log)
     for name in ("t", "x", "y", "u", "r"):
         assert getattr(back.simulation, name).tobytes() == getattr(result.simulation, name).tobytes()
     assert back.simulation.r[-1] == 0.02
-    assert back.law.realisation.M.tobytes() == result.law.realisation.M.tobytes()
+    assert back.controller.realisation.M.tobytes() == result.controller.realisation.M.tobytes()
     facts = read_summary(log)["controller"]
     assert (facts["delay"], facts["assumed_delay"]) == (0.12, 0.1)
     # the law that is kept moves as the one that was run
-    trial = prepare_trial(load_run(run_path))
-    again = simulate_trial(type(trial)(**{**vars(trial), "law": back.law}), plant)  # type: ignore[arg-type]
+    trial = prepare(load_run(run_path))
+    again = simulate(type(trial)(**{**vars(trial), "controller": back.controller}), plant)  # type: ignore[arg-type]
     np.testing.assert_array_equal(again.x, result.simulation.x)
 
 
@@ -111,7 +111,7 @@ def test_what_makes_no_sense_is_one_line(
 )
 def test_what_is_wrong_is_said(run_path: Path, change: dict, words: str) -> None:
     def attempt() -> None:
-        simulate_trial(prepare_trial(load_run(run_path).with_(**change)), "linear")
+        simulate(prepare(load_run(run_path).with_(**change)), "linear")
 
     with pytest.raises(IcmjError, match=words) as told:
         attempt()

@@ -17,7 +17,7 @@ from icmj.case.case import revised
 from icmj.case.plants import linear_plant
 from icmj.cycle.parameter import Family, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
-from icmj.log.reader import read_any
+from icmj.log.reader import read_log
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
@@ -28,7 +28,7 @@ from icmj.simulation.simulation import Simulation
 from icmj.study.double_step import DoubleStepKind
 from icmj.study.experiment import Condition, trial
 from icmj.study.quiet_standing import QuietStandingKind
-from icmj.study.study import carried_out
+from icmj.study.study import run_case
 from icmj.sweeps.chunk import compute
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.sweep import tried
@@ -145,11 +145,11 @@ def simulated(run: RunFile, plant: Plant, seed: int | None = None) -> Simulation
     case = prepared(run)
     if seed is not None:
         case = replace(case, settings=reseeded(case.settings, seed))
-    return icmj.simulate_trial(case, plant) if run.tries else icmj.simulate(case, plant)
+    return icmj.simulate(case, plant)
 
 
 def prepared(run: RunFile) -> Any:
-    return icmj.prepare_trial(run) if run.tries else icmj.prepare(run)
+    return icmj.prepare(run)
 
 
 def same(one: Simulation, other: Simulation) -> None:
@@ -172,17 +172,17 @@ def by_parts(run: RunFile, plant: Plant) -> Simulation:
     """Plant, controller and settings of a case, put together by hand."""
     case = prepared(run)
     there = linear_plant(case.actual, case.settings) if plant == "linear" else case.actual
-    law = case.law if run.tries else case.controller
+    law = case.controller
     return icmj.simulate_plant(there, law, case.settings, match="position")
 
 
 def by_start(run: RunFile, plant: Plant) -> Simulation:
     """The states at t = 0 given as vectors."""
-    if run.tries:
-        return icmj.simulate(icmj.prepare_trial(run), plant, start=(np.zeros(2), np.zeros(2)))  # type: ignore[arg-type]
     case = icmj.prepare(run)
     started = icmj.simulate(case, plant)
     bare = replace(case, settings=replace(case.settings, initial={}, observer={}))
+    if not run.has_events:
+        return icmj.simulate(bare, plant, start=(started.x[0],))
     x_h = case.controller.trigger.holds and case.controller.delay
     start = (started.x[0], started.x_o[0], *([started.x_h[0]] if x_h else []))
     return icmj.simulate(bare, plant, start=start)
@@ -190,17 +190,16 @@ def by_start(run: RunFile, plant: Plant) -> Simulation:
 
 def by_duration(run: RunFile, plant: Plant) -> Simulation:
     """The duration given to the function, longer than in the run file."""
-    if run.tries:
-        return icmj.simulate(icmj.prepare_trial(run), plant, duration=2.5)  # type: ignore[arg-type]
     short = icmj.prepare(run.with_(**{"simulation.duration": 1.3}))
     return icmj.simulate(short, plant, duration=run.simulation.duration)
 
 
 def by_revision(run: RunFile, plant: Plant) -> Simulation:
     """From a case with another threshold, duration and set-point."""
-    if run.tries:
-        other = icmj.prepare_trial(run.with_(**{"simulation.duration": 1.3, "setpoint": None}))
-        return icmj.simulate_trial(icmj.prepare_trial(run, other), plant)
+    if not run.has_events:
+        other = icmj.prepare(run.with_(**{"simulation.duration": 1.3, "setpoint": None}))
+        same(icmj.simulate(revised(other, run), plant), found := icmj.simulate(icmj.prepare(run, like=other), plant))
+        return found
     key = "controller.threshold" if run.intermittent.rule == "box" else "controller.q_t"
     changes = {} if run.intermittent.rule == "box" else {key: 0.003}
     other = icmj.prepare(run.with_(**{**changes, "simulation": {"duration": 1.3}, "setpoint": None}))
@@ -226,15 +225,15 @@ def by_drawn(run: RunFile, plant: Plant) -> Simulation:
 
 
 def by_complete_run(run: RunFile, plant: Plant) -> Simulation:
-    return carried_out(prepared(run), plant).simulation
+    return run_case(prepared(run), plant).simulation
 
 
 def by_log(run: RunFile, plant: Plant) -> Simulation:
     """The complete run logged, and its run file taken from the log."""
-    result = carried_out(prepared(run), plant)
+    result = run_case(prepared(run), plant)
     path = run.path.parent / "a.rrd"
     icmj.write_log(result, path)
-    back = read_any(path)
+    back = read_log(path)
     same(back.simulation, result.simulation)
     with back.run.at_hand() as again:
         return simulated(again, plant)
@@ -250,7 +249,7 @@ def by_many(run: RunFile, plant: Plant) -> Simulation:
 
     batch = icmj.simulate_many(case, 1, plant=plant, seeds=[3], keep=keep, jobs=1)
     again = batch.case(0)
-    same(found[0], icmj.simulate_trial(again, plant) if run.tries else icmj.simulate(again, plant))
+    same(found[0], icmj.simulate(again, plant))
     same(found[0], simulated(run, plant, 3))
     kept = icmj.simulate_many(case, 1, plant=plant, seeds=[3], keep=("events", "y"), jobs=1)
     np.testing.assert_array_equal(kept["events"][0], found[0].events.t)
@@ -319,8 +318,8 @@ def by_intervals(run: RunFile, plant: Plant) -> Simulation:
 
 def by_composition(run: RunFile, plant: Plant) -> Simulation:
     """Plant, controller and settings composed into a run file of matrices."""
-    if run.tries:
-        law = icmj.prepare_trial(run).law
+    if not run.has_events:
+        law = icmj.prepare(run).controller
         icmj.compose_run(law.plant, law, name="composed")  # type: ignore[arg-type]
     case = icmj.prepare(run)
     actual = linear_plant(case.actual, case.settings)
@@ -334,7 +333,7 @@ ROUTES: dict[str, Callable[[RunFile, Plant], Simulation]] = {
         by_sweep, by_experiment, by_intervals, by_composition,
     )
 }  # fmt: skip
-NO_INTERVAL, NO_TRIAL = "an interval is no function of the state", "takes a Case, got Trial"
+NO_INTERVAL, NO_RULE = "an interval is no function of the state", "open_loop needs an event rule"
 LONGER = "is known for a run of 1.3 s, not of 2.5 s; set simulation.duration"
 REFUSED = {
     **{("by_intervals", feature): NO_INTERVAL for feature in FEATURES if "setpoint" in FEATURES[feature]},
@@ -348,10 +347,7 @@ REFUSED = {
     ("by_duration", "all at once"): LONGER,
 }
 for _feature in ("continuous predictor", "switching", "delayed PD", "predictor with a set-point"):
-    REFUSED |= {
-        ("by_start", _feature): NO_TRIAL, ("by_duration", _feature): NO_TRIAL, ("by_intervals", _feature): NO_TRIAL,
-        ("by_composition", _feature): "takes a Controller, got",
-    }  # fmt: skip
+    REFUSED |= {("by_intervals", _feature): NO_RULE, ("by_composition", _feature): "takes a Controller, got"}
 
 
 QUICK = ("nothing", "set-point step", "predictor with a set-point", "disturbance of a file", "all at once")
@@ -451,21 +447,21 @@ def test_a_sweep_asks_for_no_cycle_beside_a_set_point(base: RunFile) -> None:
 
 def test_what_is_of_another_class_is_refused_in_one_line(base: RunFile) -> None:
     case: Any = icmj.prepare(base)
-    trial: Any = icmj.prepare_trial(base.with_(**FEATURES["switching"]))
+    trial: Any = icmj.prepare(base.with_(**FEATURES["switching"]))
     plant, model, law = case.actual.linearisation.plant, case.actual, case.controller
     design, lean = law.design, icmj.Target({"lean": 1.0}, np.array([[0.01, 0, 0, 0, 0]]))
     instead = "is a MujocoPlant; expected a LinearPlant; give its linearisation.plant"
     asked: list[tuple[Callable[[], object], str]] = [
-        (lambda: icmj.simulate(trial), "simulate takes a Case, got Trial; a Trial is simulated by simulate_trial"),
-        (lambda: icmj.simulate_trial(case), "simulate_trial takes a Trial, got Case"),
-        (lambda: icmj.open_loop(trial), "open_loop takes a Case, got Trial"),
-        (lambda: icmj.find_cycle(trial), "find_cycle takes a Case, got Trial"),
-        (lambda: icmj.measure_growth(trial, "linear", 2), "measure_growth takes a Case, got Trial"),
-        (lambda: icmj.measure_law(trial, [0.1, 0.2]), "measure_law takes a Case, got Trial"),
-        (lambda: icmj.run_case(trial, "linear"), "prepare takes a RunFile, got Trial"),
-        (lambda: icmj.to_iosystem(plant, trial.law), "to_iosystem takes a Controller, got SwitchingPD"),
+        (lambda: icmj.simulate(law), "simulate takes a Case, got Controller"),
+        (lambda: icmj.simulate(trial, trigger=icmj.Continuous()), "another trigger needs an event rule, and the"),
+        (lambda: icmj.open_loop(trial), "open_loop needs an event rule, and the controller is of kind 'switching'"),
+        (lambda: icmj.find_cycle(trial), "find_cycle needs an event rule, and the controller is of kind 'switching'"),
+        (lambda: icmj.measure_growth(trial, "linear", 2), "growth under a clock needs an event rule, and the"),
+        (lambda: icmj.measure_law(trial, [0.1, 0.2]), "the amplitude law needs an event rule, and the controller is"),
+        (lambda: icmj.run_case(law, "linear"), "run_case takes a Case, got Controller"),
+        (lambda: icmj.to_iosystem(plant, trial.controller), "to_iosystem takes a Controller, got SwitchingPD"),
         (lambda: icmj.to_iosystem(case), "the plant is a Case; expected a LinearPlant"),
-        (lambda: icmj.attractors(plant, trial.law, case.settings), "takes a Controller, got SwitchingPD"),
+        (lambda: icmj.attractors(plant, trial.controller, case.settings), "takes a Controller, got SwitchingPD"),
         (lambda: icmj.simulate_plant(plant, case, case.settings), "simulate_plant takes a Law, got Case"),
         (lambda: icmj.rounds(plant, law), "takes a SwitchingPD, got Controller"),
         (lambda: icmj.predictor_loop(plant, law), "takes a PredictorController, got Controller"),
@@ -474,7 +470,7 @@ def test_what_is_of_another_class_is_refused_in_one_line(base: RunFile) -> None:
         (lambda: icmj.SwitchingPD(model, "lean", "lean_rate", 1.0, 1.0, 0.2), instead),
         (lambda: icmj.SwitchingChannels(model, (icmj.Channel("lean", "lean_rate", 1.0, 1.0),), 0.2), instead),
         (lambda: icmj.DelayedPID(model, "lean", "lean_rate", 1.0, 1.0, delay=0.2), instead),
-        (lambda: icmj.rounds(model, trial.law), instead),
+        (lambda: icmj.rounds(model, trial.controller), instead),
         (lambda: icmj.compose_run(model, law, name="a"), instead),
     ]
     for ask, words in asked:

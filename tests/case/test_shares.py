@@ -5,7 +5,6 @@ import pytest
 
 import icmj
 from icmj.case.case import prepare, simulate
-from icmj.case.trial import prepare_trial
 from icmj.errors import IcmjError
 from icmj.runfile.reading import load_run
 from icmj.simulation.gaussian import at_times
@@ -71,5 +70,5 @@ def test_what_does_not_fit_is_one_line(root, wrong, words):
 def test_a_controller_of_delayed_readings_is_refused_before_anything_runs(root):
     run = load_run(root / "runs" / "rivals" / "one-link-delayed-pd.toml").with_(**{"simulation.disturbance": [MOTOR]})
     with pytest.raises(IcmjError, match=r"share = 0\.3 needs commands that follow from a hold") as told:
-        prepare_trial(run)
+        prepare(run)
     assert "\n" not in str(told.value)

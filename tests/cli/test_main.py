@@ -259,7 +259,7 @@ def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(
     def fail(*args: object, **kwargs: object) -> None:
         raise SimulationError("too much is to be remembered")
 
-    monkeypatch.setattr("icmj.case.trial.simulate_trial", fail)
+    monkeypatch.setattr("icmj.case.case.simulate", fail)
     out, run = tmp_path / "out", root / "runs" / "rivals" / "one-link-switching.toml"
     if there:
         out.mkdir()

@@ -13,15 +13,15 @@ from icmj.comparison.comparison import Measured, Predicted, RelativeError, compa
 from icmj.comparison.facts import RUN
 from icmj.log.summary import markdown, properties
 from icmj.sweeps.columns import columns
-from icmj.sweeps.facts import CYCLE, TRIED
+from icmj.sweeps.facts import CYCLE, WITHOUT_PREDICTION
 from icmj.theory.facts import PREDICTION
 
-TABLES = {"PREDICTION": PREDICTION, "RUN": RUN, "CYCLE": CYCLE, "TRIED": TRIED}
+TABLES = {"PREDICTION": PREDICTION, "RUN": RUN, "CYCLE": CYCLE, "WITHOUT_PREDICTION": WITHOUT_PREDICTION}
 ALL = [(table, fact) for table, facts in TABLES.items() for fact in facts]
 NAMED = [f"{table} {fact.name}" for table, fact in ALL]
 WHERE = {
     "PREDICTION": ("predicted", "predicted", "predicted"), "RUN": ("measured", "PLANT", "measured"),
-    "CYCLE": ("", "PLANT_cycle", ""), "TRIED": ("", "PLANT", ""),
+    "CYCLE": ("", "PLANT_cycle", ""), "WITHOUT_PREDICTION": ("", "PLANT", ""),
 }  # fmt: skip
 
 
@@ -94,7 +94,7 @@ def test_files_keep_the_names_that_they_had() -> None:
     assert [types[f"mujoco_{name}"] for name in ("p", "events", "mirrored", "kind", "period")] == [
         "int32", "int64", "bool", "string", "double",
     ]  # fmt: skip
-    other = columns([], ["y"], motion=["linear"], cycle=[], noisy=False, attractors=False, tried=True)
+    other = columns([], ["y"], motion=["linear"], cycle=[], noisy=False, attractors=False, predicted=False)
     assert list(other)[3:] == [
         "root_real", "root_imag", "linear_outcome", "linear_end", "linear_switches", "linear_growth", "linear_factor",
         "linear_period", "linear_peak_y", "linear_rms_y",

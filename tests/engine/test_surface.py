@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import icmj
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import prepare, simulate
 from icmj.controller.setpoint import ternary
 from icmj.engine.pushing import on_bodies
 from icmj.errors import IcmjError
@@ -114,7 +114,7 @@ def test_the_delayed_loop_answers_a_tilt_as_its_transfer_function_does(vertical_
     tilt = {"kind": "sines", "surface": "tilt", "size": 0.002, "frequencies": lines.tolist(), "vertical": vertical}
     tilt |= {"phases": [0.3, 1.0, -2.0], "point": [0.0, 0.0, 0.06]}
     changes = {"simulation.disturbance": [tilt], "simulation.duration": duration, "simulation.initial": {}}
-    run = simulate_trial(prepare_trial(load_run("one-link-delayed-pd").with_(**changes)), "linear")
+    run = simulate(prepare(load_run("one-link-delayed-pd").with_(**changes)), "linear")
     t = np.arange(0, period, 0.01)
     lean = np.interp(duration - period + t, run.t, run.x[:, 0])
     s = 2j * np.pi * lines
@@ -130,8 +130,8 @@ def test_the_delayed_loop_answers_a_tilt_as_its_transfer_function_does(vertical_
 def test_a_model_of_one_body_has_a_surface_in_mujoco_too():
     tilt = {"kind": "sines", "surface": "tilt", "size": 0.001, "frequencies": [0.3, 0.7], "point": [0, 0, 0.06]}
     changes = {"simulation.disturbance": [tilt], "simulation.duration": 5.0, "simulation.initial": {}}
-    trial = prepare_trial(load_run("one-link-delayed-pd").with_(**changes))
-    linear, engine = (simulate_trial(trial, plant) for plant in ("linear", "mujoco"))
+    trial = prepare(load_run("one-link-delayed-pd").with_(**changes))
+    linear, engine = (simulate(trial, plant) for plant in ("linear", "mujoco"))
     assert np.abs(linear.x[:, 0]).max() > 1e-4
     np.testing.assert_allclose(engine.x[-1], linear.x[-1], atol=1e-7)
 
@@ -179,7 +179,7 @@ def test_a_sequence_of_full_length_is_the_sum_of_its_lines():
 )
 def test_what_cannot_be_is_one_line(table, words):
     with pytest.raises(IcmjError, match=words) as told:
-        prepare_trial(load_run("one-link-delayed-pd").with_(**{"simulation.disturbance": [table]}))
+        prepare(load_run("one-link-delayed-pd").with_(**{"simulation.disturbance": [table]}))
     assert "\n" not in str(told.value)
 
 

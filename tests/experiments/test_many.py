@@ -122,7 +122,7 @@ def test_so_is_a_number_of_processes_that_is_none(standing, jobs):
         icmj.simulate_many(standing, 20, jobs=jobs)
 
 
-def test_it_takes_a_case_or_a_trial(standing):
+def test_it_takes_nothing_but_a_case(standing):
     for other in (standing.run, standing.controller, None):
         with pytest.raises(AnalysisError, match="simulate_many takes a Case, got"):
             icmj.simulate_many(other, 1, jobs=1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import simulate_plant
+from icmj.case.case import prepare, simulate_plant
 from icmj.cli.main import main
 from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
@@ -18,8 +18,7 @@ from icmj.experiments.rounds import attraction, rounds, rounds_of
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.reading import load_run
 from icmj.simulation.settings import Settings
-from icmj.study.study import carried_out, made
-from icmj.study.trial import try_law
+from icmj.study.study import run_case
 
 MGH, INERTIA = 60 * 9.81, 60.0
 A = np.array([[0, 1], [0.2 * MGH / INERTIA, -4 / INERTIA]])
@@ -127,7 +126,7 @@ def test_shipped_persons_under_other_controllers_stand(root: Path) -> None:
     for path in sorted((root / "runs" / "rivals").glob("*.toml")):
         run = load_run(path)
         assert run.case.name == path.stem
-        result = carried_out(made(run.with_(**{"simulation.duration": 8.0, "study.growth_points": 0})), "mujoco")
+        result = run_case(prepare(run.with_(**{"simulation.duration": 8.0, "study.growth_points": 0})), "mujoco")
         assert result.simulation.outcome.kind == "completed"
         assert np.abs(result.simulation.y).max() < 0.1
 
@@ -139,6 +138,7 @@ def test_a_share_of_the_plane_is_a_slope(root: Path) -> None:
         slope_of(1.0)
     run = load_run("one-link-switching")
     shared = run.with_(**{"controller.slope": None, "controller.share": 0.621})
-    assert try_law(shared.with_(**{"simulation.duration": 1.0}), "linear").law.facts()["slope"] == slope_of(0.621)
+    result = run_case(shared.with_(**{"simulation.duration": 1.0}), "linear")
+    assert result.controller.facts()["slope"] == slope_of(0.621)
     with pytest.raises(Exception, match="give slope or share, not both"):
         run.with_(**{"controller.share": 0.7})

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import icmj
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import prepare, simulate
 from icmj.errors import FitError, RunFileError
 from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
@@ -36,9 +36,9 @@ def test_each_shipped_family_stands_in_the_middle_of_its_prior_and_a_bank_has_it
 def test_a_trial_is_that_of_the_public_path_bit_for_bit(name):
     family = load_family(name)
     member = family.member(family.prior.from_normal(np.full((1, len(family.prior)), 0.2))[0], 30.0)
-    if member.run.tries:
-        trial = prepare_trial(member.run)
-        run = simulate_trial(replace(trial, settings=reseeded(trial.settings, 5)), "linear")
+    if not member.run.has_events:
+        trial = prepare(member.run)
+        run = simulate(replace(trial, settings=reseeded(trial.settings, 5)), "linear")
     else:
         case = icmj.prepare(member.run)
         run = icmj.simulate(replace(case, settings=reseeded(case.settings, 5)), "linear")

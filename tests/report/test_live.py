@@ -65,11 +65,11 @@ def loaded(name, extra="", **changes):
     if extra:
         run = icmj.parse_run(run.text + extra, run.path)
     run = run.with_(**changes) if changes else run
-    return icmj.prepare_trial(run) if run.tries else icmj.prepare(run)
+    return icmj.prepare(run)
 
 
 def simulated(case, plant):
-    return (icmj.simulate_trial if isinstance(case, icmj.Trial) else icmj.simulate)(case, plant)
+    return icmj.simulate(case, plant)
 
 
 def job(model, end, fault="", pieces=1, **settings):

@@ -18,8 +18,7 @@ from icmj.report.experiment import Row, experiment_page
 from icmj.report.pairing import paired
 from icmj.report.panels import PANELS
 from icmj.report.rivals import rivals
-from icmj.result.result import Attractor
-from icmj.result.tried import Tried
+from icmj.result.result import Attractor, Result
 from icmj.runfile.reading import parse_run
 from icmj.simulation.settings import Settings
 
@@ -271,7 +270,7 @@ def test_controllers_of_one_body_stand_side_by_side():
     plant = LinearPlant(old.A, old.B, np.eye(2), states=old.states, inputs=old.inputs, **words)
     law = SwitchingPD(plant, "angle", "speed", P=1.6, D=0.8, delay=0.1)
     run = icmj.simulate_plant(plant, law, Settings(duration=20.0), x0=[0.02, 0.0])
-    trial = Tried(found.run, plant, plant, law, run)
+    trial = Result(found.run, plant, plant, law, None, run)
     seen = replace(found, actual=plant, simulation=replace(found.simulation, y=found.simulation.x[:, :2]))
     assert rivals([found, seen]) == []
     (group,) = rivals([found, seen, trial])

@@ -11,7 +11,6 @@ from icmj.base.array import between
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel
-from icmj.result.result import Result
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import event_rows, latter_part, output_rate
 from icmj.view.quantity import Quantity, quantities
@@ -19,6 +18,8 @@ from icmj.view.quantity import Quantity, quantities
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from icmj.result.result import PredictedResult
 
 SHOWN = 8  # intervals
 
@@ -88,7 +89,7 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
     )
 
 
-def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity, named: bool) -> None:
+def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quantity, named: bool) -> None:
     simulation = result.simulation
     start, end = latter_part(simulation, SHOWN)
     rows = event_rows(simulation)

@@ -1,5 +1,7 @@
 """The sections of the page, each a function from the cases to a heading, a template and what it prints."""
 
+from icmj.report.sections.controllers import others as others
+from icmj.report.sections.controllers import rivals as rivals
 from icmj.report.sections.figures import figures as figures
 from icmj.report.sections.figures import law as law
 from icmj.report.sections.first import caption as caption
@@ -20,5 +22,3 @@ from icmj.report.sections.sweeps import attractors as attractors
 from icmj.report.sections.sweeps import branches as branches
 from icmj.report.sections.sweeps import numbered as numbered
 from icmj.report.sections.sweeps import sweeps as sweeps
-from icmj.report.sections.tried import rivals as rivals
-from icmj.report.sections.tried import tried as tried

@@ -9,7 +9,7 @@ from icmj.base.numbers import count
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.wording import verdicts
-from icmj.result.tried import Tried
+from icmj.result.result import Result
 
 CAPTION = (
     "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it "
@@ -27,10 +27,10 @@ def caption(cases: Sequence[CaseRuns]) -> str:
     return CAPTION.format(ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)
 
 
-def headline(cases: Sequence[CaseRuns], tried: Sequence[Tried] = ()) -> str:
+def headline(cases: Sequence[CaseRuns], others: Sequence[Result] = ()) -> str:
     """One sentence: predicted, measured, agreement; of controllers without a prediction, what they did."""
     if not cases:
-        return tried[0].words if len(tried) == 1 else _held(tried)
+        return others[0].words if len(others) == 1 else _held(others)
     if len(cases) == 1:
         return _single(cases[0])
     expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
@@ -48,11 +48,11 @@ def headline(cases: Sequence[CaseRuns], tried: Sequence[Tried] = ()) -> str:
     close = f", at intervals within {_percent(worst)} of the predicted ones" if settled else ""
     told = f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}"
     rest = [case.comparisons[case.last.simulation.plant] for case in quiet if not case.prediction.cycle]
-    others = sum(comparison.measured.kind == "cycle" for comparison in rest)
-    if not others:
+    cycles = sum(comparison.measured.kind == "cycle" for comparison in rest)
+    if not cycles:
         agree = "prediction and measurement agree"
         return f"{told}: {agree if len(settled) == len(found) else f'{len(found) - len(settled)} do not agree'}."
-    some = "each" if others == len(rest) else others
+    some = "each" if cycles == len(rest) else cycles
     which = "the case" if len(rest) == 1 else f"{some} of the {len(rest)} cases"
     return f"{told}. In {which} in which it predicts none, a cycle occurs all the same."
 
@@ -73,10 +73,12 @@ def _single(case: CaseRuns) -> str:
     return f"{told}does not settle on it. {' '.join(verdicts(case))}"
 
 
-def _held(tried: Sequence[Tried]) -> str:
-    stood = sum(run.simulation.outcome.kind == "completed" for run in tried)
-    kinds = ", ".join(dict.fromkeys(run.law.kind for run in tried))
-    return f"{count(len(tried), 'run')} under {kinds} control: {stood} ran to the end. There is no prediction for them."
+def _held(others: Sequence[Result]) -> str:
+    stood = sum(run.simulation.outcome.kind == "completed" for run in others)
+    kinds = ", ".join(dict.fromkeys(run.controller.kind for run in others))
+    return (
+        f"{count(len(others), 'run')} under {kinds} control: {stood} ran to the end. There is no prediction for them."
+    )
 
 
 def _percent(error: float) -> str:

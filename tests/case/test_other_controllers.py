@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +11,17 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import prepare
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import expect_prediction, prepare, simulate
 from icmj.cli.main import main
+from icmj.comparison.comparison import compare
 from icmj.controller.law import RecordedLaw
-from icmj.errors import IcmjError, LogError, RunFileError
-from icmj.log.reader import read_log, read_summary, read_trial
+from icmj.errors import AnalysisError, IcmjError, ReportError, RunFileError
+from icmj.log.archive import pack, unpack
+from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
+from icmj.report.live import build_live
 from icmj.runfile.reading import load_run, parse_run
-from icmj.study.trial import try_law
+from icmj.study.study import run_case
 
 PERSON = """
 <mujoco model="person">
@@ -95,6 +98,32 @@ def nothing(assumed):
 '''
 
 
+CLOCKED = """
+import icmj
+
+def clocked(plant):
+    design = icmj.design_lq(plant, R_c=0.1, R_o=0.01)
+    return icmj.Controller(design, icmj.system_matched(design), icmj.ClockTrigger(0.1))
+"""
+UNSTABLE = """
+[case]
+name = "clocked"
+title = "a clock of one's own"
+[assumed]
+A = [[0.0, 1.0], [1.0, 0.0]]
+B = [[0.0], [1.0]]
+C = [[1.0, 0.0]]
+states = ["lean", "rate"]
+inputs = ["torque"]
+outputs = ["lean"]
+[controller]
+kind = "mine:clocked"
+[simulation]
+duration = 5.0
+initial = { lean = 0.02 }
+"""
+
+
 @pytest.fixture
 def run_path(tmp_path: Path) -> Path:
     (tmp_path / "person.xml").write_text(PERSON, encoding="utf-8")
@@ -105,19 +134,40 @@ def run_path(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, plant: str) -> None:
-    result = try_law(load_run(run_path), plant)  # type: ignore[arg-type]
-    assert result.law.kind == "switching"
+    result = run_case(load_run(run_path), plant)  # type: ignore[arg-type]
+    assert result.controller.kind == "switching"
     assert len(result.simulation.events) > 3
     assert set(result.simulation.mode) == {0, 1}
     log = run_path.with_suffix(".rrd")
     write_log(result, log)
-    back = read_trial(log)
+    back = read_log(log)
     for name in ("t", "x", "y", "u", "mode"):
         assert getattr(back.simulation, name).tobytes() == getattr(result.simulation, name).tobytes()
-    assert back.law.facts() | {"P": 0, "D": 0} == result.law.facts() | {"P": 0, "D": 0}
+    assert back.controller.facts() | {"P": 0, "D": 0} == result.controller.facts() | {"P": 0, "D": 0}
     assert read_summary(log)["controller"]["delay"] == 0.2
-    with pytest.raises(LogError, match="read_trial reads it"):
-        read_log(log)
+    assert (back.prediction, back.continuous, back.measurement) == (None, None, None)
+    count = len(result.simulation.events)
+    assert (
+        back.words == f"Under switching control the run {back.simulation.outcome.message}; it switched {count} times."
+    )
+    with pytest.raises(AnalysisError, match="asai: a run under switching control has no prediction to be"):
+        compare(back)
+
+
+def test_a_log_that_an_earlier_version_wrote_of_it_is_read_bit_for_bit(run_path: Path) -> None:
+    """It was a class of its own, without the parts beside a prediction, and its controller was called law."""
+    result = run_case(load_run(run_path), "linear")
+    text, arrays = pack(result)
+    known = ("run", "assumed", "actual", "controller", "simulation", "provenance", "notices", "measures")
+    tree = {"@": "Tried"} | {name: value for name, value in json.loads(text).items() if name in known}
+    earlier = json.loads(json.dumps(tree).replace('"controller.', '"law.'))
+    earlier["law"] = earlier.pop("controller")
+    renamed = {re.sub(r"^controller\.", "law.", name): values for name, values in arrays.items()}
+    back = unpack(json.dumps(earlier), renamed)
+    assert back.prediction is None
+    assert back.simulation.x.tobytes() == result.simulation.x.tobytes()
+    assert back.controller.realisation.modes[0].S.tobytes() == result.controller.realisation.modes[0].S.tobytes()
+    assert pack(back)[0] == text
 
 
 @pytest.mark.slow
@@ -188,9 +238,16 @@ def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(
     assert not out.exists()
 
 
-def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
-    with pytest.raises(RunFileError, match="the controller is intermittent"):
-        prepare_trial(load_run(root / "runs" / "simple-0.8.toml"))
+def test_a_case_of_any_controller_says_whether_it_has_a_prediction(root: Path, run_path: Path) -> None:
+    known, other = prepare(load_run(root / "runs" / "simple-0.8.toml")), prepare(load_run(run_path))
+    assert known.prediction is not None
+    assert expect_prediction(known, "a cycle") is known
+    assert (other.prediction, other.system, other.rule) == (None, None, None)
+    assert repr(other) == "<Case: asai, switching control, no prediction>"
+    with pytest.raises(
+        RunFileError, match=r"asai\.toml: a cycle needs an event rule, .* 'switching', which has no event"
+    ):
+        expect_prediction(other, "a cycle")
 
 
 @pytest.mark.parametrize(
@@ -206,7 +263,7 @@ def test_an_intermittent_controller_is_not_tried(root: Path) -> None:
 )
 def test_what_is_wrong_is_said(run_path: Path, change: dict, words: str) -> None:
     def attempt() -> None:
-        prepare_trial(load_run(run_path).with_(**change))
+        prepare(load_run(run_path).with_(**change))
 
     with pytest.raises(IcmjError, match=words) as told:
         attempt()
@@ -222,20 +279,38 @@ def test_a_controller_of_ones_own(run_path: Path) -> None:
     path = run_path.with_name("mine.toml")
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RunFileError, match="not run unasked"):
-        prepare_trial(load_run(path))
-    result = try_law(load_run(path, allow_code=True), "linear")
+        prepare(load_run(path))
+    result = run_case(load_run(path, allow_code=True), "linear")
     log = path.with_suffix(".rrd")
     write_log(result, log)
     (path.parent / "mine.py").unlink()
-    law = read_trial(log).law
+    law = read_log(log).controller
     assert isinstance(law, RecordedLaw)
     assert (law.reference, law.kind, law.parameters["P"]) == ("mine:Proportional", "proportional", 350.0)
     # the numbers that are kept move as the code did
-    trial = prepare_trial(load_run(run_path))
-    again = simulate_trial(replace(trial, law=law, settings=load_run(path).simulation.settings()), "linear")
+    trial = prepare(load_run(run_path))
+    again = simulate(replace(trial, controller=law, settings=load_run(path).simulation.settings()), "linear")
     np.testing.assert_array_equal(again.x, result.simulation.x)
     with pytest.raises(RunFileError, match="has no event rule"):
-        prepare(load_run(path))
+        expect_prediction(trial, "a cycle")
+
+
+def test_a_triggered_controller_of_ones_own_goes_all_the_way_without_a_prediction(tmp_path: Path) -> None:
+    """It has no event rule that a prediction could be of, and its clock and its hold all the same."""
+    (tmp_path / "mine.py").write_text(CLOCKED, encoding="utf-8")
+    path = tmp_path / "clocked.toml"
+    path.write_text(UNSTABLE, encoding="utf-8")
+    case = prepare(load_run(path, allow_code=True))
+    assert case.prediction is None
+    result = run_case(case, "linear")
+    np.testing.assert_allclose(result.simulation.events.interval, 0.1, atol=1e-12)
+    assert result.words.endswith("it had 50 events.")
+    write_log(result, tmp_path / "a.rrd")
+    back = read_log(tmp_path / "a.rrd")
+    assert back.simulation.x_h.tobytes() == result.simulation.x_h.tobytes()
+    assert back.controller.facts() == result.controller.facts()
+    with pytest.raises(ReportError, match=r"clocked\.toml: no live page of this case: .* this one has neither"):
+        build_live(case, tmp_path / "a.html")
 
 
 def test_what_is_no_controller_is_told(run_path: Path) -> None:
@@ -243,14 +318,14 @@ def test_what_is_no_controller_is_told(run_path: Path) -> None:
     run = parse_run(RUN.split("[controller]")[0] + '[controller]\nkind = "mine:nothing"\n', run_path)
     run._allows_code = True
     with pytest.raises(RunFileError, match=r"makes a int; expected an icmj\.Law"):
-        prepare_trial(run)
+        prepare(run)
 
 
 def test_what_is_resampled_holds_beside_the_edge_of_a_push_and_its_echo(run_path: Path) -> None:
     step = [{"kind": "step", "input": "torque", "size": 3.0, "start": 2.003}]
     run = load_run(run_path).with_(**{"simulation.disturbance": step, "simulation.duration": 4.0})
     result, fine = (
-        try_law(run.with_(**{"simulation.record_interval": interval}), "linear") for interval in (0.05, 0.001)
+        run_case(run.with_(**{"simulation.record_interval": interval}), "linear") for interval in (0.05, 0.001)
     )
     taken, exact = result.to_series(1000.0), fine.to_series(1000.0)
     np.testing.assert_allclose(taken.t, exact.t, rtol=0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Controllers that are not intermittent: how each moved, and several of one body side by side."""
+"""Controllers without a prediction: how each moved, and several of one body side by side."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from icmj.base.array import between
 from icmj.report.rivals import Rival
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
-from icmj.result.tried import Tried
+from icmj.result.result import Result
 from icmj.view.quantity import quantities
 
 _RIVALS = (
@@ -22,8 +22,8 @@ _RIVALS = (
 )
 
 
-def tried(
-    runs: Sequence[Tried],
+def others(
+    runs: Sequence[Result],
     pictures: Mapping[str, Picture],
     first_number: int,
     motions: Mapping[str, str] = MappingProxyType({}),
@@ -36,7 +36,7 @@ def tried(
         first_number: number of the first figure.
         motions: the script's names of runs, by case.
     """
-    cases: dict[str, list[Tried]] = {}
+    cases: dict[str, list[Result]] = {}
     for run in runs:
         cases.setdefault(run.run.case.name, []).append(run)
     items = [
@@ -52,21 +52,21 @@ def tried(
         }
         for number, (name, same) in enumerate(cases.items(), first_number)
     ]
-    return Section("tried", "Other controllers", "tried.html.j2", {"items": items}) if items else None
+    return Section("others", "Other controllers", "others.html.j2", {"items": items}) if items else None
 
 
-def _facts(run: Tried) -> list[tuple[str, str]]:
-    return [(key.replace("_", " "), numbers.setting(_shown(value))) for key, value in run.law.facts().items()]
+def _facts(run: Result) -> list[tuple[str, str]]:
+    return [(key.replace("_", " "), numbers.setting(_shown(value))) for key, value in run.controller.facts().items()]
 
 
-def _outputs(run: Tried) -> list[str]:
+def _outputs(run: Result) -> list[str]:
     return [
         shown.label(name).replace("deg", "°")
         for name, shown in zip(run.actual.outputs, quantities(run.actual), strict=True)
     ]
 
 
-def _row(run: Tried) -> dict[str, Any]:
+def _row(run: Result) -> dict[str, Any]:
     """RMS of every output over the second half of the run, weighted by time, and the outcome."""
     simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
     late = between(simulation.t, simulation.t[-1] / 2)
@@ -76,7 +76,7 @@ def _row(run: Tried) -> dict[str, Any]:
         rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
     return {
         "plant": NAME[simulation.plant],
-        "kind": run.law.kind,
+        "kind": run.controller.kind,
         "end": simulation.outcome.message,
         "switches": len(simulation.events),
         "rms": [numbers.number(float(value), 3) for value in rms * scale],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.trial import prepare_trial, simulate_trial
+from icmj.case.case import prepare, simulate
 from icmj.cli.main import main
 from icmj.errors import RunFileError
 from icmj.experiments.rounds import rounds_of
@@ -49,7 +49,7 @@ def test_each_row_has_the_root_that_is_known_and_what_the_run_does(swept):
         run = load_run("one-link-switching").with_(
             **{"controller.P": row["P"], "controller.D": row["D"], "simulation.duration": 30.0}
         )
-        alone = simulate_trial(prepare_trial(run), "linear")
+        alone = simulate(prepare(run), "linear")
         late = alone.y[alone.t >= alone.t[-1] / 2]
         assert row["linear_outcome"] == alone.outcome.kind
         assert row["linear_switches"] == len(alone.events)
