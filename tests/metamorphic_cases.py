@@ -213,10 +213,7 @@ def trigger_of(drawn: Drawn) -> icmj.Trigger | None:
 
 def play(drawn: Drawn, plant: str) -> icmj.Simulation:
     """Carry it out."""
-    run = file_of(drawn)
-    if drawn.base in _EVENT:
-        return icmj.simulate(icmj.prepare(run), plant, trigger=trigger_of(drawn))  # type: ignore[arg-type]
-    return icmj.simulate(icmj.prepare(run), plant)  # type: ignore[arg-type]
+    return icmj.simulate(icmj.prepare(file_of(drawn)), plant, trigger=trigger_of(drawn))  # type: ignore[arg-type]
 
 
 def differ(a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, shift: float = 0.0) -> str:
@@ -372,8 +369,7 @@ def _signals(run: icmj.Simulation) -> dict[str, np.ndarray]:
 def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
     """By its parts, by its log, as one of many: the same bits (tests/case/test_routes.py has all ways)."""
     run = file_of(drawn)
-    ours, trigger = drawn.base in _EVENT, trigger_of(drawn)
-    case = icmj.prepare(run) if ours else icmj.prepare_trial(run)
+    case, trigger = icmj.prepare(run), trigger_of(drawn)
     if trigger is not None:
         case = replace(case, controller=case.controller.triggered_by(trigger))
     way = rng.choice(("parts", "many") if trigger is not None or rng.random() < 0.8 else ("log",))
@@ -381,11 +377,10 @@ def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
     if way == "many":
         settings = replace(settings, duration=settings.duration)
         case = replace(case, settings=reseeded(settings, 7))
-    expected = _signals(icmj.simulate(case, plant) if ours else icmj.simulate_trial(case, plant))
+    expected = _signals(icmj.simulate(case, plant))
     if way == "parts":
         there = linear_plant(case.actual, case.settings) if plant == "linear" else case.actual
-        law = case.controller if ours else case.law
-        found = _signals(icmj.simulate_plant(there, law, case.settings, match="position"))
+        found = _signals(icmj.simulate_plant(there, case.controller, case.settings, match="position"))
     elif way == "many":
         case = replace(case, settings=settings)
         found = icmj.simulate_many(case, 1, plant=plant, seeds=[7], keep=_signals, jobs=1).kept
@@ -393,10 +388,8 @@ def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
     else:
         with tempfile.TemporaryDirectory() as folder:
             quiet = run.with_(**{"study.growth_points": 0, "study.law_q_t": None, "study.attractor_starts": 0})
-            result = icmj.run_case(quiet, plant) if ours else icmj.try_law(quiet, plant)
-            icmj.write_log(result, Path(folder) / "run.rrd")
-            read = icmj.read_log if ours else icmj.read_trial
-            found = _signals(read(Path(folder) / "run.rrd").simulation)
+            icmj.write_log(icmj.run_case(quiet, plant), Path(folder) / "run.rrd")
+            found = _signals(icmj.read_log(Path(folder) / "run.rrd").simulation)
     for name, values in expected.items():
         if not np.array_equal(values, found[name], equal_nan=True):
             return f"{name} is another by way of {way}"

@@ -56,7 +56,7 @@ def test_the_run_file_and_every_command(root, folder, capsys):
         assert main(shlex.split(line)[1:]) == 0, line
         assert "fell" not in capsys.readouterr().out
     for plant in ("linear", "mujoco"):
-        assert icmj.read_trial(folder / "runs" / "out" / f"mine.{plant}.rrd").simulation.outcome.kind == "completed"
+        assert icmj.read_log(folder / "runs" / "out" / f"mine.{plant}.rrd").simulation.outcome.kind == "completed"
 
 
 def test_a_model_where_a_linear_plant_is_meant_is_refused_in_one_line(root, folder):

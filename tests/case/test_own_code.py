@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from icmj.runfile.shipped import RUNS
 
 from icmj.case.case import prepare, simulate
 from icmj.cli.main import main
@@ -16,10 +17,8 @@ from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
-from icmj.runfile.shipped import RUNS
 from icmj.simulation.sources import Sinusoids
 from icmj.study.study import run_case
-from icmj.study.trial import try_law
 from icmj.work.own_code import Code, digest_of, reference_of
 
 RULES = '''
@@ -293,7 +292,6 @@ def test_a_measure_that_cannot_be_taken_costs_no_run(
     (tmp_path / "rules.py").write_text(RULES, encoding="utf-8")
     (tmp_path / "sweep.toml").write_text(SWEEP, encoding="utf-8")
     monkeypatch.setattr("icmj.case.case.simulate_plant", ran)
-    monkeypatch.setattr("icmj.case.trial.simulate_plant", ran)
     for command in (
         ["run", "own.toml", "--plant", "linear"],
         ["study", "own.toml", "--jobs", "1"],
@@ -305,7 +303,7 @@ def test_a_measure_that_cannot_be_taken_costs_no_run(
         assert not (tmp_path / "out").exists()
     run = load_run(tmp_path / "own.toml", allow_code=bool(allowed))
     with pytest.raises(RunFileError, match=words):
-        (try_law if run.tries else run_case)(run, "linear")
+        run_case(run, "linear")
 
 
 SWEEP = """

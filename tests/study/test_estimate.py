@@ -12,7 +12,6 @@ from fault_cases import SHORT
 from terminal_cases import told
 
 from icmj.case.case import Case, PlantKind, prepare, simulate
-from icmj.case.trial import Trial, prepare_trial
 from icmj.cli.main import main
 from icmj.errors import StudyError
 from icmj.runfile.experiment_tables import load_experiment
@@ -61,7 +60,7 @@ def test_the_steps_that_a_stiff_loop_takes_are_counted(root: Path, plant: str) -
     for lag in (1e-2, 1e-12):
         run = load_run(root / "runs" / "rivals" / "one-link-delayed-pd.toml")
         muscles = {"actual.activation": {"order": 1, "time_constant": lag}, "simulation.duration": 5.0}
-        trial, begin = prepare_trial(run.with_(**muscles)), time.process_time()
+        trial, begin = prepare(run.with_(**muscles)), time.process_time()
         seconds[lag] = estimate(trial, plant)  # type: ignore[arg-type]
         assert time.process_time() - begin < 20
     assert seconds[1e-2] < LONGEST
@@ -122,7 +121,7 @@ def test_stored_trials_take_no_more_time_and_yes_starts_any(
     assert main(command) == 0
 
 
-def planned(path: Path) -> list[tuple[Case | Trial, PlantKind, int]]:
+def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
     """All trials of an experiment file."""
     file = load_experiment(path)
     kind, count = kind_of(file), file.experiment.repetitions
