@@ -223,7 +223,7 @@ def _perform(task: bytes, tell: Tell) -> bytes:
     name = "the task"
     try:
         function, arguments = loads(task)
-        name = function.__name__
+        name = getattr(function, "__name__", name)
         return bytes(dumps(("done", function(*arguments, progress=tell))))
     except IcmjError as error:
         found = type(error)(str(error))
