@@ -249,7 +249,7 @@ def test_a_log_says_what_ran(root, tmp_path):
     again = read_log(tmp_path / "log.rrd")
     assert again.run.actual.gain == 0.85
     assert again.notices == result.notices
-    assert any("[case.paper] describes another" in notice for notice in again.notices)
+    assert any("differs from the published case" in notice for notice in again.notices)
 
 
 def test_a_model_without_geoms_is_logged(root, tmp_path):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icmj.runfile.shipped import RUNS
 
 from icmj.case.case import prepare, simulate
 from icmj.cli.main import main
@@ -20,6 +19,7 @@ from icmj.runfile.reading import load_run
 from icmj.simulation.sources import Sinusoids
 from icmj.study.study import run_case
 from icmj.work.own_code import Code, digest_of, reference_of
+from icmj.work.shipped import RUNS
 
 RULES = '''
 """Rules of somebody's own."""

@@ -68,7 +68,7 @@ def test_a_value_changed_by_set_is_not_told_that_the_paper_has_another(capsys, e
     mine = elsewhere / "mine.toml"
     mine.write_text(mine.read_text(encoding="utf-8").replace("gain = 0.8", "gain = 0.85"), encoding="utf-8")
     assert main(["analyse", "mine.toml"]) == 0
-    assert "[case.paper] describes another" in capsys.readouterr().out
+    assert "differs from the published case" in capsys.readouterr().out
 
 
 def test_a_shipped_case_comes_with_its_models(capsys, root):

@@ -19,7 +19,6 @@ from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
 from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, refuse_trials
 from icmj.study.experiment import conditions_of, kind_of
-from icmj.study.study import made
 
 
 def case(root: Path, duration: float = 20.0, *more: str) -> Case:
@@ -125,7 +124,7 @@ def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
     """All trials of an experiment file."""
     file = load_experiment(path)
     kind, count = kind_of(file), file.experiment.repetitions
-    return [(made(kind.stimulated(one.run, 1)), one.plant, count) for one in conditions_of(file)]
+    return [(prepare(kind.stimulated(one.run, 1)), one.plant, count) for one in conditions_of(file)]
 
 
 def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:
