@@ -580,7 +580,7 @@ function build() {
   byId("lead").innerHTML = ruled ?
     "An internal model of the body commands the muscles, blindly. Only when body and model differ by a threshold does an <b>event</b> occur: " +
     "the controller looks, and corrects the model. <b>b</b> is how strong the muscles really are, as a multiple of what the model believes. Move it: " +
-    "<b>a wrong model makes the body sway in a cycle, and eigenvalues tell its period beforehand.</b>" :
+    "<b>a wrong model can make the body sway in a cycle, and eigenvalues tell its period beforehand.</b>" :
     "This controller has no internal model: it feeds back what the body felt a delay ago" + (model.controller.modes.length > 1 ?
       ", and is switched <b>on</b> where the body falls away and <b>off</b> where it comes back by itself." : ", all the time.") +
     " Move the delay and the strength of the muscles, b, and compare with the page of another controller.";
