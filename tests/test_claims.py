@@ -24,6 +24,7 @@ from scipy import stats
 
 import icmj
 from icmj.case.case import Case
+from icmj.cli.arguments import GROUPS as COMMANDS
 from icmj.cycle.branch import Branch
 from icmj.result.result import Result
 
@@ -164,7 +165,7 @@ def exists(backing: str) -> bool:
         name, _, function = first.partition("::")
         return (ROOT / name).exists() and (not function or function in functions(name))
     if first == "icmj":
-        return re.search(rf"\bicmj {rest.split()[0]}\b", (ROOT / "README.md").read_text(encoding="utf-8")) is not None
+        return any(rest.split()[0] in commands for commands in COMMANDS.values())
     if backing.startswith("python -m benchmarks --only "):
         return backing.rpartition(" ")[2] in GROUPS
     if backing.startswith("python -m "):

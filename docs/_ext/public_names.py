@@ -1,4 +1,4 @@
-"""``{public-names} part``: the public names of icmj that live in one part of it, and the data that they are made of.
+"""``{public-names} part``: the public names of one part of icmj, and their data; ``{public-index}``: all of them.
 
 A name finds its page by the folder of its home, so that a new one is documented as soon as it is public.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 import sys
 from collections.abc import Iterator
 
@@ -54,6 +55,25 @@ class PublicNames(SphinxDirective):
         wrapped = ["```{eval-rst}", *lines, "```"]
         self.state.nested_parse(StringList(wrapped, "public names"), self.content_offset, holder, match_titles=True)
         return holder.children
+
+
+class PublicIndex(SphinxDirective):
+    """Every public name with the first sentence of its description."""
+
+    def run(self) -> list[nodes.Node]:
+        lines = [".. list-table::", "   :widths: 30 70", ""]
+        for name in sorted(_all(), key=str.lower):
+            lines += [f"   * - :py:obj:`{name} <icmj.{name}>`", f"     - {_sentence(_public(name))}"]
+        holder = nodes.section()
+        holder.document = self.state.document
+        wrapped = ["```{eval-rst}", *lines, "```"]
+        self.state.nested_parse(StringList(wrapped, "public index"), self.content_offset, holder, match_titles=True)
+        return holder.children
+
+
+def _sentence(thing: object) -> str:
+    first = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
+    return re.split(r"(?<=[.])\s+(?=[A-Z`])|:$", first)[0]
 
 
 def _entry(path: str, thing: object) -> list[str]:
@@ -104,4 +124,5 @@ def _part_of(module: str) -> str:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Offer the directive to Sphinx."""
     app.add_directive("public-names", PublicNames)
+    app.add_directive("public-index", PublicIndex)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

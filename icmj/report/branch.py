@@ -55,8 +55,8 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
     draw_orbits(axes[3], branches[0], linear[0] if linear else None)
     for letter, panel in zip("abcd", axes, strict=True):
         panel.text(-0.13, 1.04, f"({letter})", transform=panel.transAxes, weight="bold", size=9.5)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=7, bbox_to_anchor=(0.52, 1.0))
+    named = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))  # of lines for two intervals one
+    figure.legend(named.values(), named.keys(), loc="upper center", ncols=7, bbox_to_anchor=(0.52, 1.0))
     return figure
 
 
@@ -196,6 +196,9 @@ def _along(
             word = "attracting" if attracting else "repelling"
             label = word if n == 0 and word not in seen else None
             seen.add(word if n == 0 else "")
+            if n > 0 and f"branch {n + 1}" not in seen:
+                label = f"branch {n + 1}"
+                seen.add(label)
             axes.plot(value, curve, color=colour, linewidth=1.1, label=label, **look)
         for special, height in zip(of.specials, at, strict=True):
             kind = LOOK[special.kind]["label"]

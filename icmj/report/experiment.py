@@ -6,12 +6,32 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from icmj.base.numbers import amount
+from icmj.base.numbers import amount, count
 from icmj.report import style
 from icmj.report.builder import filled
 from icmj.report.sections import Picture, Section
 
-LEAD = "Trials of each case under the same stimulus, analysed in the same way as recordings of people."
+METHODS = {
+    "double_step": (
+        "Each reaction time is the delay by which a fitted linear model of the control signal must have its step "
+        "moved. Bars are twice the standard error of the mean; intervals in brackets are 95 % confidence "
+        "intervals from resampled pairs. Set-points are drawn below the control, not to scale."
+    ),
+    "multisine": (
+        "Response and power are estimated at the lines of the stimulus. Bars are 95 % confidence intervals, black "
+        "lines are linear theory, and small points are power between the lines (the remnant). Gain is response "
+        "divided by stimulus, and power is that of the response, both in the units of these signals."
+    ),
+    "intersection_point": (
+        "Lines of action of the ground reaction force meet at the height z, here divided by the height of the "
+        "centre of mass. Faint bands are standard deviations over trials, and thin black lines are linear theory."
+    ),
+    "quiet_standing": (
+        "Positions are divided by their standard deviation, and the dotted line is the normal distribution. "
+        "Intervals are those between events."
+    ),
+}
+METHODS["perturbed_stance"] = METHODS["multisine"]
 
 
 @dataclass(frozen=True)
@@ -51,13 +71,17 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
             "picture": Picture("figure", uri, f"{title}, figure") if uri else None,
         },
     )
-    subtitle = kind.replace("_", " ").capitalize()
     recorded = all(row.plant == "recording" for row in rows)
+    trials = count(sum(row.trials for row in rows), "trial")
+    data = (
+        "recorded" if recorded else f"simulated under {count(len({row.title for row in rows}), 'controller or case')}"
+    )
+    subtitle = f"{kind.replace('_', ' ').capitalize()}: {trials}, {data}"
     return filled(
         [section],
         title=title,
         subtitle=subtitle,
-        abstract=LEAD,
+        abstract=f"Methods. {METHODS[kind]} Simulated trials are analysed in the same way as recordings of people.",
         kicker="Experiment",
         source="recordings" if recorded else "the trials in the folder of this page",
         beside="The figure is also available as SVG and PNG files beside this page." if uri else "",

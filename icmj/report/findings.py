@@ -103,7 +103,7 @@ def standing_figure(found: Sequence[Shown]) -> Figure:
             counts, bins = np.histogram(intervals, 40, density=True)
             times.stairs(counts, bins, color=colour, linestyle=LINE[one.plant], linewidth=1.2)
     place.plot(middle, np.exp(-(middle**2) / 2) / np.sqrt(2 * np.pi), **style.CRITICAL)
-    place.set(xlabel="position (deviations)", ylabel="density")
+    place.set(xlabel="position (standard deviations)", ylabel="density (1/SD)")
     times.set(xlabel=r"interval $\Delta_{ol}$ (s)", ylabel="density (1/s)")
     if not times.patches:
         times.set_visible(False)
@@ -138,9 +138,9 @@ def multisine_figure(found: Sequence[Shown]) -> Figure:
         power.plot(f[~excited], values[~excited], color=colour, linestyle="none", marker=".", markersize=1, zorder=1)
         power.plot(lines, values[excited], **style_of)
         highest = max(highest, float(values.max(initial=0.0)))
-    gain.set(xscale="log", yscale="log", ylabel="gain")
+    gain.set(xscale="log", yscale="log", ylabel="gain (response/stimulus)")
     phase.set(ylabel="phase (°)", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
-    power.set(yscale="log", ylabel="power", xlabel="frequency (Hz)")
+    power.set(yscale="log", ylabel="power (response²)", xlabel="frequency (Hz)")
     if highest > 0:
         power.set_xlim(ends[0] / 2, 2 * ends[1])
         power.set_ylim(bottom=LOWEST * highest, top=3 * highest)

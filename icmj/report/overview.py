@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
 NARROW, TALL, ROOF = 88.0, 9.6, 19.0  # mm: width, height of a row and space above the rows on a telephone
-LONGEST = 50  # characters of a case's title beside its row; above it, 58 have room
+LONGEST = 44  # characters of a line of a case's title beside its row; above it, 58 have room in its size
 WIDE = 4.0  # largest over smallest interval from which on their axis is logarithmic
 EXACT = 1e-16  # relative error that is drawn of what agrees to the last digit
 COLOUR = {"✓": "#00664b", "○": "#6b5300", "✗": "#a03c00"}
@@ -36,8 +37,8 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     width, pitch, above = (NARROW, TALL, ROOF) if narrow else (WIDTH, ROW, ABOVE)
     height = above + BELOW + pitch * len(cases)
     figure = Figure(figsize=(width * style.MM, height * style.MM))
-    titles = [_short(case.first.run.case.title, 58 if narrow else LONGEST) for case in cases]
-    left = 3.0 if narrow else 3.0 + 1.17 * max(map(len, titles))
+    titles = [case.first.run.case.title if narrow else fill(case.first.run.case.title, LONGEST) for case in cases]
+    left = 3.0 if narrow else 3.0 + 1.22 * max(len(line) for title in titles for line in title.split("\n"))
     middle, right = width - 44.0, width - 24.0
     low, share = BELOW / height, pitch * len(cases) / height
     intervals = figure.add_axes((left / width, low, (middle - 4 - left) / width, share))
@@ -52,11 +53,13 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
         intervals.set_ylim(len(cases) - 0.5, -0.8)
         for row, title in enumerate(titles):
             figure.text(
-                left / width, low + share * (len(cases) + 0.08 - row) / (len(cases) + 0.3), title, size=8.2, va="top",
-                parse_math=False,
+                left / width, low + share * (len(cases) + 0.08 - row) / (len(cases) + 0.3), title, va="top",
+                size=8.2 * min(1.0, 58 / len(title)), parse_math=False,
             )  # fmt: skip
     else:
-        intervals.set_yticks(range(len(cases)), titles, parse_math=False)
+        intervals.set_yticks(range(len(cases)), titles, parse_math=False, linespacing=0.95)
+        for label in intervals.get_yticklabels():
+            label.set_fontsize(8.0 if "\n" not in label.get_text() else 6.6)
     for row, case in enumerate(cases):
         mark, words = _verdict(case)
         errors.text(
@@ -143,7 +146,3 @@ def _verdict(case: CaseRuns) -> tuple[str, str]:
     """Mark and word of the plant drawn last, which is the one that need not agree."""
     mark, word, _ = reached(case.comparisons[case.last.simulation.plant])
     return (mark, word) if mark in COLOUR else ("", word or "–")
-
-
-def _short(title: str, longest: int) -> str:
-    return title if len(title) <= longest else f"{title[: longest - 1].rstrip()}…"

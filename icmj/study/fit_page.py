@@ -41,6 +41,7 @@ LEAD = (
     "are exploratory."
 )
 _SHOWN = 12  # people with pictures
+_NAMED = 24  # fits whose findings come first
 
 
 def write_fit(found: Fit, out: Path) -> None:
@@ -60,8 +61,8 @@ def write_fit(found: Fit, out: Path) -> None:
         section = Section("fit", "Fit", "fit.html.j2", {"items": items})
         page = filled(
             [section],
-            title="Fit",
-            subtitle="Parameters of a controller",
+            title=f"Fit of {_whose(found)}",
+            subtitle=f"Under {', '.join(trained.family.title for trained in found.trained.values())}",
             abstract=LEAD,
             kicker="Fit",
             source="recordings and simulated people",
@@ -189,7 +190,10 @@ def _archive(found: Fit, one: Fitted, path: Path) -> None:
 
 def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
     """The parts of the page, whose figures are written beside it."""
-    items = [_item("How far this carries", [f"{PREDICTION}.", f"{VERDICT}.", f"{ORIGIN}."], [], [])]
+    items = [
+        _item("Findings", [_finding(found, one) for one in found.fitted[:_NAMED]], [], []),
+        _item("How far this carries", [f"{PREDICTION}.", f"{VERDICT}.", f"{ORIGIN}."], [], []),
+    ]
     if found.confusion is not None and found.probabilities is not None:
         c = found.confusion
         rows = [
@@ -219,6 +223,26 @@ def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
         _person_item(found, one, out, drawn=i < _SHOWN * len(found.trained)) for i, one in enumerate(found.fitted)
     ]
     return items + [_family_item(each, out) for each in found.trained.values()]
+
+
+def _whose(found: Fit) -> str:
+    names = list(dict.fromkeys(one.name for one in found.people))
+    return ", ".join(names) if len(names) <= 3 else f"{len(names)} people"
+
+
+def _finding(found: Fit, one: Fitted) -> str:
+    """What was inferred of one person under one family, with its uncertainty."""
+    trained = found.trained[one.family]
+    prior, low_median_high = trained.family.prior, np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
+    told = [
+        f"{name} is {amount(median, prior.units[i], 3)} ({amount(low, '', 3)} to {amount(high, '', 3)})"
+        for i, (name, low, median, high) in enumerate(zip(prior.names, *low_median_high.tolist(), strict=True))
+        if trained.calibration.verdicts[i] == "identified"
+    ]
+    inferred = "; ".join(told) if told else "these recordings identify no parameter"
+    chosen = "" if found.probabilities is None else f", whose probability is {_probability(found, one):.2f}"
+    warning = " Do not trust this fit (see below)." if one.misfit else ""
+    return f"{one.person.label}, under {trained.family.title}{chosen}: {inferred}.{warning}"
 
 
 def _family_item(trained: Trained, out: Path) -> dict[str, Any]:

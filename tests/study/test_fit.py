@@ -205,7 +205,7 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"report.html", "results.parquet", "summary.json", "anna.one.nc", "sway.anna.one.svg"} <= names
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "Misfit: outside of everything simulated" in page
+    assert "Do not trust this fit, because" in page
     foot = page.partition("<footer>")[2]
     assert "from recordings and simulated people" in foot
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))

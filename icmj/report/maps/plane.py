@@ -100,8 +100,14 @@ def _contours(axes: Axes, laid: Grid, size: Array) -> None:
         return
     levels = [np.log10(level) for level in LEVELS]
     inside = np.ma.masked_invalid(size)
+    from matplotlib.patheffects import withStroke
+
+    # white edges, because the map is dark where the error is large
     lines = axes.contour(laid.x, laid.y, inside, levels=levels, colors="#111111", linewidths=0.8, linestyles="solid")
-    axes.clabel(lines, fmt={at: f"{100 * level:g} %" for at, level in zip(levels, LEVELS, strict=True)}, fontsize=7)
+    lines.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+    words = {at: f"{100 * level:g} %" for at, level in zip(levels, LEVELS, strict=True)}
+    for text in axes.clabel(lines, fmt=words, fontsize=7.5):
+        text.set_path_effects([withStroke(linewidth=2.4, foreground="white")])
 
 
 def draw_sway(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -> Any:

@@ -31,6 +31,7 @@ def figures(
                     "motion": motions.get(case.name),
                     "panels": panels[case.name],
                     "caption": _figure_caption(case),
+                    "given": _given(case),
                     "verdicts": verdicts(case),
                 }
                 for case in cases
@@ -62,6 +63,30 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                 }
             )
     return Section("law", "The amplitude law", "law.html.j2", {"items": items}) if items else None
+
+
+def _given(case: CaseRuns) -> list[tuple[str, str]]:
+    """The parameters of a case: body, model error, rule, delay, weights, start and duration."""
+    result = case.first
+    run, settings = result.run, result.run.simulation.settings()
+    gain = run.actual.gain if isinstance(run.actual.gain, list) else [run.actual.gain]
+    changes = [f"{change.what} {change.of or ''}".strip() for change in run.actual.change]
+    delay = run.assumed.delay or 0.0
+    rule = result.controller.trigger.facts()
+    weights = ((name, getattr(run.design, name, None)) for name in ("R_c", "R_o"))
+    found = [
+        ("plant", run.actual_path.stem if run.on_engine else "matrices"),
+        ("b", ", ".join(f"{value:g}" for value in gain)),
+        ("changes", ", ".join(changes) or ("another model" if run.actual.model else "")),
+        *((name, f"{value:g}") for name, value in rule.items() if name in ("q_t", "delta_min") and value),
+        ("delay", f"{delay:g} s" if delay else ""),
+        *((name, f"{value:g}") for name, value in weights if isinstance(value, int | float)),
+        ("start", ", ".join(f"{name} {value:g}" for name, value in settings.initial.items())),
+        ("duration", f"{settings.duration:g} s"),
+    ]
+    units = {"q_t": threshold_unit(result), "delta_min": "s"}
+    names = {"delta_min": "Δ_min"}
+    return [(names.get(name, name), f"{value} {units.get(name, '')}".strip()) for name, value in found if value]
 
 
 def _figure_caption(case: CaseRuns) -> str:
