@@ -73,7 +73,7 @@ class PublicIndex(SphinxDirective):
 
 def _sentence(thing: object) -> str:
     first = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
-    return re.split(r"(?<=[.])\s+(?=[A-Z`])|:$", first)[0]
+    return re.split(r"(?<=[.])\s+(?=[A-Z`])|:$", first)[0].replace("|", r"\|")  # not a substitution
 
 
 def _entry(path: str, thing: object) -> list[str]:
