@@ -73,9 +73,7 @@ def experiment_page(title: str, kind: str, rows: Sequence[Row], svg: bytes | Non
     )
     recorded = all(row.plant == "recording" for row in rows)
     trials = count(sum(row.trials for row in rows), "trial")
-    data = (
-        "recorded" if recorded else f"simulated under {count(len({row.title for row in rows}), 'controller or case')}"
-    )
+    data = "recorded" if recorded else f"simulated, of {count(len({row.title for row in rows}), 'case')}"
     subtitle = f"{kind.replace('_', ' ').capitalize()}: {trials}, {data}"
     return filled(
         [section],

@@ -216,7 +216,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     case = icmj.prepare(icmj.load_run(slow))
     t = np.arange(0, 40, 1e-3)
     acting = disturbance_of(case.settings.disturbance, ("torque",))(t)[:, 0]
-    told = f"standard deviation of {acting.std():.3g} about a mean of {acting.mean():.3g}, for a size of 0.002"
+    told = f"whose SD is {acting.std():.2g} about a mean of {acting.mean():.2g} with this seed (nominal 0.002;"
     # another duration or seed of the same case is told anew
     later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})
     assert not revised(case, later).notices
