@@ -101,11 +101,13 @@ def departure(case: Case, plant: str, q_t: float) -> float:
 def test_a_model_of_others_does_what_is_predicted(package, name, assumed, power):
     case = prepare(five_lines(package, name, assumed))
     assert departure(case, "linear", 1e-4) < 1e-9
-    at = {q_t: departure(case, "mujoco", q_t) for q_t in (1e-3, 1e-4, 1e-5)}
+    at = {q_t: departure(case, "mujoco", q_t) for q_t in (1e-3, 1e-4, 2e-5, 1e-5)}
     assert at[1e-4] < (1e-6 if power == 2 else 2e-4)
+    # what finite differences leave of a linearisation does not depend on the threshold, and is seen where all is small
+    left = 2 * at[1e-5] - at[2e-5] if at[1e-5] < 1e-8 else 0.0
     # the first power is alone where the second has gone; the second, where rounding has not come yet
     large, small = (at[1e-3], at[1e-4]) if power == 2 else (at[1e-4], at[1e-5])
-    assert np.log10(large / small) == pytest.approx(power, abs=0.15)
+    assert np.log10((large - left) / (small - left)) == pytest.approx(power, abs=0.15)
 
 
 @pytest.mark.slow

@@ -201,7 +201,7 @@ def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig:
     # what was finished before the last start was not computed again: the note of times has each chunk once
     noted = [line.partition(",")[0] for line in (out / "timing.csv").read_text().split()]
     assert len(noted) == len(set(noted))
-    assert {path.name for path in out.iterdir()} == {"points", "sweep.json", "timing.csv", ".lock"}
+    assert {path.name for path in out.iterdir()} == {"points", "sweep.json", "timing.csv", ".lock", "SHA256SUMS"}
 
 
 def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
