@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import Pipe, get_context, resource_tracker
+from multiprocessing import Pipe, current_process, get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pickle import loads
 from queue import SimpleQueue
@@ -79,6 +79,8 @@ class _Worker:
         self.ours, theirs = Pipe()
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
         environment = {**one_thread({**os.environ}), "PYTHONPATH": paths}
+        if current_process().daemon:
+            raise StudyError("a daemonic process, such as one of a multiprocessing pool, may start none; take jobs = 1")
         process: Any = get_context("loky").Process  # type: ignore[attr-defined]
         self.process = process(target=serve, args=(theirs,), daemon=True, env=environment)
         with theirs, _hold_signals():

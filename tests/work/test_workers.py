@@ -162,3 +162,11 @@ def test_as_many_as_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> Non
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert 1 <= processors() <= (os.cpu_count() or 1)
+
+
+def test_a_daemonic_process_is_told_that_it_may_start_none(monkeypatch):
+    from multiprocessing import current_process
+
+    monkeypatch.setitem(current_process()._config, "daemon", True)
+    with pytest.raises(StudyError, match="daemonic process"), Workers(1) as workers:
+        list(workers.run([Task("one", int, ())]))
