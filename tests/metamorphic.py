@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from metamorphic_cases import RULES, hunt
+from metamorphic_cases import RULES, Tally, hunt
 
 
 def main() -> int:
@@ -23,7 +23,11 @@ def main() -> int:
     parser.add_argument("--rule", choices=RULES, action="append", help="all by default")
     given = parser.parse_args()
     print(f"seeds from {given.seed} on", flush=True)
-    tally = hunt(range(given.seed, given.seed + given.runs), 60 * given.minutes, given.rule or tuple(RULES))
+    tally = Tally()
+    try:
+        hunt(range(given.seed, given.seed + given.runs), 60 * given.minutes, given.rule or tuple(RULES), tally)
+    except KeyboardInterrupt:
+        print("interrupted")
     print(tally)
     for words in tally.failures:
         print(f"  {words}")

@@ -84,7 +84,10 @@ _READING = (
     "runs/rivals/one-link-switching.toml",
     "runs/rivals/one-link-delayed-pd.toml",
     "runs/rivals/one-link-predictor.toml",
+    "runs/rivals/three-link-switching.toml",
 )
+_CHANNELS = _READING[-1]
+_PID = {"kind": "delayed-pid", "switches": None, "I": 50.0, "force_gain": 0.0005, "force_time": 10.0}
 # of each: the position that leans, an input with a size that moves the body, an output, the threshold's size
 _BODIES = {
     "one-link": ("ankle", "ankle_torque", 1.0, "lean", 2e-3),
@@ -95,6 +98,8 @@ _BODIES = {
 
 def body(base: str) -> tuple[str, str, float, str, float]:
     """What a shipped run file calls its position, input and output, with sizes of a push and of a threshold."""
+    if base == _CHANNELS:
+        return "ankle", "ankle_torque", 1.0, "ankle", 1e-2
     return next(names for body, names in _BODIES.items() if body in base)
 
 
@@ -137,6 +142,8 @@ def draw(seed: int) -> Drawn:
             changes["setpoint"] = [_setpoint(rng, output, grid, duration)]
     else:
         changes["assumed.delay"] = max(rng.choice(delays), grid)
+        if "delayed-pd" in base and rng.random() < 0.5:
+            changes |= {f"controller.{key}": value for key, value in _PID.items()}
         if "predictor" in base and rng.random() < 0.5:
             changes["setpoint"] = [_setpoint(rng, output, grid, duration)]
     shares = base in _EVENT and not continuous
@@ -331,7 +338,10 @@ def scaled(drawn: Drawn, by: float) -> Drawn:
     for key in ("controller.q_t", "controller.threshold"):
         if changes.get(key):
             changes[key] = changes[key] * by
-    if "switching" in drawn.base:
+    if drawn.base == _CHANNELS:
+        channels = icmj.load_run(drawn.base).model_dump()["controller"]["channel"]
+        changes["controller.channel"] = [{**channel, "dead_zone": 0.004 * by} for channel in channels]
+    elif "switching" in drawn.base:
         changes["controller.dead_zone"] = 0.004 * by
     changes["simulation.initial"] = {name: value * by for name, value in changes["simulation.initial"].items()}
 
@@ -430,9 +440,11 @@ def check(rule: str, seed: int, plant: str) -> str | None:
     return None if words == "skipped" else words
 
 
-def hunt(seeds: Iterable[int], seconds: float = np.inf, rules: Iterable[str] = RULES) -> Tally:
-    """Put random runs to all rules, on both plants, until the time is over."""
-    tally, begin = Tally(), time.monotonic()
+def hunt(
+    seeds: Iterable[int], seconds: float = np.inf, rules: Iterable[str] = RULES, tally: Tally | None = None
+) -> Tally:
+    """Put random runs to all rules, on both plants, until the time is over; counted in ``tally`` as it goes."""
+    tally, begin = Tally() if tally is None else tally, time.monotonic()
     for seed in seeds:
         for rule in rules:
             for plant in ("linear",) if rule == "plants" else ("linear", "mujoco"):
