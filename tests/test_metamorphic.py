@@ -21,3 +21,9 @@ def test_many_random_runs_obey(first):
 def test_a_run_comes_again_by_its_seed():
     assert draw(7) == draw(7)
     assert check("order", 7, "linear") == check("order", 7, "linear") == ""
+
+
+@pytest.mark.parametrize("seed", [40000117, 40000388, 50000515])
+def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
+    """A product of matrices is rounded by its shape, so what is worked out for rows stands apart from the motion."""
+    assert check("rows", seed, "linear") == ""

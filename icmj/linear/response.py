@@ -42,14 +42,16 @@ class Response:
         m, self._edge = len(T.M), -1.0
         self._signals = signals = T.M.shape[1] - m
         self.acting = Acting(
-            0, -1.0, np.zeros((1, T.powers * signals, 0)), np.zeros((1, 0, m)), np.zeros((1, 0, T.controls)),
-            np.zeros(len(T.V)),
+            0, -1.0, np.zeros((1, T.powers * signals, 0)), np.zeros((1, 0, m)), np.zeros((1, 0, 0)),
+            np.zeros((1, 0, T.controls)), np.zeros(len(T.V)),
         )  # fmt: skip
         if not signals:
             return
         self._waves = Waves(F.input, F.amplitude, F.omega, F.phase, signals, _STRIDE * T.step)
         self._to_steps = _interpolation(self._waves.count, T.powers)
-        self._to_z = np.vstack([T.W[:m, m:], *T.R[1:]]).T
+        # rows apart: the product of other shapes is rounded otherwise, and rows may change no bit of the motion
+        self._to_z = T.W[:m, m:].T.copy()
+        self._to_rows = np.vstack([np.zeros((0, T.powers * signals)), *T.R[1:]]).T.copy()
         self._known = min((T.coarse + 1) * signals, T.powers * signals)
         self._to_controls = T.W[-T.controls :, m : m + self._known].T.copy()
         self._to_tails = np.ascontiguousarray(T.V[:, m:])
@@ -123,9 +125,10 @@ class Response:
         f = f.reshape(_STRIDE, -1, count)
         by_step = f.transpose(0, 2, 1)
         moved = np.matmul(by_step, self._to_z, out=room("moved", _STRIDE, count, self._to_z.shape[1]))
+        rows = np.matmul(by_step, self._to_rows, out=room("rows", _STRIDE, count, self._to_rows.shape[1]))
         controls = room("controls", _STRIDE, count, T.controls)
         np.matmul(by_step[:, :, : self._known], self._to_controls, out=controls)
-        self.acting = Acting(first * _STRIDE, edge, f, moved, controls, self._to_tails @ size.ravel())
+        self.acting = Acting(first * _STRIDE, edge, f, moved, rows, controls, self._to_tails @ size.ravel())
         return self.acting
 
 

@@ -96,7 +96,7 @@ def _rows_until(T, acting, run, until, known, series, f):  # type: ignore[no-unt
         elif not quiet and 0 < place < T.places:
             times(T.Q[place], run.s[:m], row)
             lane, k = (cell - acting.first) % len(acting.f), (cell - acting.first) // len(acting.f)
-            add(acting.moved[lane, k, place * m : (place + 1) * m], row)
+            add(acting.rows[lane, k, (place - 1) * m : place * m], row)
         else:
             if known == 0:
                 if not quiet:
@@ -183,7 +183,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         combine(T.W_z, s, out[:points])
         if signals > 0:
             lane, k = (cell - acting.first) % lanes, (cell - acting.first) // lanes
-            add(acting.moved[lane, k, :m], out)
+            add(acting.moved[lane, k], out)
             add(acting.controls[lane, k, : points - m - n_pos], out[m + n_pos :])
         wild, watched, falls, turns = doubtful(T, m, s, out, tails, armed, offset == 0, run.high, run.low, turning)
         kind, theta = NOTHING, here

@@ -117,7 +117,8 @@ class Acting(NamedTuple):
         edge: when terms begin or end to act next [s].
         f: derivatives at the middle of each step, in steps, shape (lanes, l − m, K / lanes): every so manieth step is
             in the same lane.
-        moved: what they add to z a step on, then at each of the places but the first, shape (lanes, K / lanes, …).
+        moved: what they add to z a step on, shape (lanes, K / lanes, m).
+        rows: what they add to z at each of the places but the first, shape (lanes, K / lanes, …).
         controls: what they add to the control points in W s, shape (lanes, K / lanes, …).
         tails: a bound of what they add to V |s| on any step.
     """
@@ -126,6 +127,7 @@ class Acting(NamedTuple):
     edge: float
     f: Array
     moved: Array
+    rows: Array
     controls: Array
     tails: Array
 
