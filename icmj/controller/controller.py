@@ -210,7 +210,10 @@ def _realised(controller: Controller) -> Realisation:
     R[:, o], R[:, h] = -faces.R, faces.R
     mode = Mode(trigger.kind, M, N, K, np.zeros((design.plant.n_u, n_y + r)), Rates(A, B, N, H))
     signals = controller.setpoint.terms if controller.setpoint else np.zeros((0, 6))
-    return Realisation(layout, (mode,), J, G, R, faces.cuts, controller.delay.t_d, signals=signals)
+    return Realisation(
+        layout, (mode,), J, G, R, faces.cuts, controller.delay.t_d, signals=signals, wait=controller.wait,
+        clock=trigger.clock, sampling=controller.sampling_delay,
+    )  # fmt: skip
 
 
 def _expected(controller: Controller) -> list[float]:

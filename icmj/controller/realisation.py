@@ -1,21 +1,25 @@
-"""The dynamics of a controller, in the form that every simulation and every analysis uses.
+"""A controller as a hybrid linear system, the form that every simulation and every analysis uses.
 
 A controller has a state a and is always in one of its *modes*. In a mode
 
-    ȧ = M a + N v + …,      u = −K a − S v
+    ȧ = M a + N v,      u = −K a − S v
 
-where v are its *readings*: the current outputs, or delayed outputs (its taps), with its own commands of the same delays
-if it reads them. They are followed by *signals*, which are given functions of time that do not depend on the plant.
-Instantaneous changes are described by maps and by functions whose sign changes:
+where v are its *readings*: the current outputs, outputs of a given delay ago (its taps, zero included), or both, with
+its own commands of the same delays if it reads them. They are followed by *signals*, which are given functions of time
+that do not depend on the plant. What changes at an instant is described by maps, and by functions of w = (v, a) whose
+sign changes:
 
-* an *event* sets a := J a, and its *action*, one delay later, sets a := G a. An event occurs when the state reaches a
-  face |R_j a| = 1 of an event rule, or at a tick of a clock. With delayed taps a := J a happens at the multiples of a
-  *period* instead, and is no event;
-* *guards* g_j(v) = vᵀQ_j v + c_j select the mode: for each mode and each pattern of signs, a table gives the next mode.
+* an *event* sets a := J a, may enter another mode, and its *action*, one delay later, sets a := G a. An event occurs
+  when the state reaches a face |R_j a| = 1 of the event rule, in a mode in which the rule is watched and at least
+  ``wait`` after the last event, or at a tick of a clock;
+* *guards* g_j(w) = wᵀQ_j w + c_j select the mode: for each mode and each pattern of signs, a table gives the next mode.
+  The table is the direction and the memory of a guard: what it does depends on the mode in which it changes its sign;
+* without events, a := J a may occur at the multiples of a *period*.
 
-Observer, hold and event rule are one instance (:mod:`icmj.controller.controller`): a single mode that reads the current
-outputs. Feedback of delayed outputs that is switched on and off is another (:mod:`icmj.controller.switching`): two
-modes, no state.
+What comes first at one instant is stated in docs/simulation.md. Observer, hold and event rule are one instance
+(:mod:`icmj.controller.controller`): a single mode that reads the current outputs. Feedback of delayed outputs that is
+switched on and off is another (:mod:`icmj.controller.switching`): two modes, no state. :func:`parallel` adds two
+controllers to one.
 """
 
 from __future__ import annotations
@@ -67,24 +71,25 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """A quadratic function of the readings whose sign helps to select the mode: g(v) = vᵀQ v + c.
+    """A quadratic function of readings and state whose sign helps to select the mode: g(w) = wᵀQ w + c, w = (v, a).
 
     Attributes:
-        Q: symmetric, shape (n_v, n_v).
+        Q: symmetric, shape (n_v + N_a, n_v + N_a), or (n_v, n_v) if the readings alone decide.
         c: the constant.
     """
 
     Q: Array
     c: float = 0.0
 
-    def __call__(self, v: Array) -> Array:
-        """g(v), shape (..., n_v) → (...)."""
-        return np.asarray(np.einsum("...i,ij,...j->...", v, self.Q, v) + self.c)
+    def __call__(self, w: Array) -> Array:
+        """g(w), shape (..., n_v + N_a) → (...); what stands behind the columns of Q does not count."""
+        w = np.asarray(w)[..., : len(self.Q)]
+        return np.asarray(np.einsum("...i,ij,...j->...", w, self.Q, w) + self.c)
 
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """A controller as linear modes with resets of its state a; a simulation needs nothing else of the controller.
+    """A controller as linear modes, with resets of its state a; a simulation needs nothing else of the controller.
 
     Attributes:
         layout: the segments of a.
@@ -94,20 +99,26 @@ class Realisation:
         R: the event function's faces are |R_j a| = 1, with R_j the rows between ``cuts``; shape (r, N_a) (eq. ED_e).
         cuts: first row of each face, and the number of rows; shape (f + 1,). Without faces there is no event function.
         delay: t_d from an event to its action [s].
-        taps: delays of the readings [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), increasing; (0,) for the current
-            outputs.
-        commands: whether it also reads its own delayed commands: v = (y(t − τ_1), u(t − τ_1), y(t − τ_2), …). They
-            may enter its state only: S must be zero.
-        period: interval between the resets a := J a of a controller with delayed taps [s]; infinity for none.
-        guards: functions whose signs select the mode; they read delayed taps.
-        table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(v) > 0], shape (modes, 2^guards).
+        taps: delays of the readings [s]: v = (y(t − τ_1), y(t − τ_2), …), shape (T,), increasing from 0 or more; (0,)
+            for the current outputs.
+        commands: whether it also reads its own commands of each delay: v = (y(t − τ_1), u(t − τ_1), y(t − τ_2), …),
+            but for the tap of 0 s. They may enter its state only: S must be zero for them, and for delayed outputs.
+        period: interval between the resets a := J a of a controller without events [s]; infinity for none.
+        guards: functions whose signs select the mode.
+        table: the mode that follows, by the present mode and the number Σ_j 2^j [g_j(w) > 0], shape (modes, 2^guards).
         signals: terms a cos(ωt + φ) on [start, end), which enter through the last columns of N; each row is (signal,
             a, ω, φ, start, end), shape (M, 6). A term that ends when it starts is an impulse of area a, which moves
             the state at once.
+        wait: the least time from an event to the next that the rule causes [s]. A rule that is beyond a face when it is
+            over causes an event then.
+        clock: interval of a clock whose ticks are events [s]; infinity for none.
+        sampling: time from when the rule reaches a face to the event [s].
+        watched: in which modes the rule is watched; in all if empty.
+        after: the mode that follows an event, by the mode in which it occurs; the same mode if empty.
 
     Raises:
-        AnalysisError: on construction, if taps or period are invalid, guards or commands have no delayed tap to read,
-            or a command is computed from another without a state between them.
+        AnalysisError: on construction, if a delay, a period or a table is invalid, commands have no delayed tap, or a
+            command is computed from another without a state between them.
     """
 
     layout: Layout
@@ -123,34 +134,72 @@ class Realisation:
     guards: tuple[Guard, ...] = ()
     table: np.ndarray | None = None
     signals: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    wait: float = 0.0
+    clock: float = np.inf
+    sampling: float = 0.0
+    watched: tuple[bool, ...] = ()
+    after: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        count = len(self.modes)
         if not self.taps or min(self.taps) < 0 or any(a >= b for a, b in zip(self.taps, self.taps[1:], strict=False)):
             raise AnalysisError(f"the taps of a controller must be rising delays of at least 0 s, got {self.taps}")
-        if self.taps[0] == 0 and len(self.taps) > 1:
-            raise AnalysisError("a controller reads outputs either as they are or delayed; give a tap of 0 s alone")
         if any(not np.any(guard.Q) for guard in self.guards):
             raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")
-        if self.guards and not self.tapped:
-            raise AnalysisError("guards choose a mode by delayed readings, and there is no delayed tap")
-        if (self.commands or self.period < np.inf) and not self.tapped:
-            raise AnalysisError("a controller that reads outputs as they are has neither own commands nor a period")
-        if self.commands and any(np.any(mode.S) for mode in self.modes):
+        if self.commands and not self.delayed:
+            raise AnalysisError("a controller that reads its own commands needs a delayed tap to read them by")
+        if self.commands and self.tapped and any(np.any(mode.S) for mode in self.modes):
             raise AnalysisError("a controller that reads its own commands must have S = 0; let readings move a state")
         if not self.period > 0:
             raise AnalysisError(f"the period of a controller's resets must be positive, got {self.period} s")
+        if self.period < np.inf and self.eventful:
+            raise AnalysisError("a controller is reset by events or with a period; leave one of them out")
+        if not self.clock > 0 or min(self.wait, self.sampling, self.delay) < 0:
+            raise AnalysisError(
+                f"clock {self.clock} s, wait {self.wait} s, sampling {self.sampling} s, delay {self.delay} s of a "
+                "controller; expected a positive clock, and at least 0 s for the others"
+            )
+        if len(self.watched) not in (0, count) or len(self.after) not in (0, count):
+            raise AnalysisError(f"watched and after of a controller have one entry for each of its {count} modes")
+        if self.table is not None and np.shape(self.table) != (count, 1 << len(self.guards)):
+            raise AnalysisError(
+                f"the table of modes has the shape {np.shape(self.table)}; expected {(count, 1 << len(self.guards))}, "
+                "modes by patterns of signs"
+            )
+        if not all(0 <= mode < count for mode in (*self.after, *np.ravel([] if self.table is None else self.table))):
+            raise AnalysisError(f"a mode follows that does not exist; there are {count}, counted from 0")
+
+    @property
+    def delayed(self) -> tuple[float, ...]:
+        """The taps that are not 0 s."""
+        return self.taps[1:] if self.taps[0] == 0 else self.taps
 
     @property
     def tapped(self) -> bool:
         """Whether it only reads delayed outputs, so that its command is known one delay in advance."""
         return self.taps[0] > 0
 
+    @property
+    def plain(self) -> bool:
+        """Whether it is one mode that reads the current outputs alone, and commands from its state."""
+        return len(self.modes) == 1 and self.taps == (0.0,) and not self.guards and not self.modes[0].S.any()
+
+    @property
+    def eventful(self) -> bool:
+        """Whether it has an event rule or a clock."""
+        return len(self.cuts) > 1 or self.clock < np.inf
+
     def read(self, C: Array, mode: Mode) -> Array:
-        """Matrix from (x, a) to the undelayed readings in a mode, for the plant's C; shape (readings, n + N_a)."""
+        """Matrix from (x, a) to the readings in a mode if nothing were delayed, for the plant's C; (n_v, n + N_a)."""
         here = np.hstack([C, np.zeros((len(C), len(mode.M)))])
-        if self.commands:
-            here = np.vstack([here, np.hstack([np.zeros((len(mode.K), C.shape[1])), -mode.K])])
-        return np.tile(here, (len(self.taps), 1))
+        S = mode.S[:, : len(C)] if self.taps[0] == 0 else np.zeros((len(mode.K), len(C)))
+        both = np.vstack([here, np.hstack([-S @ C, -mode.K])]) if self.commands else here
+        return np.vstack([here if tau == 0 else both for tau in self.taps])
+
+    def signals_of(self, n_y: int) -> int:
+        """Number of signals that it is given: its readings less those that its taps make of ``n_y`` outputs."""
+        n_u, n_v = self.modes[0].S.shape
+        return int(n_v - n_y * (self.taps[0] == 0) - len(self.delayed) * (n_y + (n_u if self.commands else 0)))
 
     @property
     def M(self) -> Array:
@@ -180,12 +229,89 @@ class Realisation:
             )
         return self.modes[0].rates
 
-    def following(self, mode: int, v: Array) -> int:
-        """The mode that follows ``mode`` for these readings, shape (n_v,)."""
-        return self.chosen(mode, tuple(float(guard(v)) > 0 for guard in self.guards))
+    def following(self, mode: int, w: Array) -> int:
+        """The mode that follows ``mode`` for these readings and state, shape (n_v + N_a,), or readings alone."""
+        return self.chosen(mode, tuple(float(guard(w)) > 0 for guard in self.guards))
 
     def chosen(self, mode: int, positive: tuple[bool, ...]) -> int:
         """The mode that follows ``mode`` for these signs of the guards."""
         if self.table is None:
             return mode
         return int(self.table[mode, sum(1 << j for j, sign in enumerate(positive) if sign)])
+
+
+def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
+    """Two controllers that read the same ``n_y`` outputs and whose commands are added, as one.
+
+    Its state is that of both, its modes are the pairs of theirs, and its taps all that either has. Signals of the first
+    come before those of the second.
+
+    Raises:
+        AnalysisError: if both have events or periodic resets, or either reads its own commands.
+    """
+    if (first.eventful or first.period < np.inf) and (second.eventful or second.period < np.inf):
+        raise AnalysisError("both controllers have events or resets of their own; only one of the two can")
+    if first.commands or second.commands:
+        raise AnalysisError("a controller that reads its own commands would read those of the other; it stands alone")
+    taps = tuple(sorted({*first.taps, *second.taps}))
+    parts = (first, second)
+    R = [part.signals_of(n_y) for part in parts]
+    sizes = [part.layout.size for part in parts]
+    n_v, N_a, n_u = n_y * len(taps) + sum(R), sum(sizes), first.modes[0].S.shape[0]
+    states = slice(0, sizes[0]), slice(sizes[0], N_a)
+    reads = []
+    for number, part in enumerate(parts):
+        outputs = [n_y * taps.index(tau) + np.arange(n_y) for tau in part.taps]
+        reads.append(np.concatenate([*outputs, n_y * len(taps) + sum(R[:number]) + np.arange(R[number])]).astype(int))
+
+    def both(matrices: tuple[Array, Array]) -> Array:
+        whole = np.zeros((sum(len(of) for of in matrices), N_a))
+        whole[: len(matrices[0]), states[0]], whole[len(matrices[0]) :, states[1]] = matrices
+        return whole
+
+    modes = []
+    for a in first.modes:
+        for b in second.modes:
+            N, S, K = np.zeros((N_a, n_v)), np.zeros((n_u, n_v)), np.zeros((n_u, N_a))
+            for mode, at, read in zip((a, b), states, reads, strict=True):
+                N[at, read] = mode.N
+                S[:, read] += mode.S
+                K[:, at] = mode.K
+            name = " and ".join(of.name for of, part in ((a, first), (b, second)) if len(part.modes) > 1)
+            modes.append(Mode(name or f"{a.name} and {b.name}", both((a.M, b.M)), N, K, S))
+    guards = []
+    for part, at, read in zip(parts, states, reads, strict=True):
+        where = np.concatenate([read, n_v + np.arange(at.start, at.stop)])
+        for guard in part.guards:
+            Q = np.zeros((n_v + N_a, n_v + N_a))
+            Q[np.ix_(where[: len(guard.Q)], where[: len(guard.Q)])] = guard.Q
+            guards.append(Guard(Q, guard.c))
+    pairs = [(i, j) for i in range(len(first.modes)) for j in range(len(second.modes))]
+    count = len(second.modes)
+
+    def pair(i: int, j: int) -> int:
+        return count * i + j
+
+    table = None
+    if guards:
+        low = len(first.guards)
+        signs = [[bool(number >> bit & 1) for bit in range(len(guards))] for number in range(1 << len(guards))]
+        table = np.array([
+            [pair(first.chosen(i, tuple(sign[:low])), second.chosen(j, tuple(sign[low:]))) for sign in signs]
+            for i, j in pairs
+        ])  # fmt: skip
+    acting, number = (second, 1) if second.eventful or second.period < np.inf else (first, 0)
+    watched = tuple(acting.watched[ij[number]] for ij in pairs) if acting.watched else ()
+    after: tuple[int, ...] = ()
+    if acting.after:
+        after = tuple(pair(acting.after[i], j) if number == 0 else pair(i, acting.after[j]) for i, j in pairs)
+    signals = np.concatenate([first.signals, second.signals + np.array([R[0], 0, 0, 0, 0, 0])])
+    names, lengths = ([*of[0], *of[1]] for of in zip(*((p.layout.names, p.layout.sizes) for p in parts), strict=True))
+    if len(set(names)) < len(names):
+        names = [f"{name}_{1 + (k >= len(first.layout.names))}" for k, name in enumerate(names)]
+    return Realisation(
+        Layout(tuple(names), tuple(lengths)), tuple(modes), both((first.J, second.J)), both((first.G, second.G)),
+        both((first.R, second.R)), acting.cuts, delay=acting.delay, taps=taps,
+        period=acting.period, guards=tuple(guards), table=table, signals=signals, wait=acting.wait, clock=acting.clock,
+        sampling=acting.sampling, watched=watched, after=after,
+    )  # fmt: skip

@@ -42,7 +42,7 @@ from icmj.simulation.disturbance import Disturbance
 from icmj.simulation.sources import Gridded
 
 MAGIC = 20170508228.0
-VERSION = 9.0
+VERSION = 10.0
 
 
 class Slot(IntEnum):
@@ -85,7 +85,7 @@ class Slot(IntEnum):
     WAVES = 34  # terms of all
     AT_WEIGHTS = 35
     AT_CELLS = 36
-    POWERS = 37  # coefficients of the command as a function of time alone; 0 where it follows from the state
+    POWERS = 37  # coefficients of what enters as a function of time alone; 0 where all follows from the state
     SINCE = 38  # when that begins [s]
     UNIT = 39  # of its time [s]
     AT_COURSE = 40
@@ -93,9 +93,13 @@ class Slot(IntEnum):
     VALUES = 42  # of Gaussian noises
     AT_VALUES = 43
     SHARES = 44  # of the signals, the last, whose size is a share of a command
+    DIRECT = 45  # commands that follow from outputs without a state between them: n_u or 0
+    AT_S = 46
+    RATED = 47  # states whose rates have a part that is a function of time alone: N_a or 0
+    AT_DRIFT = 48
 
 
-HEADER = 45
+HEADER = 49
 
 PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_M, "M", (Slot.SIZE, Slot.SIZE)),
@@ -117,7 +121,9 @@ PARTS: tuple[tuple[Slot, str, tuple[Slot | int, ...]], ...] = (
     (Slot.AT_WEIGHTS, "weights", (Slot.WAVES, WEIGHTS)),
     (Slot.AT_CELLS, "cells", (Slot.SIGNALS, CELL)),
     (Slot.AT_COURSE, "course", (Slot.N_U, Slot.POWERS)),
+    (Slot.AT_DRIFT, "drift", (Slot.RATED, Slot.POWERS)),
     (Slot.AT_VALUES, "values", (Slot.VALUES,)),
+    (Slot.AT_S, "S", (Slot.DIRECT, Slot.N_Y)),
 )
 """Slot with the beginning, name, and shape by slots of the header, of each part."""
 
@@ -127,9 +133,10 @@ class Block:
     """The controller in a model: writable views of the data of its numeric.
 
     Attributes:
-        header: by :class:`Slot`, shape (45,).
+        header: by :class:`Slot`, shape (49,).
         M, N: ȧ = M a + N (y + n(t) − y_0), shapes (N_a, N_a), (N_a, n_v); y − y_0 is zero beyond the n_y outputs.
-        K: u = −K a, the command; ctrl = ctrl_0 + u + d(t); shape (n_u, N_a).
+        K, S: u = −K a − S (y + n(t) − y_0), the command; ctrl = ctrl_0 + u + d(t); shapes (n_u, N_a) and (n_u, n_y), or
+            (0, n_y) where no output enters it directly.
         J, G: a := J a at an event, a := G a at its action; shapes (N_a, N_a).
         R, cuts: faces |R_j a| = 1 of the event rule; first row of each in ``cuts``; shapes (r, N_a) and (F,).
         segments: first row and end of each segment of the state, first column of M that is not zero there and end, and
@@ -144,8 +151,9 @@ class Block:
         signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
             28), (S, 201).
         values: of all Gaussian noises on their grids, shape (V,).
-        course: of a controller whose command is known ahead, the command as polynomials in (t − SINCE)/UNIT, which
-            whoever runs it writes; shape (n_u, POWERS).
+        course, drift: of a controller with delayed readings, what these make of its command and of its state's rates,
+            as polynomials in (t − SINCE)/UNIT, which whoever runs it writes; shapes (n_u, POWERS) and (N_a, POWERS), or
+            (0, POWERS) where the command is known ahead and the state stands outside the model.
     """
 
     header: Array
@@ -168,7 +176,9 @@ class Block:
     weights: Array
     cells: Array
     course: Array
+    drift: Array
     values: Array
+    S: Array
 
     @property
     def act(self) -> slice:
@@ -193,6 +203,7 @@ def pack(
     act: int,
     stage: int,
     powers: int = 0,
+    rated: bool = False,
     drawn: Sequence[Sequence[tuple[int, float, Gridded]]] = ((), (), (), ()),
     duration: float = 0.0,
 ) -> Array:
@@ -207,7 +218,9 @@ def pack(
         sizes: how large it is there.
         act: where the controller's states begin in ``act``.
         stage: last sensor stage needed.
-        powers: coefficients of a command that is known ahead.
+        powers: coefficients of what is a function of time alone.
+        rated: whether that enters the rates of the controller's state, too; then the matrices may be any others of
+            their shapes later on.
         drawn: Gaussian noises beside commands, of outputs, of how large pushes are, and those whose size is a share of
             a command: place, factor and noise.
         duration: of the run, for which they are drawn [s].
@@ -224,8 +237,8 @@ def pack(
     parts = {
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
         "cuts": realisation.cuts[:-1],
-        "segments": _segments(realisation),
-        "span_K": span(realisation.K),
+        "segments": _whole(realisation) if rated else _segments(realisation),
+        "span_K": (0, realisation.layout.size) if rated else span(realisation.K),
         "y_0": y_0,
         "ctrl_0": ctrl_0,
         **dict(zip(("terms", "errors", "sizes"), tables, strict=True)),
@@ -234,6 +247,8 @@ def pack(
         "weights": weights_of(waves, flat),
         "cells": cells_of(flat),
         "course": np.zeros((len(ctrl_0), powers)),
+        "drift": np.zeros((realisation.layout.size if rated else 0, powers)),
+        "S": realisation.modes[0].S if rated else np.zeros((0, len(y_0))),
         "values": np.concatenate(values),
     }
     header = np.zeros(HEADER)
@@ -241,11 +256,12 @@ def pack(
     header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
     header[Slot.N_V] = realisation.N.shape[1]
     header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
-    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(realisation.layout.names), len(tables[0]), len(tables[1])
+    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(parts["segments"]), len(tables[0]), len(tables[1])
     header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(tables[2]), len(waves)
     header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
     header[Slot.SHARES] = len(signals[3])
     header[[Slot.POWERS, Slot.UNIT, Slot.VALUES]] = powers, 1.0, len(parts["values"])
+    header[[Slot.RATED, Slot.DIRECT]] = len(parts["drift"]), len(parts["S"])
     at = HEADER
     for slot, name, _ in PARTS:
         header[slot] = at
@@ -290,3 +306,9 @@ def _segments(realisation: Realisation) -> Array:
     rows = [realisation.layout[name] for name in realisation.layout.names]
     M, N = realisation.M, realisation.N
     return np.array([(r.start, r.stop, *span(M[r]), N[r].any()) for r in rows], dtype=float)
+
+
+def _whole(realisation: Realisation) -> Array:
+    """One segment over all states, whatever is zero."""
+    size = realisation.layout.size
+    return np.array([[0, size, 0, size, 1]], dtype=float)

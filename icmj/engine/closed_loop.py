@@ -256,7 +256,7 @@ class ComposedLoop:
         """Recorded rows as departures from the operating point."""
         point = self.plant.linearisation.point
         nq, nv, na = len(point.qpos), len(point.qvel), len(point.act)
-        layout = standing(self.controller)[0].layout
+        layout = standing(self.controller).real.layout
         qpos, qvel, act, a, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, layout.size]), axis=1)
         position = np.zeros((len(rows), nv))
         if nq == nv:

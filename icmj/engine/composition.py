@@ -17,12 +17,13 @@ a controller knows, and by the outputs with their errors, which the plant does n
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
@@ -59,11 +60,11 @@ def compose(
     bare, point = plant.spec.copy().compile(), plant.linearisation.point
     name = model_name(bare)
     _check(bare, name, plant, controller)
-    controls, powers = standing(controller)
+    there = standing(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _packed(bare, bare.nu, bare.na, plant, controls, disturbance, errors, pushes, powers, duration)
+    data = _packed(bare, bare.nu, bare.na, plant, there, disturbance, errors, pushes, duration)
 
-    spec, size = plant.spec.copy(), controls.layout.size
+    spec, size = plant.spec.copy(), there.real.layout.size
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
     spec.compiler.discardvisual = not (ranging or bare.opt.density or bare.opt.viscosity)
     # what contacts leave unsolved is an error of every step that falls neither with the step nor with the threshold
@@ -90,19 +91,42 @@ def compose(
         raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
 
 
-def standing(controller: Law) -> tuple[Realisation, int]:
-    """The layout of a controller in a model, and the number of coefficients of its command.
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What of a controller stands in a model.
 
-    What a controller that reads delayed outputs commands is known ahead: it stands there by an idle state, and its
-    command as polynomials in time.
+    Attributes:
+        real: a realisation of one mode, with what the engine integrates as its state.
+        powers: number of coefficients of what enters as a function of time alone.
+        rated: whether that enters the rates of the state, too.
+    """
+
+    real: Realisation
+    powers: int = 0
+    rated: bool = False
+
+
+def standing(controller: Law) -> Standing:
+    """What of a controller stands in a model.
+
+    What a controller that reads delayed outputs commands is known ahead: an idle state stands for it, and its command
+    as polynomials in time. Any other moves with the plant in the mode that it is in, under what delayed readings and
+    signals add to its rates and to its command; events, guards and modes are the affair of whoever runs it.
     """
     real = controller.realisation
-    if not real.tapped:
-        return real, 0
+    if has_trigger(controller):
+        return Standing(real)
     n_u, n_y = controller.plant.n_u, controller.plant.n_y
-    idle = Mode("idle", np.zeros((1, 1)), np.zeros((1, n_y)), np.zeros((n_u, 1)), np.zeros((n_u, n_y)))
-    layout = Layout.of(x_o=0, x_h=0, idle=1)
-    return Realisation(layout, (idle,), np.eye(1), np.eye(1), np.zeros((0, 1)), np.zeros(1, dtype=int)), POWERS
+    own = real.layout.size if not real.tapped else 0
+    size = max(own, 1)
+    M, N, K, S = np.zeros((size, size)), np.zeros((size, n_y)), np.zeros((n_u, size)), np.zeros((n_u, n_y))
+    if not real.tapped:
+        first = real.modes[0]
+        M[:own, :own], N[:own], K[:, :own], S[:] = first.M, first.N[:, :n_y], first.K, first.S[:, :n_y]
+    layout = Layout.of(x_o=0, x_h=0, own=size)
+    mode = Mode("own", M, N, K, S)
+    here = Realisation(layout, (mode,), np.eye(size), np.eye(size), np.zeros((0, size)), np.zeros(1, dtype=int))
+    return Standing(here, POWERS, not real.tapped)
 
 
 def repack(
@@ -122,10 +146,10 @@ def repack(
     Raises:
         ModelError: as for :func:`compose`.
     """
-    (controls, powers), held = standing(controller), numbers_of(model)
+    there, held = standing(controller), numbers_of(model)
     _check(model, model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
-    data = _packed(model, model.nu - 1, na, plant, controls, disturbance, errors, pushes, powers, duration)
+    data = _packed(model, model.nu - 1, na, plant, there, disturbance, errors, pushes, duration)
     return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
 
 
@@ -134,22 +158,19 @@ def _packed(
     nu: int,
     na: int,
     plant: MujocoPlant,
-    controls: Realisation,
+    there: Standing,
     disturbance: Disturbance,
     errors: Disturbance,
     pushes: Pushes,
-    powers: int,
     duration: float,
 ) -> Array:
-    """The controller at the ports of the plant: gains enter K, N and the disturbance only."""
-    ports, point, size = plant.linearisation.ports, plant.linearisation.point, controls.layout.size
+    """The controller at the ports of the plant: gains enter K, N, S and the disturbance only."""
+    ports, point, controls = plant.linearisation.ports, plant.linearisation.point, there.real
     # signals of the controller's own stand behind all sensors
     signals = controls.N.shape[1] - len(ports.entries)
     entries = np.append(ports.entries, model.nsensordata + np.arange(signals))
     g = np.append(ports.g, np.ones(signals))
-    K, N, y_0 = np.zeros((nu, size)), np.zeros((size, model.nsensordata + signals)), np.zeros(model.nsensordata)
-    K[ports.actuators] = ports.b[:, None] * controls.K
-    N[:, entries] = controls.N * g
+    mode, y_0 = at_ports(plant, controls.modes[0], nu, model.nsensordata, signals), np.zeros(model.nsensordata)
     # what the controller takes for the operating point: a bias makes it read more than there is
     y_0[ports.entries] = (plant.linearisation.y - ports.beta) / ports.g
     acting = replace(
@@ -161,14 +182,14 @@ def _packed(
     # errors are of what is read, after the sensor's gain
     reading = replace(
         errors,
-        n_u=N.shape[1],
+        n_u=mode.N.shape[1],
         input=entries[errors.input],
         amplitude=errors.amplitude / g[errors.input],
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     pushes = spread(plant.model, point, pushes)
     where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
-    scaled = replace(controls, modes=(replace(controls.modes[0], K=K, N=N),))
+    scaled = replace(controls, modes=(mode,))
     drawn = (
         [(int(ports.actuators[i]), float(ports.b[i]), noise) for i, noise in disturbance.gaussian],
         [(int(entries[i]), 1 / float(g[i]), noise) for i, noise in errors.gaussian],
@@ -176,8 +197,25 @@ def _packed(
         [(int(ports.actuators[i]), 1.0, noise) for i, noise in disturbance.shares],
     )
     return pack(
-        scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, powers, drawn, duration
+        scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, there.powers, there.rated, drawn,
+        duration,
     )  # fmt: skip
+
+
+def at_ports(plant: MujocoPlant, mode: Mode, nu: int, entries: int, signals: int = 0) -> Mode:
+    """A mode that reads ``entries`` sensor data and then ``signals``, and commands ``nu`` actuators.
+
+    Its matrices are those of the controller's readings and commands, with the gains of the ports: of a mode that reads
+    the current outputs first.
+    """
+    ports, n_y = plant.linearisation.ports, len(plant.linearisation.ports.entries)
+    size, columns = len(mode.M), np.append(ports.entries, entries + np.arange(signals))
+    g = np.append(ports.g, np.ones(signals))
+    K, N, S = np.zeros((nu, size)), np.zeros((size, entries + signals)), np.zeros((nu, entries))
+    K[ports.actuators] = ports.b[:, None] * mode.K
+    N[:, columns] = mode.N[:, : n_y + signals] * g
+    S[np.ix_(ports.actuators, ports.entries)] = ports.b[:, None] * mode.S[:, :n_y] * ports.g
+    return Mode(mode.name, mode.M, N, K, S)
 
 
 def _sensors(bare: mujoco.MjModel, plant: MujocoPlant) -> list[int]:

@@ -26,7 +26,7 @@ from icmj.simulation.labels import labels_of
 from icmj.simulation.recording import driven, kept
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.taps import expect_no_observer, expect_tapped, modes_of
+from icmj.simulation.taps import expect_no_observer, expect_readings, modes_of
 
 
 @single_threaded()
@@ -118,18 +118,21 @@ def simulate_tapped(
     settings: Settings,
     *,
     x0: ArrayLike | None = None,
+    a0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
     error_estimate: bool = True,
 ) -> Simulation:
-    """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
+    """Simulate ``plant`` under any controller, from its realisation; outputs before t = 0 are those at the start.
 
     Args:
         plant, law, settings, x0, progress: as ``plant``, ``controller`` … of :func:`icmj.engine.run.simulate`.
+        a0: start of the controller's state (N_a,), right after an event; zero if ``None``.
         error_estimate: as there, repeating the last seconds.
 
     Returns:
-        The run, as of :func:`icmj.engine.run.simulate`. Switches are events; there are no observer, no hold and no
-        event function.
+        The run, as of :func:`icmj.engine.run.simulate`. Events are those of the rule or the clock, or, of a controller
+        without them, its switches. What the controller's state means is not known here: observer, hold and event
+        function are not recorded.
 
     Raises:
         ModelError: if plant and controller do not fit.
@@ -137,14 +140,16 @@ def simulate_tapped(
             is not usable.
     """
     linear = plant.linearisation.plant
-    realisation = expect_tapped(law, linear)
+    realisation = expect_readings(law, linear)
     x = plant_start(linear, settings, x0)
     loop = close_tapped(plant, law, settings)
     steps = stepping_of(loop, settings)
     schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
-    record = loop.run(loop.data(x, np.zeros(1)), schedule, progress)
+    a = np.zeros(len(loop.block.M))
+    a[: realisation.layout.size * (not realisation.tapped)] = 0.0 if a0 is None else a0
+    record = loop.run(loop.data(x, a), schedule, progress)
     precision = facts(loop, steps, schedule, record, time.perf_counter() - begin)
     if error_estimate:
         precision |= estimate_tapped(loop, schedule, record).facts(schedule, linear.outputs)

@@ -1,7 +1,8 @@
-"""A controller that reads delayed outputs, on the engine: stretches in which its command is known ahead.
+"""Any controller on the engine, stretch by stretch, from its realisation alone.
 
-Over a stretch (:mod:`icmj.simulation.native.taps`) the engine integrates under a command that is a polynomial in time,
-as it would under any other input (:mod:`icmj.engine.native.tapped`).
+Over a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is known ahead. If that is all that the
+controller reads, the engine integrates under its command, a polynomial in time, as it would under any other input; if
+not, the controller's state is integrated with the plant (:mod:`icmj.engine.native.tapped`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from icmj.base.signals import unhurried
 from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, close_loop, integrator_of
-from icmj.engine.composition import compose
+from icmj.engine.composition import at_ports, compose
 from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
 from icmj.engine.fault import EngineFault, words
 from icmj.engine.plant import MujocoPlant
@@ -30,7 +31,19 @@ from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.gaussian import points_between
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
-from icmj.simulation.taps import History, Now, begun, first_command, first_level, levels_of, taps_of, waves_of, widened
+from icmj.simulation.taps import (
+    POWERS,
+    History,
+    Now,
+    begun,
+    first_command,
+    first_level,
+    levels_of,
+    queued,
+    taps_of,
+    waves_of,
+    widened,
+)
 
 if TYPE_CHECKING:
     from icmj.engine.native.tapped import Tapped
@@ -74,7 +87,7 @@ class TappedRecord(Record):
 
 @dataclass(frozen=True, eq=False)
 class TappedLoop(ComposedLoop):
-    """Plant and a controller that reads delayed outputs, in one model."""
+    """Plant and any controller, in one model."""
 
     controller: Law  # type: ignore[assignment]
 
@@ -103,7 +116,9 @@ class TappedLoop(ComposedLoop):
     ) -> ending.Outcome:
         """The outcome, from the loop's return code."""
         if status == Status.COMPLETED:
-            return ending.ran(t, np.zeros(0), 0.0)
+            real = self.controller.realisation
+            least = real.sampling + real.wait if real.clock == np.inf else 0.0
+            return ending.ran(t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), least)
         return super().outcome(status, t, data, schedule, events)
 
     def run(
@@ -118,7 +133,8 @@ class TappedLoop(ComposedLoop):
         from icmj.engine.native.tapped import FULL, SAMPLES, march
 
         mujoco.mj_forward(self.model, data)
-        tapped, record = self._tapped(data, schedule, stand), recording(CHUNK, self.model.nsensordata, self.width)
+        tapped = self._tapped(data, schedule, stand)
+        record = recording(CHUNK, self.model.nsensordata + tapped.own, self.width)
         log = _Log(self, tapped, data, schedule)
         status, steps, stopped, fault, crowded = int(Status.RUNNING), 0, False, "", None
         pace, every = ending.EventPace(schedule.t_end), max(1.0, 3 * self.controller.realisation.taps[-1])
@@ -138,7 +154,10 @@ class TappedLoop(ComposedLoop):
                         steps += int(record.count[3])
                         crowded = pace.stalled(*log.take(record))
                         if status == FULL:
-                            tapped, status = tapped._replace(history=widened(tapped.history)), int(Status.RUNNING)
+                            tapped, status = (
+                                tapped._replace(history=widened(tapped.history), now=queued(tapped.now)),
+                                int(Status.RUNNING),
+                            )
                         if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
                             stands = [stands[-1], _stand(tapped, data)]
                     if progress is not None:
@@ -166,26 +185,35 @@ class TappedLoop(ComposedLoop):
 
         realisation, here = self.controller.realisation, self.plant.linearisation
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
-        own = max(fastest_rate(here.plant, self.controller), 1 / realisation.taps[0])
-        n_y, n_u = self.controller.plant.n_y, self.controller.plant.n_u
+        own = max([fastest_rate(here.plant, self.controller), *(1 / tau for tau in realisation.delayed[:1])])
+        n_y, n_u, n_a = self.controller.plant.n_y, self.controller.plant.n_u, realisation.layout.size
         taps = taps_of(realisation, n_y, max(own, self.noise / _SWING), exact=False)
+        joint, ports, edges = not realisation.tapped, here.ports, schedule.edges
         if stand is None:
-            history, now = begun(taps, realisation, self.y(data.sensordata) + self.errors(0.0))
+            a = data.act[self.block.act][:n_a] if joint else None
+            history, now = begun(taps, realisation, self.y(data.sensordata) + self.errors(0.0), a)
             stand = Stand(0.0, 0.0, history, now, first_level(realisation), ())  # type: ignore[arg-type]
-        ports, edges = here.ports, schedule.edges
+        nu, entries = len(self.block.ctrl_0), len(self.block.y_0)
+        modes = [at_ports(self.plant, mode, nu, entries) for mode in realisation.modes if joint]
+        M, N, K, S = (
+            np.array([getattr(mode, letter) for mode in modes], dtype=float).reshape(len(modes), *shape)
+            for letter, shape in (("M", (n_a, n_a)), ("N", (n_a, entries)), ("K", (nu, n_a)), ("S", (nu, entries)))
+        )
         reader = Reader(
             entries=ports.entries.astype(np.int64), gain=np.ascontiguousarray(ports.g),
             offset=np.ascontiguousarray(ports.beta - here.y),
             actuators=ports.actuators.astype(np.int64), b=np.ascontiguousarray(ports.b),
             levels=levels_of(edges, self.acting).astype(np.int64),
-            errors=waves_of(schedule.t_end, (self.errors, np.eye(n_y))),
+            errors=waves_of(schedule.t_end, (self.errors, np.eye(n_y))), joint=joint, M=M, N=N, K=K, S=S,
         )  # fmt: skip
+        own_states = n_a if joint else 0
         track = Track(
-            t=np.array([stand.t, stand.t, stand.event, stand.t]), marks=np.array([stand.level, -1, 0, 0, 0]),
+            t=np.array([stand.t, stand.t, stand.event, stand.t, 0.0]), marks=np.array([stand.level, -1, 0, 0, 0, 0, 0]),
             counts=np.array([0, 0, np.searchsorted(edges, stand.t - SAME)]),
-            at=np.zeros(_SAMPLES), y=np.zeros((_SAMPLES, n_y)),
+            at=np.zeros(_SAMPLES), y=np.zeros((_SAMPLES, n_y + own_states)),
             states=np.zeros((0 if schedule.tolerance > 0 else _SAMPLES, self.width)),
-            near=np.zeros(_SAMPLES, np.int64), u=np.zeros((CHUNK, n_u)), mode=np.zeros(CHUNK, np.int64),
+            near=np.zeros(_SAMPLES, np.int64), begin=np.zeros(self.model.nq + self.model.nv + self.model.na),
+            curves=np.zeros((n_y + own_states, POWERS)), u=np.zeros((CHUNK, n_u)), mode=np.zeros(CHUNK, np.int64),
             rough=np.zeros(CHUNK),
         )  # fmt: skip
         return Tapped(taps, stand.history, stand.now, reader, track)
@@ -207,7 +235,8 @@ class _Log:
     def take(self, record: Recording) -> list[float]:
         """Take over what the last stretches recorded; of those there is nothing left to take. The times of events."""
         n_dense, n_rows, n_events, _ = (int(n) for n in record.count)
-        track, dense, events = self._track, record.dense[:n_dense], record.events[:n_events].copy()
+        track, events = self._track, record.events[:n_events].copy()
+        dense = record.dense[:n_dense, : 1 + self._loop.model.nsensordata]
         self.rows.append(record.rows[:n_rows].copy())
         self.u.append(track.u[:n_rows].copy())
         self.mode.append(track.mode[:n_rows].copy())
@@ -241,12 +270,13 @@ def close(plant: MujocoPlant, law: Law, settings: Settings) -> ComposedLoop:
 
 
 def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop:
-    """Compose plant and controller; errors of the readings stay outside the model.
+    """Compose plant and controller; errors of delayed readings stay outside the model.
 
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop`.
     """
     acting, errors, pushes = acting_on(plant.linearisation.plant, settings)
-    model = compose(plant, law, acting, None, pushes, settings.duration)
+    inside = None if law.realisation.tapped else errors  # where the engine reads outputs, too
+    model = compose(plant, law, acting, inside, pushes, settings.duration)
     model.opt.integrator = integrator_of(plant, settings)
     return TappedLoop(plant, law, acting, errors, pushes, model)

@@ -61,7 +61,7 @@ def frequency_response(
 
     Args:
         plant: the actual plant.
-        controller: a :class:`icmj.Controller`, or another one that reads delayed outputs in a single mode.
+        controller: a :class:`icmj.Controller`, or another one of a single mode without events.
         frequency: frequencies [Hz], positive, shape (F,).
         match: how inputs and outputs of the plant are assigned to those of the controller's model.
 
@@ -110,10 +110,12 @@ def _observed(controller: Controller, f: Array) -> tuple[np.ndarray, np.ndarray]
 
 
 def _tapped(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]:
-    """The same for a controller that reads delayed outputs, in its one mode."""
+    """The same for any controller without events, in its one mode."""
     real = controller.realisation
-    if len(real.modes) != 1 or not real.tapped:
-        raise AnalysisError(f"the {controller.kind} controller is not linear: a frequency response has one mode")
+    if len(real.modes) != 1 or real.eventful or real.commands or real.period < np.inf:
+        raise AnalysisError(
+            f"the {controller.kind} controller has no frequency response here; it has events, resets, several modes, or reads its own commands"
+        )
     on, n_y = real.modes[0], controller.plant.n_y
     s = 2j * np.pi * f[:, None, None]
     v = np.concatenate([np.exp(-s * tau) * np.eye(n_y) for tau in real.taps], axis=1)

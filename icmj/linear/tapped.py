@@ -1,4 +1,4 @@
-"""The exact simulation of a linear plant under a controller that reads delayed outputs."""
+"""The exact simulation of a linear plant under any controller, from its realisation alone."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.taps import (
     POWERS,
     begun,
-    expect_tapped,
+    expect_readings,
     first_command,
     first_level,
     levels_of,
     modes_of,
+    queued,
     taps_of,
     waves_of,
     widened,
@@ -48,20 +49,23 @@ def simulate_tapped(
     settings: Settings,
     *,
     x0: ArrayLike | None = None,
+    a0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
-    """Simulate ``plant`` under a controller that reads delayed outputs only, constant ones before t = 0.
+    """Simulate ``plant`` under a controller, of which before t = 0 the outputs have been constant.
 
     Args:
         plant: the actual plant; its order may differ from that of the controller's model.
         law: the controller.
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0: start of the plant (n,), instead of the named states in ``settings``.
+        a0: start of the controller's state (N_a,), right after an event; zero if ``None``.
         progress: called repeatedly with the completed fraction, 0–1.
 
     Returns:
-        Recorded at multiples of ``record_interval``, at every switch (values just before it), which is an event, and at
-        the end. Switches are exact to 1e-12 s. There are no observer, no hold and no event function.
+        Recorded at multiples of ``record_interval``, at every event (values just before it), and at the end. Events are
+        those of the rule or the clock, or, of a controller without them, its switches; they are exact to 1e-12 s. What
+        the controller's state means is not known here: observer, hold and event function are not recorded.
 
     Raises:
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
@@ -69,7 +73,7 @@ def simulate_tapped(
     """
     from icmj.base.compilation import called
 
-    realisation = expect_tapped(law, plant)
+    realisation = expect_readings(law, plant)
     x = plant_start(plant, settings, x0)
     acting, errors, pushes = everything = acting_on(plant, settings)
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
@@ -77,7 +81,9 @@ def simulate_tapped(
     limits = ending.limits_of(settings.limit, names, units)
     fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
     taps = taps_of(realisation, n_y, max(_rate(plant, realisation), fastest), exact=True)
-    history, now = begun(taps, realisation, plant.C @ x + errors(0.0))
+    history, now = begun(
+        taps, realisation, plant.C @ x + errors(0.0), None if a0 is None else np.asarray(a0, dtype=float)
+    )
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
     edges = points_between(everything.edges, everything.gaussian, settings.duration)
     limited = np.flatnonzero(np.isfinite(limits))
@@ -92,7 +98,7 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(2), level=np.array([first_level(realisation)]), counts=np.array([0, 1, 0, 0]),
+        t=np.zeros(2), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
         events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),
@@ -115,9 +121,11 @@ def simulate_tapped(
             if progress is not None:
                 progress(t / settings.duration)
             if status == -1:
-                history = widened(history)
+                history, now = widened(history), queued(now)
             elif status == Status.ENDED:
-                outcome = ending.ran(settings.duration, np.zeros(0), 0.0)
+                happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
+                least = realisation.sampling + realisation.wait if realisation.clock == np.inf else 0.0
+                outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least)
             elif status == Status.FELL:
                 at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
                 outcome = ending.fell(t, names[at], limits[at], units[at])

@@ -143,6 +143,8 @@ def _refusal(case: Case) -> str:
         return "events of the page come at once; leave out sampling_delay"
     if has_trigger(law) and law.delay.predicted != law.delay.t_d:
         return "the page has one slider for actual and assumed delay; leave out [actual] delay"
+    if real.tapped and (real.eventful or any(len(guard.Q) > real.N.shape[1] for guard in real.guards)):
+        return "modes and events of the page follow from readings alone, and this controller's also from its state"
     if real.tapped and real.taps[-1] > LONGEST:
         return f"the page remembers readings of {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
     if any(source.push is not None or isinstance(source, Gridded) for source in _placed(settings)):

@@ -137,7 +137,8 @@ class Result(Shown):
         if self.measurement is not None:
             return self.measurement.words
         count = len(self.simulation.events)
-        what = f"it switched {count} times" if self.simulation.mode.size else f"it had {count} events"
+        switches = self.simulation.mode.size and not self.controller.realisation.eventful
+        what = f"it switched {count} times" if switches else f"it had {count} events"
         more = f"; {what}" if count else ""
         return f"Under {self.controller.kind} control the run {self.simulation.outcome.message}{more}."
 

@@ -1,4 +1,4 @@
-"""A controller that reads delayed outputs, as data for compiled code, with the history of its readings.
+"""A controller as data for compiled code, with the history of what it reads later.
 
 Before t = 0 it has read what there is at the start, held. Time within a stretch is counted from its begin, in units of
 :attr:`Taps.unit`; polynomials are rows of p + 1 coefficients in it.
@@ -26,19 +26,25 @@ from icmj.simulation.settings import Settings
 POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
 _NODES = 13
 ROOM = 5e8  # bytes of what a controller remembers of its readings
+_QUEUE = 64  # actions that may be due beside those of a clock
 _BEGINNING = -1e30  # of the history that is held before t = 0
 
 
 class Taps(NamedTuple):
-    """The controller's numbers for compiled code.
+    """The controller's numbers for compiled code, with N_w = n_v + N_a.
 
     Attributes:
         unit: of time [s], and the longest stretch.
-        tau: taps [s], shape (T,).
+        direct: number of readings that are the current outputs: n_y or 0, the first of v.
+        tau: the delayed taps [s], shape (T,).
         M, N, K, S: of the modes, shapes (modes, N_a, N_a), (modes, N_a, n_v), (modes, n_u, N_a), (modes, n_u, n_v).
-        Q, c: of the guards, shapes (G, n_v, n_v) and (G,).
+        Q, c: of the guards, shapes (G, N_w, N_w) and (G,).
+        used: whether a guard takes up a component of w, shape (N_w,).
         table: the mode that follows by mode and signs, shape (modes, 2^G).
-        J, period: a := J a at multiples of the period [s], shape (N_a, N_a).
+        R, cuts: of the event rule, as in :class:`icmj.controller.realisation.Realisation`.
+        watched, after: by mode, as there.
+        J, jump: of an event, or of the period; and of an action, shapes (N_a, N_a).
+        wait, delay, clock, sampling, period: as there [s].
         signals: the last columns of N, R of them.
         edges: where one begins, ends or jumps, rising, then infinity.
         F: to Bernstein coefficients of a guard, degree 2p.
@@ -47,6 +53,7 @@ class Taps(NamedTuple):
     """
 
     unit: float
+    direct: int
     tau: Array
     M: Array
     N: Array
@@ -54,8 +61,18 @@ class Taps(NamedTuple):
     S: Array
     Q: Array
     c: Array
+    used: np.ndarray
     table: np.ndarray
+    R: Array
+    cuts: np.ndarray
+    watched: np.ndarray
+    after: np.ndarray
     J: Array
+    jump: Array
+    wait: float
+    delay: float
+    clock: float
+    sampling: float
     period: float
     signals: Waves
     edges: Array
@@ -91,22 +108,34 @@ class Now(NamedTuple):
     Attributes:
         mode: shape (1,).
         sign: whether each guard is positive, shape (G,).
+        roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
-        due: number of the next reset, and of the next edge of a signal.
+        due: numbers of the next reset of the period, the next edge of a signal, the next tick, and of the actions that
+            have been carried out and those that have been queued, shape (5,).
+        when: when the rule is watched again, when the event occurs whose sample is to be taken, and the last event [s],
+            shape (3,).
+        queue: times of actions, in a ring, shape (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
+        last: command at the end of the stretch before, shape (n_u,).
         values: at nodes, shape (nodes, n_r).
+        reach: how far each component of w may move on the stretch, shape (N_w,).
         g: of a guard.
         stack, spans: see :mod:`icmj.base.roots`.
     """
 
     mode: np.ndarray
     sign: np.ndarray
+    roots: Array
     a: Array
     due: np.ndarray
+    when: Array
+    queue: Array
     v: Array
     A: Array
     u: Array
+    last: Array
     values: Array
+    reach: Array
     g: Array
     stack: Array
     spans: Array
@@ -115,30 +144,48 @@ class Now(NamedTuple):
 def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> Taps:
     """The controller of a loop of ``n_y`` outputs whose fastest rate is so many rad/s, with what disturbs it."""
     modes, guards = realisation.modes, realisation.guards
-    n_v, n_u = modes[0].S.shape[1], modes[0].S.shape[0]
+    n_v, n_u, size = modes[0].S.shape[1], modes[0].S.shape[0], realisation.layout.size
     M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
     table = np.arange(len(modes))[:, None].repeat(1 << len(guards), axis=1)
     number = 0 if exact else _NODES
     nodes = -np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
     fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
-    size, R, signals = realisation.layout.size, signals_of(realisation, n_y), realisation.signals
+    R, signals = realisation.signals_of(n_y), realisation.signals
+    Q = np.zeros((len(guards), n_v + size, n_v + size))
+    for whole, guard in zip(Q, guards, strict=True):
+        whole[: len(guard.Q), : len(guard.Q)] = guard.Q
     return Taps(
-        unit=float(min(1 / max(rate, 1e-300), realisation.taps[0])),
-        tau=np.array(realisation.taps, dtype=float),
-        M=M, N=N.reshape(len(modes), size, n_v), K=K.reshape(len(modes), n_u, size), S=S,
-        Q=np.array([guard.Q for guard in guards], dtype=float).reshape(len(guards), n_v, n_v),
-        c=np.array([guard.c for guard in guards], dtype=float),
+        unit=float(min(1 / max(rate, 1e-300), *realisation.delayed, 1e6)),
+        direct=n_y if realisation.taps[0] == 0 else 0,
+        tau=np.array(realisation.delayed, dtype=float),
+        M=M.reshape(len(modes), size, size), N=N.reshape(len(modes), size, n_v), K=K.reshape(len(modes), n_u, size),
+        S=S.reshape(len(modes), n_u, n_v),
+        Q=Q, c=np.array([guard.c for guard in guards], dtype=float),
+        used=np.asarray(Q.any(axis=(0, 1))),
         table=np.ascontiguousarray(table if realisation.table is None else realisation.table, dtype=np.int64),
-        J=np.ascontiguousarray(realisation.J, dtype=float), period=float(realisation.period),
+        R=np.ascontiguousarray(realisation.R, dtype=float), cuts=np.asarray(realisation.cuts, dtype=np.int64),
+        watched=np.array(realisation.watched or [True] * len(modes), dtype=np.bool_),
+        after=np.array(realisation.after or range(len(modes)), dtype=np.int64),
+        J=np.ascontiguousarray(realisation.J, dtype=float), jump=np.ascontiguousarray(realisation.G, dtype=float),
+        wait=float(realisation.wait), delay=float(realisation.delay), clock=float(realisation.clock),
+        sampling=float(realisation.sampling), period=float(realisation.period),
         signals=Waves(np.eye(R)[signals[:, 0].astype(int)], np.ascontiguousarray(signals[:, 1:])),
         edges=np.append(edges_of(realisation), np.inf), F=from_powers(2 * POWERS - 2),
         exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
     )  # fmt: skip
 
 
-def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -> tuple[History, Now]:
-    """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,)."""
-    count, n_v, n_u = len(taps.tau), taps.S.shape[2], taps.S.shape[1]
+def begun(
+    taps: Taps, realisation: Realisation, r: Array, a: Array | None = None, capacity: int = 256
+) -> tuple[History, Now]:
+    """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,).
+
+    ``a`` is the controller's state, shape (N_a,); zero if ``None``. The start counts as an event: the rule is watched
+    when its least time is over, and an action follows.
+    """
+    count, n_v, n_u, size = len(taps.tau), taps.S.shape[2], taps.S.shape[1], realisation.layout.size
+    a = np.zeros(size) if a is None else np.array(a, dtype=float)
+    direct = r[: taps.direct]
     if realisation.commands:  # of which there were none
         r = np.append(r, np.zeros(n_u))
     history = History(
@@ -146,21 +193,21 @@ def begun(taps: Taps, realisation: Realisation, r: Array, capacity: int = 256) -
         count=np.ones(1, np.int64), at=np.zeros(count, np.int64), ahead=np.zeros(count, np.int64),
     )  # fmt: skip
     history.r[0, :, 0] = r
-    v = np.pad(np.tile(r, count), (0, n_v - count * len(r)))
-    sign = np.array([float(guard(v)) > 0 for guard in realisation.guards], dtype=np.int64)
-    size = realisation.layout.size
+    v = np.concatenate([direct, np.tile(r, count)])
+    v = np.pad(v, (0, n_v - len(v)))
+    w = np.concatenate([v, a])
+    sign = np.array([float(guard(w)) > 0 for guard in realisation.guards], dtype=np.int64)
+    queue = np.full(_QUEUE + int(min(taps.delay / taps.clock, ROOM / 8)), np.inf)
+    acts = realisation.eventful and taps.delay > 0
+    if acts:
+        queue[0] = taps.delay
     return history, Now(
-        mode=np.array([realisation.following(0, v)]), sign=sign, a=np.zeros(size),
-        due=np.array([1, 0]), v=np.zeros((n_v, POWERS)),
-        A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), values=np.zeros((len(taps.nodes), len(r))),
+        mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
+        due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
+        v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
+        values=np.zeros((len(taps.nodes), len(r) + taps.direct + size)), reach=np.zeros(n_v + size),
         g=np.zeros(2 * POWERS - 1), stack=np.zeros((DEEPEST, 2 * POWERS)), spans=np.zeros((DEEPEST, 3)),
     )  # fmt: skip
-
-
-def signals_of(realisation: Realisation, n_y: int) -> int:
-    """Number of signals that the controller is given: its readings less those that its taps make of ``n_y`` outputs."""
-    n_u, n_v = realisation.modes[0].S.shape
-    return n_v - len(realisation.taps) * (n_y + (n_u if realisation.commands else 0))
 
 
 def edges_of(realisation: Realisation) -> Array:
@@ -186,8 +233,9 @@ def first_level(realisation: Realisation) -> int:
 
 def first_command(taps: Taps, history: History, now: Now) -> Array:
     """u at the begin of a run, shape (n_u,)."""
-    v = np.concatenate([history.r[k, :, 0] for k in history.at])
-    return np.asarray(-taps.S[now.mode[0]] @ np.pad(v, (0, taps.S.shape[2] - len(v))))
+    v = np.concatenate([history.r[0, : taps.direct, 0], *(history.r[k, :, 0] for k in history.at)])
+    mode = now.mode[0]
+    return np.asarray(-taps.K[mode] @ now.a - taps.S[mode] @ np.pad(v, (0, taps.S.shape[2] - len(v))))
 
 
 def widened(history: History) -> History:
@@ -196,6 +244,8 @@ def widened(history: History) -> History:
     Raises:
         SimulationError: if that would be more than :data:`ROOM`.
     """
+    if history.count[0] <= len(history.start) // 2:  # it is the queue that is full
+        return history
     if 2 * history.r.nbytes > ROOM:
         raise SimulationError(
             f"{len(history.start)} stretches of motion would have to be remembered within the controller's delay; look "
@@ -203,6 +253,23 @@ def widened(history: History) -> History:
         )
     start, level, r = (np.concatenate([part, np.zeros_like(part)]) for part in history[:3])
     return history._replace(start=start, level=level, r=r)
+
+
+def queued(now: Now) -> Now:
+    """The same with a queue of actions that is twice as long if it is full.
+
+    Raises:
+        SimulationError: if that would be more than :data:`ROOM`.
+    """
+    done, count, size = int(now.due[3]), int(now.due[4] - now.due[3]), len(now.queue)
+    if count < size - 1:
+        return now
+    if 2 * now.queue.nbytes > ROOM:
+        raise SimulationError(f"{count} actions are under way at once; give the controller a least time between events")
+    queue = np.full(2 * size, np.inf)
+    for number in range(done, done + count):
+        queue[number % (2 * size)] = now.queue[number % size]
+    return now._replace(queue=queue)
 
 
 def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
@@ -236,27 +303,38 @@ def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
         raise SimulationError(f"a {law.kind} controller has neither observer nor hold; leave out where they start")
 
 
-def expect_tapped(law: Law, plant: LinearPlant) -> Realisation:
-    """The controller's realisation, if it reads nothing of ``plant`` but delayed outputs.
+def expect_readings(law: Law, plant: LinearPlant) -> Realisation:
+    """The controller's realisation, if what it reads is what ``plant`` has.
 
     Raises:
-        SimulationError: if it reads outputs as they are, or its model has other numbers of inputs and outputs than the
-            plant.
+        SimulationError: if its model has other numbers of inputs and outputs than the plant, or its matrices have other
+            shapes than its readings.
     """
     realisation, assumed = law.realisation, law.plant
-    if not realisation.tapped:
-        raise SimulationError(f"a {law.kind} controller that reads outputs as they are: expected delayed taps")
     if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
         raise SimulationError(
             f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
             f"{assumed.n_u} and {assumed.n_y}; they must agree"
         )
-    more = max(signals_of(realisation, assumed.n_y), 0) if len(realisation.signals) else 0
+    direct, size = assumed.n_y * (realisation.taps[0] == 0), realisation.layout.size
+    more = max(realisation.signals_of(assumed.n_y), 0) if len(realisation.signals) else 0
     each = assumed.n_y + (assumed.n_u if realisation.commands else 0)
-    wanted = (assumed.n_u, each * len(realisation.taps) + more)
+    n_v = direct + each * len(realisation.delayed) + more
     for mode in realisation.modes:
-        if mode.S.shape != wanted:
+        if mode.S.shape != (assumed.n_u, n_v):
             raise SimulationError(
-                f"mode {mode.name!r} of the {law.kind} controller has S of shape {mode.S.shape}; expected {wanted}"
+                f"mode {mode.name!r} of the {law.kind} controller has S of shape {mode.S.shape}; expected "
+                f"{(assumed.n_u, n_v)}"
+            )
+        if realisation.commands and mode.S[:, direct:].any():
+            raise SimulationError(
+                f"mode {mode.name!r} of the {law.kind} controller reads own commands, so S must be zero for delayed "
+                "readings; let them move a state"
+            )
+    for guard in realisation.guards:
+        if guard.Q.shape not in ((n_v, n_v), (n_v + size, n_v + size)):
+            raise SimulationError(
+                f"a guard of the {law.kind} controller has Q of shape {guard.Q.shape}; expected {(n_v, n_v)} for its "
+                f"readings, or {(n_v + size, n_v + size)} for readings and state"
             )
     return realisation

@@ -30,7 +30,7 @@ from icmj.plant.matching import matched
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.sources import Gridded
-from icmj.simulation.taps import expect_no_observer, expect_tapped
+from icmj.simulation.taps import expect_no_observer, expect_readings
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
@@ -61,7 +61,7 @@ def startable(case: Case, plant: PlantKind) -> None:
             if plant == "linear":
                 linear_loop(there, law)
         else:
-            expect_tapped(law, there)
+            expect_readings(law, there)
             expect_no_observer(law, settings)
             plant_start(there, settings, None)
         if plant == "mujoco":
@@ -181,9 +181,9 @@ def _rate(case: Case) -> float:
     if has_trigger(law):
         A, design = case.actual.linearisation.plant.A, law.design
         own = max(float(np.linalg.norm(M, 2)) for M in (A, design.A_c, design.A_o))
-    else:  # a series is no longer than the shortest tap
+    else:  # a series is no longer than the shortest delay of a reading
         there = matched(linear_plant(case.actual, case.settings), law.plant, "position")
-        own = max(fastest_rate(there, law), 1 / float(law.realisation.taps[0]))
+        own = max([fastest_rate(there, law), *(1 / tau for tau in law.realisation.delayed[:1])])
     return max(own, float(_acting(case).max(initial=0.0)))
 
 

@@ -36,7 +36,7 @@ class DelayLoop:
     Attributes:
         F: matrix of the undelayed part, shape (N, N).
         G: matrices of the delayed parts, shape (T, N, N).
-        tau: delays [s], positive, shape (T,).
+        tau: delays [s], positive, shape (T,); without any the loop is an ordinary linear system.
     """
 
     F: Array
@@ -57,11 +57,9 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
     """The loop of ``plant`` under ``law`` if it stays in one mode; inputs and outputs are matched by name.
 
     Raises:
-        AnalysisError: if the law reads current outputs, or has no such mode.
+        AnalysisError: if the law reads its own commands, is reset, or has no such mode.
     """
     real, plant = law.realisation, matched(plant, law.plant)
-    if not real.tapped:
-        raise AnalysisError(f"the {law.kind} controller reads outputs as they are; its loop has no delay of this kind")
     if real.commands or real.period < np.inf:
         raise AnalysisError(f"the {law.kind} controller reads its own commands or is reset; take predictor_loop of one")
     if not 0 <= mode < len(real.modes):
@@ -73,7 +71,9 @@ def delay_loop(plant: LinearPlant, law: Law, mode: int = 0) -> DelayLoop:
     for j in range(len(real.taps)):
         read = slice(j * n_y, (j + 1) * n_y)
         G[j, :n, :n], G[j, n:, :n] = -plant.B @ on.S[:, read] @ plant.C, on.N[:, read] @ plant.C
-    return DelayLoop(F, G, np.array(real.taps))
+    if real.taps[0] == 0:  # what is read as it is belongs to the undelayed part
+        F, G = F + G[0], G[1:]
+    return DelayLoop(F, G, np.array(real.delayed))
 
 
 def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
@@ -85,6 +85,9 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     Raises:
         AnalysisError: if they cannot be found, because the rates of the loop are too large for its delay.
     """
+    if not len(loop.tau):
+        roots = np.linalg.eigvals(loop.F).astype(complex)
+        return roots[falling(roots.real, -np.abs(roots.imag), roots.imag)]
     points = _FEWEST
     while points <= _MOST:
         guesses = np.linalg.eigvals(_generator(loop, points))

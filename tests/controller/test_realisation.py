@@ -41,8 +41,16 @@ def test_a_table_may_remember_the_mode() -> None:
         ({"taps": ()}, "rising delays"),
         ({"taps": (0.2, 0.1)}, "rising delays"),
         ({"taps": (-0.1,)}, "at least 0 s"),
-        ({"taps": (0.0, 0.1)}, "either as they are or delayed"),
-        ({"taps": (0.0,)}, "no delayed tap"),
+        ({"taps": (0.0,), "commands": True}, "needs a delayed tap"),
+        ({"commands": True}, "must have S = 0"),
+        ({"period": 0.0}, "must be positive"),
+        ({"period": 0.1, "clock": 0.1}, "leave one of them out"),
+        ({"clock": -1.0}, "expected a positive clock"),
+        ({"wait": -1.0}, "at least 0 s for the others"),
+        ({"watched": (True,)}, "one entry for each of its 2 modes"),
+        ({"after": (0, 2)}, "a mode follows that does not exist"),
+        ({"table": np.array([[0, 1]])}, "expected \\(2, 2\\)"),
+        ({"table": np.array([[0, 2], [0, 1]])}, "a mode follows that does not exist"),
     ],
 )
 def test_taps_and_guards_fit(changes: dict, words: str) -> None:

@@ -279,9 +279,9 @@ def test_outputs_are_matched_by_name_and_what_does_not_fit_is_refused() -> None:
         icmj.simulate_plant(BODY, SWITCHING, settings, x0=[0.1])
     with pytest.raises(SimulationError, match="1 inputs and 1 outputs"):
         simulate_tapped(replace(BODY, C=BODY.C[:1], outputs=("theta",), output_units=("",)), SWITCHING, settings)
-    undelayed = replace(pid(), taps=(0.0,))
-    with pytest.raises(SimulationError, match="expected delayed taps"):
-        icmj.simulate_plant(BODY, undelayed, settings)
+    narrow = replace(pid(), taps=(0.1, 0.2))
+    with pytest.raises(SimulationError, match=r"has S of shape \(1, 2\); expected \(1, 4\)"):
+        icmj.simulate_plant(BODY, narrow, settings)
 
 
 def test_interpreted_it_is_the_same() -> None:

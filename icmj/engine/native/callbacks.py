@@ -92,8 +92,34 @@ def shares(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
-    """ctrl = ctrl_0 − K a + d(t), or with the course of the command instead of −K a; ``waves`` are of this time."""
+def _respond(b, y, ctrl, waves):  # type: ignore[no-untyped-def]
+    """Add −S (y + n(t) − y_0) to ``ctrl``."""
+    n_y, at_0, at_S, commanded = int(b[Slot.N_Y]), int(b[Slot.AT_Y_0]), int(b[Slot.AT_S]), int(b[Slot.COMMANDED])
+    for i in range(int(b[Slot.DIRECT])):
+        for j in range(n_y):
+            ctrl[i] -= b[at_S + i * n_y + j] * (y[j] - b[at_0 + j])
+        signal = int(b[Slot.AT_SIGNALS]) + _SIGNAL * commanded
+        for k in range(commanded, commanded + int(b[Slot.READ])):
+            ctrl[i] -= b[at_S + i * n_y + int(b[signal])] * waves[k]
+            signal += _SIGNAL
+
+
+@compiled
+def _add_course(b, place, rows, out, waves):  # type: ignore[no-untyped-def]
+    """Add polynomials in (t − SINCE)/UNIT, ``rows`` of them at ``place``, to ``out``."""
+    powers, at = int(b[Slot.POWERS]), place
+    theta = (waves[int(b[Slot.SIGNALS])] - b[Slot.SINCE]) / b[Slot.UNIT]
+    for i in range(rows):
+        value = 0.0
+        for j in range(powers - 1, -1, -1):
+            value = value * theta + b[at + j]
+        out[i] += value
+        at += powers
+
+
+@compiled
+def command(b, a, y, ctrl, waves):  # type: ignore[no-untyped-def]
+    """ctrl = ctrl_0 − K a − S (y + n(t) − y_0) + d(t), with what is a function of time alone; ``waves`` are of now."""
     size, at, at_span, at_0 = int(b[Slot.SIZE]), int(b[Slot.AT_K]), int(b[Slot.AT_SPAN_K]), int(b[Slot.AT_CTRL_0])
     first = int(b[at_span])
     count = int(b[at_span + 1]) - first
@@ -105,15 +131,10 @@ def command(b, a, ctrl, waves):  # type: ignore[no-untyped-def]
         at += _SIGNAL
     if b[Slot.SHARES] > 0:
         shares(b, a, ctrl, waves)
-    powers = int(b[Slot.POWERS])
-    if powers > 0:
-        theta, at = (waves[int(b[Slot.SIGNALS])] - b[Slot.SINCE]) / b[Slot.UNIT], int(b[Slot.AT_COURSE])
-        for i in range(int(b[Slot.N_U])):
-            u = 0.0
-            for j in range(powers - 1, -1, -1):
-                u = u * theta + b[at + j]
-            ctrl[i] += u
-            at += powers
+    if b[Slot.DIRECT] > 0:
+        _respond(b, y, ctrl, waves)
+    if b[Slot.POWERS] > 0:
+        _add_course(b, int(b[Slot.AT_COURSE]), int(b[Slot.N_U]), ctrl, waves)
 
 
 @compiled
@@ -138,6 +159,8 @@ def rates(b, a, y, rate, waves):  # type: ignore[no-untyped-def]
                     rate[i] += b[column + i * n_v] * waves[k]
                 signal += _SIGNAL
         at += 5
+    if b[Slot.RATED] > 0:
+        _add_course(b, int(b[Slot.AT_DRIFT]), size, rate, waves)
 
 
 @allocating
@@ -169,7 +192,8 @@ def callbacks() -> tuple[Any, Any]:
         if b[Slot.STAGE] >= _VELOCITY:
             _sensor_vel(m, d)
         waves = _waves(b, number(d, of_data.time))
-        command(b, doubles(d, of_data.act)[int(b[Slot.ACT]) :], doubles(d, of_data.ctrl), waves)
+        y = doubles(d, of_data.sensordata)
+        command(b, doubles(d, of_data.act)[int(b[Slot.ACT]) :], y, doubles(d, of_data.ctrl), waves)
         if b[Slot.PUSHES] > 0:
             moments = (
                 integers(d, of_data.moment_rownnz),

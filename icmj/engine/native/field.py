@@ -94,7 +94,7 @@ def drive(engine):  # type: ignore[no-untyped-def]
         _sensor_vel(engine.model, engine.data)
     first = int(b[Slot.ACT])
     waves_at(b, engine.waves, time)
-    command(b, engine.act[first:], engine.ctrl, engine.waves)
+    command(b, engine.act[first:], engine.sensordata, engine.ctrl, engine.waves)
     if b[Slot.PUSHES] > 0:
         moments = engine.rownnz, engine.rowadr, engine.column, engine.value
         push(b, engine.model, engine.data, moments, engine.applied, engine.waves)

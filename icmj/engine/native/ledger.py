@@ -64,8 +64,11 @@ def note(engine, progress, interval, record, fired, due):  # type: ignore[no-unt
     count = record.count
     row = record.dense[count[0]]
     row[0] = engine.time[0]
-    for i in range(len(engine.sensordata)):
+    outputs = 1 + len(engine.sensordata)
+    for i in range(outputs - 1):
         row[1 + i] = engine.sensordata[i]
+    for i in range(len(row) - outputs):  # of a controller that is read by itself, its state
+        row[outputs + i] = engine.act[engine.first + i]
     if fired or due:
         if engine.rows_need_forward:
             forward(engine.model, engine.data)

@@ -208,9 +208,11 @@ def _verify(data: mujoco.MjData, block: Block) -> None:
     beside = waves(block.terms, block.signals[:commanded], len(block.ctrl_0))
     shared = block.signals[len(block.signals) - int(block.header[Slot.SHARES]) :]
     shares = waves(block.terms[:0], shared, len(block.ctrl_0))
-    command = block.ctrl_0 - block.K @ a * (1 + shares) + beside
     v = waves(block.errors, block.signals[commanded : commanded + read], block.N.shape[1])
     v[: len(y)] += y - block.y_0
+    command = block.ctrl_0 - block.K @ a * (1 + shares) + beside
+    if len(block.S):
+        command = command - block.S @ v[: len(y)]
     rates = block.M @ a + block.N @ v
     for found, expected in ((data.ctrl[: len(command)], command), (data.act_dot[block.act], rates)):
         scale = 1e-9 * (1 + np.abs(expected).max() + np.abs(block.M).max() * np.abs(a).max())

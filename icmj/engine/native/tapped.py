@@ -1,12 +1,18 @@
-"""The march from stretch to stretch of a controller that reads delayed outputs, as one compiled function per stepping.
+"""The march from stretch to stretch of any controller on the engine, as one compiled function per stepping.
 
-On a stretch (:mod:`icmj.simulation.native.taps`) the command is a polynomial in time that is known ahead, so the engine
-integrates under it as under any other input. What it passes of the outputs on the way is made a polynomial again, which
-the taps read later: through values at nodes, each by a polynomial of degree seven through the samples around it, of a
-higher order than any of the integrators.
+On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial in time. A controller that
+only reads delayed outputs commands one, which is known ahead, so the engine integrates under it as under any other
+input. Any other is integrated with the plant, in its control callback: the model holds the matrices of its present
+mode, and what delayed readings and signals add to its rates and to its command. Then whether a guard or a face of its
+rule is reached is known only afterwards: the stretch is flown, looked at, and flown again as far as the first of them.
 
-What comes first at an instant is as everywhere: what acts on the plant changes where a stretch begins, before guards
-are looked at, which find a reading that has jumped there; a row records the state before a switch; the ends come last.
+What the engine passes of outputs (and states of the controller) on the way is made a polynomial again, which the taps
+read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
+through the samples around it, of a higher order than any of the integrators.
+
+What comes first at an instant is as everywhere: what acts on plant and controller changes where a stretch begins, then
+actions, then events of a clock; then guards and faces are looked at, which find there what has jumped; a row records
+the state before an event; the ends come last.
 
 Arguments that come again are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
 and ``track``.
@@ -26,7 +32,7 @@ from icmj.base.array import Array
 from icmj.base.instant import SAME
 from icmj.base.roots import evaluate
 from icmj.engine.block import Slot
-from icmj.engine.native.adaptive import pass_at
+from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.adaptive_loop import _fly
 from icmj.engine.native.compilation import allocating, compiled, engine_function, entry, merged, run_guarded, sources
 from icmj.engine.native.field import flow, forward
@@ -36,7 +42,23 @@ from icmj.engine.native.memory import address, bare
 from icmj.engine.native.step import save, step
 from icmj.engine.schedule import Recording, Status, row_after
 from icmj.engine.stages import Stages
-from icmj.simulation.native.taps import ROUGH, SMOOTH, leave, remember, room, settle, stretch
+from icmj.simulation.native.taps import (
+    ROUGH,
+    SMOOTH,
+    beyond,
+    crowded,
+    fire,
+    foresee,
+    happen,
+    is_armed,
+    leave,
+    open_stretch,
+    reach_rule,
+    remember,
+    room,
+    settle,
+    turn,
+)
 from icmj.simulation.native.taps import sources as sources_of_taps
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps
@@ -61,6 +83,8 @@ class Reader(NamedTuple):
         actuators, b: of each command, shape (n_u,).
         levels: of the edges of what acts, see :mod:`icmj.simulation.native.taps`.
         errors: of the outputs as they are read, n_y rows.
+        joint: whether the controller's state is integrated with the plant.
+        M, N, K, S: then, of each mode as the model holds them (:func:`icmj.engine.composition.at_ports`).
     """
 
     entries: np.ndarray
@@ -70,16 +94,26 @@ class Reader(NamedTuple):
     b: Array
     levels: np.ndarray
     errors: Waves
+    joint: bool
+    M: Array
+    N: Array
+    K: Array
+    S: Array
 
 
 class Track(NamedTuple):
     """Where a run is, and what it records beside the engine's rows.
 
     Attributes:
-        t: begin and end of the stretch under way, the last event, the last row [s], shape (4,).
-        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, shape (5,).
+        t: begin and end of the stretch under way, the last event, the last row, and when the next row is due at its
+            begin [s], shape (5,).
+        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, and samples
+            and rows that were recorded at its begin, shape (7,).
         counts: rows with a command, rough instants, edges that are over, shape (3,).
-        at, y: samples of the stretch under way, and their outputs, shapes (S,), (S, n_y).
+        at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
+            (S, n_y + N_a).
+        begin: the engine's state at its begin.
+        curves: polynomials of outputs and the controller's states, shape (n_y + N_a, p + 1).
         states: of fixed steps, the engine's rows there, shape (S, width); (0, width) of adapted ones.
         near: numbers of the samples that are read, shape (S,).
         u, mode: at the rows, shapes (capacity, n_u), (capacity,).
@@ -93,6 +127,8 @@ class Track(NamedTuple):
     y: Array
     states: Array
     near: np.ndarray
+    begin: Array
+    curves: Array
     u: Array
     mode: np.ndarray
     rough: Array
@@ -106,6 +142,11 @@ class Tapped(NamedTuple):
     now: Now
     reader: Reader
     track: Track
+
+    @property
+    def own(self) -> int:
+        """Number of states of the controller that are integrated with the plant."""
+        return self.track.y.shape[1] - len(self.reader.entries)
 
 
 @compiled
@@ -121,8 +162,11 @@ def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
                 track.states[i, j] = track.states[2 * i, j]
         k //= 2
     track.at[k] = t
-    for i in range(len(reader.entries)):
+    n_y = len(reader.entries)
+    for i in range(n_y):
         track.y[k, i] = reader.gain[i] * engine.sensordata[reader.entries[i]] + reader.offset[i]
+    for i in range(track.y.shape[1] - n_y):
+        track.y[k, n_y + i] = engine.act[engine.first + i]
     if len(track.states) > 0:
         row = track.states[k]
         row[0], j = t, 1
@@ -140,8 +184,12 @@ def _take(reader, track, record, first):  # type: ignore[no-untyped-def]
         k = track.marks[3]
         if k < len(track.at) - 1:  # one is kept for the stretch's end
             track.at[k] = record.dense[j, 0]
-            for i in range(len(reader.entries)):
+            n_y = len(reader.entries)
+            for i in range(n_y):
                 track.y[k, i] = reader.gain[i] * record.dense[j, 1 + reader.entries[i]] + reader.offset[i]
+            own = track.y.shape[1] - n_y
+            for i in range(own):
+                track.y[k, n_y + i] = record.dense[j, record.dense.shape[1] - own + i]
             track.marks[3] = k + 1
 
 
@@ -182,22 +230,99 @@ def _between(track, values, count, t, out):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _read(taps, history, now, reader, track):  # type: ignore[no-untyped-def]
-    """Remember what there was to read on the stretch that is over: polynomials about its begin."""
-    t, end = track.t[0], track.t[1]
-    n_y, half, count = len(reader.entries), (end - t) / 2, _choose(track)
+def _curve(taps, now, track):  # type: ignore[no-untyped-def]
+    """The polynomials of the stretch that has been flown, about its begin, into ``track.curves``."""
+    t, end, rows = track.t[0], track.t[1], len(track.curves)
+    half, count = (end - t) / 2, _choose(track)
     for node in range(len(taps.nodes)):
-        _between(track, track.y, count, t + half * (1 + taps.nodes[node]), now.values[node, :n_y])
-    rows = remember(history, t, track.marks[0])
-    settle(taps, now.values, (end - t) / taps.unit, rows[:n_y])
-    add_waves(reader.errors, t, end, taps.unit, rows[:n_y])
+        _between(track, track.y, count, t + half * (1 + taps.nodes[node]), now.values[node, :rows])
+    settle(taps, now.values, (end - t) / taps.unit, track.curves)
+
+
+@allocating
+def _look(taps, now, reader, track):  # type: ignore[no-untyped-def]
+    """Current readings, state and command of the controller on the stretch that has been flown, as polynomials."""
+    n_y, mode, direct = len(reader.entries), now.mode[0], taps.direct
+    K, S = taps.K[mode], taps.S[mode]
+    now.A[:] = track.curves[n_y:]
+    now.v[:direct] = track.curves[:direct]
+    add_waves(reader.errors, track.t[0], track.t[1], taps.unit, now.v[:direct])
+    for i in range(len(now.u)):
+        for j in range(now.u.shape[1]):
+            total = 0.0
+            for k in range(len(now.a)):
+                total -= K[i, k] * now.A[k, j]
+            for k in range(len(now.v)):
+                total -= S[i, k] * now.v[k, j]
+            now.u[i, j] = total
+
+
+@allocating
+def _remember(taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+    """Remember what there was to read on the stretch that is over."""
+    if len(taps.tau) == 0:
+        return
+    n_y, rows = len(reader.entries), remember(history, track.t[0], track.marks[0])
+    rows[:n_y] = track.curves[:n_y]
+    add_waves(reader.errors, track.t[0], track.t[1], taps.unit, rows[:n_y])
     if len(rows) > n_y:  # commands, which it reads, too
         rows[n_y:] = now.u
 
 
 @allocating
-def _start(engine, plan, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
-    """Begin the stretch from where the engine is: what acts changes there, and the command is another polynomial."""
+def _install(engine, taps, now, reader):  # type: ignore[no-untyped-def]
+    """Put the controller into the model as it is on the stretch: its state, its mode, and what is known ahead."""
+    b, mode, size, direct = engine.block, now.mode[0], len(now.a), taps.direct
+    powers, own = int(b[Slot.POWERS]), int(b[Slot.SIZE])
+    for i in range(size):
+        engine.act[engine.first + i] = now.a[i]
+    for at, matrix in (
+        (int(b[Slot.AT_M]), reader.M[mode]),
+        (int(b[Slot.AT_N]), reader.N[mode]),
+        (int(b[Slot.AT_K]), reader.K[mode]),
+        (int(b[Slot.AT_S]), reader.S[mode]),
+    ):
+        width = matrix.shape[1]
+        for i in range(len(matrix)):
+            for j in range(width):
+                b[at + i * width + j] = matrix[i, j]
+    course, drift = int(b[Slot.AT_COURSE]), int(b[Slot.AT_DRIFT])
+    for j in range(powers):
+        for i in range(len(now.u)):
+            total = 0.0
+            for k in range(direct, len(now.v)):
+                total -= taps.S[mode, i, k] * now.v[k, j]
+            b[course + reader.actuators[i] * powers + j] = reader.b[i] * total
+        for i in range(size):
+            total = 0.0
+            for k in range(direct, len(now.v)):
+                total += taps.N[mode, i, k] * now.v[k, j]
+            b[drift + i * powers + j] = total
+        for i in range(size, own):
+            b[drift + i * powers + j] = 0.0
+
+
+@compiled
+def _note_event(engine, plan, progress, record, now, track, t):  # type: ignore[no-untyped-def]
+    """Record an event where the outputs were recorded last, with the command and the mode that led there."""
+    row = track.t[3] < t
+    note_again(engine, record, row)
+    if row:
+        last = record.count[1] - 1
+        for i in range(len(now.last)):
+            track.u[last, i] = now.last[i]
+        track.mode[last] = now.mode[0]
+        track.counts[0], track.t[3] = record.count[1], t
+    if progress[0].next_row <= t + SAME:  # this is that row
+        progress[0].next_row = _row_after(t, plan.record_interval)
+    track.t[2] = t
+    track.rough[track.counts[1]] = t
+    track.counts[1] += 1
+
+
+@allocating
+def _start(engine, plan, progress, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+    """Begin the stretch from where the engine is: what is due there, what acts, and what is known of the command."""
     t, level, b = engine.time[0], track.marks[0], engine.block
     edge = track.counts[2]
     while edge < len(plan.edges) and plan.edges[edge] <= t + SAME:
@@ -205,19 +330,33 @@ def _start(engine, plan, taps, history, now, reader, track):  # type: ignore[no-
         edge += 1
         engine.phase[0] = plan.phases[edge]
     track.counts[2] = edge
+    level, due = happen(taps, now, t, level)
+    if due:
+        _note_event(engine, plan, progress, record, now, track, t)
+        fire(taps, now, t)
+        level = -1
     longest = min(plan.t_end, plan.edges[edge] if edge < len(plan.edges) else np.inf)
-    level, end, guard = stretch(taps, history, now, t, longest, level)
-    track.t[0], track.t[1] = t, end
+    guard = -1
+    if reader.joint:
+        # so long that its samples and rows find room beside those that are there
+        longest = min(longest, t + len(record.dense) // 4 * plan.record_interval)
+        level, end = open_stretch(taps, history, now, t, longest, level)
+        _install(engine, taps, now, reader)
+        get(engine, track.begin)
+    else:
+        level, end, guard = foresee(taps, history, now, t, longest, level)
+        powers = int(b[Slot.POWERS])
+        for i in range(len(now.u)):
+            course = int(b[Slot.AT_COURSE]) + reader.actuators[i] * powers
+            for j in range(powers):
+                b[course + j] = reader.b[i] * now.u[i, j]
+    b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
+    track.t[0], track.t[1], track.t[4] = t, end, progress[0].next_row
     track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
+    track.marks[5], track.marks[6] = record.count[0], record.count[1]
     if level < ROUGH and end > t:
         track.rough[track.counts[1]] = t
         track.counts[1] += 1
-    b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
-    powers = int(b[Slot.POWERS])
-    for i in range(len(now.u)):
-        course = int(b[Slot.AT_COURSE]) + reader.actuators[i] * powers
-        for j in range(powers):
-            b[course + j] = reader.b[i] * now.u[i, j]
 
 
 @compiled
@@ -255,33 +394,90 @@ def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def
 
 
 @allocating
+def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-untyped-def]
+    """Whether a guard or a face is reached within the stretch that was flown; then the engine is at its begin again.
+
+    What was recorded on the way is taken back, and the stretch ends where the first of them is.
+    """
+    t, end = track.t[0], track.t[1]
+    theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
+    if guard < 0:
+        return False
+    crossing = min(t + theta * taps.unit, end)
+    if guard >= len(taps.c) and end - crossing <= SAME and end > t:
+        return False  # what is due at the end comes first
+    track.marks[1] = guard
+    if crossing == end:
+        return False
+    record.count[0], record.count[1], progress[0].next_row = track.marks[5], track.marks[6], track.t[4]
+    track.t[1], track.marks[2], track.marks[3], track.marks[4] = crossing, _FLYING, 0, _RUNNING
+    put(engine, track.begin, t)
+    return True
+
+
+@allocating
 def _finish(engine, plan, progress, record, taps, history, now, reader, track, status):  # type: ignore[no-untyped-def]
     """End the stretch where the engine is: what was read, the mode that follows, the row and the event."""
-    t, end, mode, changed = track.t[0], track.t[1], now.mode[0], False
+    t, end, mode, changed, crossed = track.t[0], track.t[1], now.mode[0], False, False
+    eventful = len(taps.cuts) > 1 or taps.clock < np.inf
     if status == _RUNNING:
         if end > t:
-            _read(taps, history, now, reader, track)
+            if not reader.joint:
+                _curve(taps, now, track)
+            _remember(taps, history, now, reader, track)
             track.marks[0] = SMOOTH
         changed = leave(taps, now, (end - t) / taps.unit, track.marks[1])
-        if changed:
-            track.marks[0] = 0
+        if reader.joint:
+            for i in range(len(now.a)):
+                now.a[i] = engine.act[engine.first + i]
+        crossed = track.marks[1] >= len(taps.c) and reach_rule(taps, now, end)
+        if changed or crossed:
+            track.marks[0] = -1 if crossed else 0
         if end >= plan.t_end:
             status = _COMPLETED
-    # what switches again at the same instant is one event
-    switched, after, now.mode[0] = changed and end > track.t[2], now.mode[0], mode
+            # what is due at the very end, where no stretch begins any more
+            _, due = happen(taps, now, end, 0)
+            crossed = crossed or due or (is_armed(taps, now, end) and beyond(taps, now) and reach_rule(taps, now, end))
+    # what switches again at the same instant is one event, and none where there are events proper
+    switched, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
         note(engine, progress, plan.record_interval, record, switched, status != _RUNNING)
-    elif switched:  # a reading has jumped where the last stretch ended
+    elif switched:  # a reading or the state has jumped where the last stretch ended
         note_again(engine, record, track.t[3] < end)
+        if progress[0].next_row <= end + SAME:  # this is that row
+            progress[0].next_row = _row_after(end, plan.record_interval)
     _command(taps, now, track, record)
     now.mode[0] = after
     if switched:
         track.t[2] = end
         track.rough[track.counts[1]] = end
         track.counts[1] += 1
+    if crossed:
+        fire(taps, now, end)
     track.marks[2] = _BETWEEN
     return status
+
+
+@allocating
+def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ignore[no-untyped-def]
+    """The rates where a stretch begins, or begins again, and the row that is due there.
+
+    The command jumps there, or is another polynomial.
+    """
+    adaptive = plan.tolerance > 0
+    if adaptive:
+        pass_at(engine, stepper)
+    elif engine.stages == _WHOLE:
+        forward(engine.model, engine.data)
+    else:
+        flow(engine)
+    if not adaptive:
+        progress[0].grid, progress[0].steps = engine.time[0], 0
+    _sample(engine, reader, track, engine.time[0])
+    if progress[0].next_row <= engine.time[0] + SAME and progress[0].next_row < track.t[1] - SAME:
+        note_row(engine, record)
+        progress[0].next_row = _row_after(engine.time[0], plan.record_interval)
 
 
 @merged
@@ -290,30 +486,23 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
     time, status, adaptive = engine.time, _RUNNING, plan.tolerance > 0
     for _ in range(_CELLS):
         if track.marks[2] == _BETWEEN:
-            if time[0] >= until or track.counts[1] + 2 > len(track.rough) or record.count[1] + 4 > len(record.rows):
+            if time[0] >= until or track.counts[1] + 4 > len(track.rough) or record.count[1] + 4 > len(record.rows):
                 return _RUNNING
-            if not room(history):
+            if reader.joint and max(record.count[0], record.count[1]) > len(record.dense) // 4:
+                return _RUNNING
+            if crowded(now) or not room(history):
                 return FULL
-            _start(engine, plan, taps, history, now, reader, track)
+            _start(engine, plan, progress, record, taps, history, now, reader, track)
             if track.t[1] > track.t[0]:
-                # the command jumps, or is another polynomial
-                if adaptive:
-                    pass_at(engine, stepper)
-                elif engine.stages == _WHOLE:
-                    forward(engine.model, engine.data)
-                else:
-                    flow(engine)
-                if not adaptive:
-                    progress[0].grid, progress[0].steps = time[0], 0
-                _sample(engine, reader, track, time[0])
-                if progress[0].next_row <= time[0] + SAME and progress[0].next_row < track.t[1] - SAME:
-                    note_row(engine, record)
-                    progress[0].next_row = _row_after(time[0], plan.record_interval)
+                _depart(engine, plan, progress, stepper, record, reader, track)
         t, end = track.t[0], track.t[1]
         most = plan.timestep if end - t <= _SHORT else min(plan.timestep, (end - t) / SAMPLES)
         while track.marks[2] == _FLYING and time[0] < end:
             if len(record.dense) - max(record.count[0], record.count[1]) < len(record.dense) // 4 + SAMPLES + 4:
-                return _RUNNING
+                if not reader.joint:
+                    return _RUNNING
+                track.t[1] = end = time[0]  # what has been flown is a stretch, too
+                break
             progress[0].length = end - time[0]
             record.count[3] += 1
             if adaptive:
@@ -327,16 +516,36 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
                 progress[0].end = end if lands else progress[0].grid + (progress[0].steps + 1) * most
                 step(engine, progress, progress[0].length)
                 progress[0].steps += 1
-            _command(taps, now, track, record)
+            if not reader.joint:
+                _command(taps, now, track, record)
             status = standing(engine, plan) if status == _RUNNING else status
             if status in (_RUNNING, _FELL):
                 _sample(engine, reader, track, time[0])
             if status != _RUNNING or time[0] >= end:
                 break
             note(engine, progress, plan.record_interval, record, False, adaptive and _is_due(engine, plan, progress))
-            _command(taps, now, track, record)
+            if not reader.joint:
+                _command(taps, now, track, record)
         if track.marks[2] == _FLYING:
             track.marks[2], track.marks[4] = _ENDING, status
+            if reader.joint:
+                if end > t and status in (_RUNNING, _FELL):
+                    track.t[1] = end = time[0]  # where it fell, if it did
+                    _curve(taps, now, track)
+                elif end == t:  # outputs and state where it is are all that there is
+                    _sample(engine, reader, track, t)
+                    track.curves[:] = 0.0
+                    track.curves[:, 0] = track.y[0]
+                    track.curves[len(reader.entries) :, 0] = now.a
+                if status in (_RUNNING, _FELL):
+                    _look(taps, now, reader, track)
+                    # what has been flown again is known to end here
+                    if track.marks[1] < 0 and _turns_back(engine, progress, record, taps, now, track):
+                        status = _RUNNING
+                        _depart(engine, plan, progress, stepper, record, reader, track)
+                        if track.t[1] > t:
+                            continue
+                        track.marks[2], end = _ENDING, t
         status = track.marks[4]
         if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
             return _RUNNING

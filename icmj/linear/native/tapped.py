@@ -1,8 +1,13 @@
-"""The linear plant under a controller that reads delayed outputs, in compiled code, stretch by stretch.
+"""The linear plant under any controller, in compiled code, stretch by stretch.
 
-On a stretch (:mod:`icmj.simulation.native.taps`) the command is a polynomial, and what disturbs a sum of sinusoids: so
-the plant's state is a Taylor series, whose terms follow from one another. A stretch is short enough for these to leave
-nothing.
+On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial, and what disturbs a sum of
+sinusoids: so the states of plant and controller are Taylor series, whose terms follow from one another. A stretch is
+short enough for these to leave nothing. Events, switches and falls are the first roots of polynomials in them, and a
+stretch ends there.
+
+At an instant comes first what acts (:func:`icmj.simulation.native.taps.happen`), then events of a clock, then what is
+beyond its level where the next stretch begins, which may have no length. A crossing of the rule at an instant at which
+something else is due is judged there, after it.
 """
 
 from __future__ import annotations
@@ -18,7 +23,21 @@ from icmj.base.compilation import allocating, contents, entry
 from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root, largest
 from icmj.linear.native.state import Status
-from icmj.simulation.native.taps import SMOOTH, leave, remember, room, sources, stretch
+from icmj.simulation.native.taps import (
+    SMOOTH,
+    beyond,
+    crowded,
+    fire,
+    happen,
+    is_armed,
+    leave,
+    open_stretch,
+    reach_rule,
+    remember,
+    room,
+    sources,
+    turn,
+)
 from icmj.simulation.native.waves import Waves, add_waves
 
 _DIVERGED = 1e12
@@ -61,6 +80,7 @@ class Track(NamedTuple):
     Attributes:
         t: now, and the last event, shape (2,).
         level: of what begins now, shape (1,).
+        mode: that of the stretch before, shape (1,).
         counts: next edge, next row by number, rows, events, shape (4,).
         X: state on the stretch, shape (n, p + 1).
         y: outputs, and rows to work in, shape (n_y + 2, p + 1).
@@ -71,6 +91,7 @@ class Track(NamedTuple):
 
     t: Array
     level: np.ndarray
+    mode: np.ndarray
     counts: np.ndarray
     X: Array
     y: Array
@@ -82,8 +103,14 @@ class Track(NamedTuple):
 
 @allocating
 def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
-    """The plant's Taylor series on the stretch, from its state in the first column, and its outputs."""
-    X, n = track.X, len(track.X)
+    """The Taylor series of plant, controller, command and current outputs, from the states at the stretch's begin.
+
+    Coefficient j + 1 of the states follows from coefficient j of everything: of the outputs, hence the readings, hence
+    the command.
+    """
+    X, n, n_y, size, p = track.X, len(track.X), len(body.C), len(now.a), track.X.shape[1] - 1
+    mode, v, A, u, direct = now.mode[0], now.v, now.A, now.u, taps.direct
+    M, N, K, S = taps.M[mode], taps.N[mode], taps.K[mode], taps.S[mode]
     X[:, 1:] = 0.0
     start = X[:, 0].copy()
     X[:, 0] = 0.0
@@ -91,22 +118,44 @@ def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     # what acts goes into the next power's place: X[:, j] holds it until its turn comes
     for i in range(n):
         carried, X[i, 0] = X[i, 0], start[i]
-        for j in range(1, X.shape[1]):
+        for j in range(1, p + 1):
             carried, X[i, j] = X[i, j], carried
-    for j in range(1, X.shape[1]):
-        for i in range(n):
-            rate = X[i, j]
-            for k in range(n):
-                rate += body.A[i, k] * X[k, j - 1]
-            for k in range(len(now.u)):
-                rate += body.B[i, k] * now.u[k, j - 1]
-            X[i, j] = rate / j
-    for i in range(len(body.C)):
-        for j in range(X.shape[1]):
+    if direct > 0:
+        v[:direct] = 0.0
+        add_waves(body.errors, t, end, taps.unit, v[:direct])
+    for i in range(size):
+        A[i, 0] = now.a[i]
+    for j in range(p + 1):
+        for i in range(n_y):
             total = 0.0
             for k in range(n):
                 total += body.C[i, k] * X[k, j]
             track.y[i, j] = total
+        for i in range(direct):
+            v[i, j] += track.y[i, j]
+        for i in range(len(u)):
+            total = 0.0
+            for k in range(size):
+                total -= K[i, k] * A[k, j]
+            for k in range(len(v)):
+                total -= S[i, k] * v[k, j]
+            u[i, j] = total
+        if j == p:
+            break
+        for i in range(n):
+            rate = X[i, j + 1]
+            for k in range(n):
+                rate += body.A[i, k] * X[k, j]
+            for k in range(len(u)):
+                rate += body.B[i, k] * u[k, j]
+            X[i, j + 1] = rate / (j + 1)
+        for i in range(size):
+            rate = 0.0
+            for k in range(size):
+                rate += M[i, k] * A[k, j]
+            for k in range(len(v)):
+                rate += N[i, k] * v[k, j]
+            A[i, j + 1] = rate * taps.unit / (j + 1)
 
 
 @allocating
@@ -162,23 +211,70 @@ def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
 
 
 @allocating
+def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
+    """Record the state at the end of the last stretch, with the command and the mode that led there."""
+    n, row = len(track.X), track.rows[track.counts[2]]
+    row[0], row[1 : 1 + n] = t, track.X[:, 0]
+    row[1 + n : 1 + n + len(now.u)], row[1 + n + len(now.u)] = now.last, track.mode[0]
+    track.counts[2] += 1
+    if track.counts[1] * body.interval <= t + SAME:
+        track.counts[1] += 1
+
+
+@allocating
+def _note(body, now, track, t):  # type: ignore[no-untyped-def]
+    """Record an event at the state where the last stretch ended, and begin the next interval."""
+    n, n_y = len(track.X), len(body.C)
+    event = track.events[track.counts[3]]
+    event[0], event[1 : 1 + n] = t, track.X[:, 0]
+    event[1 + n : 1 + n + n_y], event[1 + n + n_y :] = track.high, track.low
+    for i in range(n_y):
+        total = 0.0
+        for k in range(n):
+            total += body.C[i, k] * track.X[k, 0]
+        track.high[i] = track.low[i] = total
+    track.counts[3] += 1
+    track.t[1] = t
+
+
+@allocating
 def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
     n, n_y, counts, X = len(track.X), len(body.C), track.counts, track.X
     p = X.shape[1] - 1
     most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
+    eventful = len(taps.cuts) > 1 or taps.clock < np.inf
     for _ in range(_CELLS):
-        if counts[2] + most > len(track.rows) or counts[3] == len(track.events):
+        if counts[2] + most > len(track.rows) or counts[3] + 2 >= len(track.events):
             return _MORE
-        if not room(history):
+        if crowded(now) or not room(history):
             return _FULL
         t, level = track.t[0], track.level[0]
+        # 1 and 2: what acts on the plant and on the controller, and actions
         while body.edges[counts[0]] <= t + SAME:
             level = min(level, body.levels[counts[0]])
             counts[0] += 1
+        level, due = happen(taps, now, t, level)
+        over = t >= body.end - SAME
+        # 3: events of a clock; at the end, where no stretch begins that would find it, also one of the rule
+        if due or (over and is_armed(taps, now, t) and beyond(taps, now) and reach_rule(taps, now, t)):
+            _row_here(body, now, track, t)
+            _note(body, now, track, t)
+            fire(taps, now, t)
+            level = -1
+        # 4: the run is over
+        if over:
+            return _ENDED
         longest = min(body.end, body.edges[counts[0]])
-        level, end, guard = stretch(taps, history, now, t, longest, level)
+        level, end = open_stretch(taps, history, now, t, longest, level)
         _follow(taps, body, now, track, t, end)
         length = (end - t) / taps.unit
+        theta, guard = turn(taps, now, length, is_armed(taps, now, t))
+        if guard >= 0:
+            length, crossing = min(theta, length), min(t + theta * taps.unit, end)
+            if guard >= len(taps.c) and end - crossing <= SAME and end > t:
+                guard = -1  # what is due at the end comes first
+            else:
+                end = crossing
         fallen = _fallen(body, now, track, length)
         if fallen <= length:
             length, guard = fallen, -1
@@ -188,38 +284,31 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             at = counts[1] * body.interval
             _row(now, track, at, (at - t) / taps.unit)
             counts[1] += 1
-        rows = remember(history, t, level)
-        for i in range(n_y):
-            for j in range(p + 1):
-                rows[i, j] = track.y[i, j]
-        add_waves(body.errors, t, end, taps.unit, rows[:n_y])
-        if len(rows) > n_y:  # commands, which it reads, too
-            rows[n_y:] = now.u
+        if len(taps.tau) > 0:
+            rows = remember(history, t, level)
+            for i in range(n_y):
+                for j in range(p + 1):
+                    rows[i, j] = track.y[i, j]
+            add_waves(body.errors, t, end, taps.unit, rows[:n_y])
+            if len(rows) > n_y:  # commands, which it reads, too
+                rows[n_y:] = now.u
         ended = end >= body.end - SAME
-        mode = now.mode[0]
+        track.mode[0] = now.mode[0]
         changed = leave(taps, now, length, guard)
-        # what switches again at the same instant is one event
-        switched = changed and end > track.t[1]
-        if switched or ended or fallen <= length:
-            after, now.mode[0] = now.mode[0], mode
-            _row(now, track, end, length)
-            now.mode[0] = after
-            if counts[1] * body.interval <= end + SAME:
-                counts[1] += 1
         for i in range(n):
             X[i, 0] = evaluate(X[i], p, length)
         track.t[0], track.level[0] = end, SMOOTH
+        crossed = guard >= len(taps.c) and reach_rule(taps, now, end)
+        # what switches again at the same instant is one event, and none where there are events proper
+        switched = crossed or (changed and not eventful and end > track.t[1])
+        if switched or ended or fallen <= length:
+            _row_here(body, now, track, end)
         if switched:
-            event = track.events[counts[3]]
-            event[0] = end
-            event[1 : 1 + n] = X[:, 0]
-            event[1 + n : 1 + n + n_y], event[1 + n + n_y :] = track.high, track.low
-            for i in range(n_y):
-                track.high[i] = track.low[i] = evaluate(track.y[i], p, length)
-            counts[3] += 1
-            track.t[1] = end
-        if changed:
-            track.level[0] = 0
+            _note(body, now, track, end)
+        if crossed:
+            fire(taps, now, end)
+        if changed or crossed:
+            track.level[0] = -1 if crossed else 0
         if fallen <= length:
             return _FELL
         size = 0.0
@@ -227,8 +316,6 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             size += abs(X[i, 0])
         if not size <= _DIVERGED:
             return _GONE
-        if ended:
-            return _ENDED
     return _MORE
 
 

@@ -1,24 +1,28 @@
-"""A controller that reads outputs of a while ago, a stretch at a time, in compiled code for both plants.
+"""A controller as a hybrid linear system, a stretch at a time, in compiled code for both plants.
 
-The method of steps: over a stretch no longer than the shortest tap the readings v(t) are known from history, hence the
-signs of the guards, the mode, the controller's state and its command, whatever the plant does meanwhile. A stretch ends
-where something is not smooth. Arguments that come again are those of :mod:`icmj.simulation.taps`: ``taps``, ``history``
-and ``now``.
+The method of steps: over a stretch no longer than the shortest delay the delayed readings are known from history. If
+these are all, so are the controller's state and its command, whatever the plant does meanwhile (:func:`foresee`). If it
+reads current outputs too, plant and controller move together under what is known ahead, which is a polynomial in time.
+A stretch ends where something is not smooth. Arguments that come again are those of :mod:`icmj.simulation.taps`:
+``taps``, ``history`` and ``now``.
 
 *Level* L of an instant: the derivative L + 1 of what is read jumps there. A switch, like anything that lets an input
 jump, is of level 0. What a controller makes of an instant of level L is of level L + 1, a tap later: the readings go
 into the command, and the plant integrates that at least once.
+
+What is due at an instant happens in the order of docs/simulation.md: what acts changes, which also moves the
+controller's state by its signals; then actions, resets of a period, and events of a clock (:func:`happen`); then guards
+and faces that are beyond their level, which :func:`turn` finds where the next stretch begins, and an event of the rule.
 """
 
 from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from icmj.base.compilation import allocating, contents, entry
+from icmj.base.compilation import allocating, contents
 from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root
 from icmj.simulation.native.waves import add_waves
@@ -85,11 +89,11 @@ def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
 
 @allocating
 def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
-    """The readings from ``t`` to ``end`` into ``now.v``, about ``t``."""
-    n_y, unit, last = history.r.shape[1], taps.unit, history.count[0] - 1
+    """The delayed readings and the signals from ``t`` to ``end`` into ``now.v``, about ``t``."""
+    n_y, unit, last, direct = history.r.shape[1], taps.unit, history.count[0] - 1, taps.direct
     for i in range(len(taps.tau)):
         tau, k = taps.tau[i], history.at[i]
-        rows = now.v[i * n_y : (i + 1) * n_y]
+        rows = now.v[direct + i * n_y : direct + (i + 1) * n_y]
         middle = (t + end) / 2 - tau
         while k < last and history.start[k + 1] <= (middle if taps.exact else t - tau + SAME):
             k += 1
@@ -109,15 +113,28 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
                 r = history.r[k, row]
                 now.values[node, row] = evaluate(r, len(r) - 1, (s - history.start[k]) / unit)
         settle(taps, now.values, (end - t) / unit, rows)
-    signals = now.v[len(taps.tau) * n_y :]
+    signals = now.v[direct + len(taps.tau) * n_y :]
     if len(signals) > 0:
         signals[:] = 0.0
         add_waves(taps.signals, t, end, unit, signals)
 
 
 @allocating
-def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
-    """What signals and then resets do at ``t``: its level, and how far it is to the next, at most to ``longest``."""
+def _map(matrix, now):  # type: ignore[no-untyped-def]
+    """a := matrix a."""
+    before = now.a.copy()
+    for i in range(len(now.a)):
+        now.a[i] = 0.0
+        for k in range(len(before)):
+            now.a[i] += matrix[i, k] * before[k]
+
+
+@allocating
+def happen(taps, now, t, level):  # type: ignore[no-untyped-def]
+    """What signals, actions and resets of the period do at ``t``, and whether a tick or a sample is an event there.
+
+    Returns the level of the instant, which is −1 where the state has jumped, and whether there is such an event.
+    """
     mode, size = now.mode[0], len(now.a)
     while taps.edges[now.due[1]] <= t + SAME:
         for k in range(len(taps.signals.terms)):
@@ -129,46 +146,155 @@ def _jump(taps, now, t, level, longest):  # type: ignore[no-untyped-def]
                         now.a[i] += taps.N[mode, i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
         now.due[1] += 1
         level = -1
+    while now.due[3] < now.due[4] and now.queue[now.due[3] % len(now.queue)] <= t + SAME:
+        _map(taps.jump, now)
+        now.due[3] += 1
+        level = -1
     while now.due[0] * taps.period <= t + SAME:
-        before = now.a.copy()
-        for i in range(size):
-            now.a[i] = 0.0
-            for k in range(size):
-                now.a[i] += taps.J[i, k] * before[k]
+        _map(taps.J, now)
         now.due[0] += 1
         level = -1
-    return level, min(longest, now.due[0] * taps.period, taps.edges[now.due[1]])
+    return level, now.due[2] * taps.clock <= t + SAME or now.when[1] <= t + SAME
 
 
 @allocating
-def _turn(taps, now, length):  # type: ignore[no-untyped-def]
-    """Where on [0, length] the sign of a guard changes first, and of which; infinity and −1 where none does.
+def fire(taps, now, t):  # type: ignore[no-untyped-def]
+    """An event at ``t``: the state's jump, its action, the mode that follows, and when the rule is watched again."""
+    _map(taps.J, now)
+    if taps.delay > 0:
+        now.queue[now.due[4] % len(now.queue)] = t + taps.delay
+        now.due[4] += 1
+    if now.due[2] * taps.clock <= t + SAME:
+        now.due[2] += 1
+    now.when[0], now.when[1], now.when[2] = t + taps.wait, np.inf, t
+    now.mode[0] = taps.after[now.mode[0]]
+    choose(taps, now)
 
-    A sign has changed where the guard is beyond zero by more than rounding, and by more than it is so already at the
-    begin, where polynomials of two stretches meet: so none changes back because they do not quite.
+
+@allocating
+def reach_rule(taps, now, t):  # type: ignore[no-untyped-def]
+    """The event rule has reached a face at ``t``; whether that is the event, and not the beginning of its sample."""
+    if taps.sampling > 0:
+        now.when[0], now.when[1] = np.inf, t + taps.sampling
+        return False
+    return True
+
+
+@allocating
+def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
+    """When the next thing happens to the controller by itself, at most ``longest`` [s]."""
+    longest = min(longest, now.due[0] * taps.period, taps.edges[now.due[1]], now.due[2] * taps.clock, now.when[1])
+    if now.due[3] < now.due[4]:
+        longest = min(longest, now.queue[now.due[3] % len(now.queue)])
+    if len(taps.cuts) > 1 and now.when[0] > t + SAME:
+        longest = min(longest, now.when[0])
+    return longest
+
+
+@allocating
+def crowded(now):  # type: ignore[no-untyped-def]
+    """Whether there is no room in the queue for one action more."""
+    return now.due[4] - now.due[3] >= len(now.queue) - 1
+
+
+@allocating
+def is_armed(taps, now, t):  # type: ignore[no-untyped-def]
+    """Whether the event rule is watched from ``t`` on."""
+    return len(taps.cuts) > 1 and now.when[0] <= t + SAME and taps.watched[now.mode[0]]
+
+
+@allocating
+def beyond(taps, now):  # type: ignore[no-untyped-def]
+    """Whether the state is at or beyond a face of the event rule."""
+    for face in range(len(taps.cuts) - 1):
+        square = 0.0
+        for row in range(taps.cuts[face], taps.cuts[face + 1]):
+            part = 0.0
+            for k in range(len(now.a)):
+                part += taps.R[row, k] * now.a[k]
+            square += part * part
+        if square >= 1:
+            return True
+    return False
+
+
+@allocating
+def _turn_of_face(taps, now, face, length):  # type: ignore[no-untyped-def]
+    """Where on [0, 1] of the stretch the state reaches a face |R_j a| = 1; infinity where it does not."""
+    g, p, most = now.g, now.A.shape[1] - 1, 0.0
+    row_of = now.stack[0]
+    for j in range(len(g)):
+        g[j] = 0.0
+    g[0] = -1.0
+    for row in range(taps.cuts[face], taps.cuts[face + 1]):
+        size, scale = 0.0, 1.0
+        for j in range(p + 1):
+            part = 0.0
+            for k in range(len(now.a)):
+                part += taps.R[row, k] * now.A[k, j]
+            row_of[j] = part * scale
+            size += abs(row_of[j])
+            scale *= length
+        most += size * size
+        for j in range(p + 1):
+            if row_of[j] != 0:
+                for k in range(p + 1):
+                    g[j + k] += row_of[j] * row_of[k]
+    if most < 1:
+        return np.inf
+    return first_root(g, len(g) - 1, taps.F, now.stack, now.spans)
+
+
+@allocating
+def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
+    """Where on [0, length] the sign of a guard changes first or a face is reached, and of which; infinity and −1.
+
+    Faces are numbered behind the guards, and looked at if the rule is ``armed``. A sign has changed where the guard is
+    beyond zero by more than rounding, and by more than it is so already at the begin, where polynomials of two
+    stretches meet: so none changes back because they do not quite. Where the largest that the guard can become on the
+    stretch is below zero, no more is asked.
     """
-    first, which, n, p = np.inf, -1, now.v.shape[0], now.v.shape[1] - 1
-    g = now.g
+    first, which, n_v, p = np.inf, -1, now.v.shape[0], now.v.shape[1] - 1
+    n, g, reach = len(now.reach), now.g, now.reach
+    if len(taps.c) > 0:
+        for i in range(n):
+            if taps.used[i]:
+                row = now.v[i] if i < n_v else now.A[i - n_v]
+                total, scale = 0.0, 1.0
+                for j in range(1, p + 1):
+                    scale *= length
+                    total += abs(row[j]) * scale
+                reach[i] = total
     for guard in range(len(taps.c)):
+        now.roots[guard] = np.inf
+        sign = -1.0 if now.sign[guard] != 0 else 1.0
+        value, size, most = taps.c[guard], abs(taps.c[guard]), 0.0
+        for i in range(n):
+            for k in range(n):
+                q = taps.Q[guard, i, k]
+                if q != 0:
+                    here = now.v[i, 0] if i < n_v else now.A[i - n_v, 0]
+                    there = now.v[k, 0] if k < n_v else now.A[k - n_v, 0]
+                    value += q * here * there
+                    most += abs(q) * (abs(here) * reach[k] + reach[i] * abs(there) + reach[i] * reach[k])
+                    size += abs(q) * (abs(here) + reach[i]) * (abs(there) + reach[k])
+        if sign * value + most < 0:
+            continue
         for j in range(len(g)):
             g[j] = 0.0
-        g[0], size = taps.c[guard], abs(taps.c[guard])
+        g[0] = taps.c[guard]
         for i in range(n):
             for k in range(n):
                 q = taps.Q[guard, i, k]
                 if q == 0:
                     continue
-                size_i, size_k, scale = 0.0, 0.0, 1.0
+                one = now.v[i] if i < n_v else now.A[i - n_v]
+                other = now.v[k] if k < n_v else now.A[k - n_v]
                 for j in range(p + 1):
-                    size_i += abs(now.v[i, j]) * scale
-                    size_k += abs(now.v[k, j]) * scale
-                    scale *= length
-                size += abs(q) * size_i * size_k
-                for j in range(p + 1):
-                    if now.v[i, j] != 0:
+                    if one[j] != 0:
+                        by = q * one[j]
                         for m in range(p + 1):
-                            g[j + m] += q * now.v[i, j] * now.v[k, m]
-        sign = -1.0 if now.sign[guard] != 0 else 1.0
+                            g[j + m] += by * other[m]
         scale, rest = sign, 0.0
         for j in range(len(g)):
             g[j] *= scale
@@ -181,8 +307,14 @@ def _turn(taps, now, length):  # type: ignore[no-untyped-def]
         if g[0] + rest < 0:
             continue
         theta = first_root(g, len(g) - 1, taps.F, now.stack, now.spans)
+        now.roots[guard] = theta * length
         if theta < first:
             first, which = theta, guard
+    if armed:
+        for face in range(len(taps.cuts) - 1):
+            theta = _turn_of_face(taps, now, face, length)
+            if theta < first:
+                first, which = theta, len(taps.c) + face
     return first * length, which
 
 
@@ -212,31 +344,45 @@ def _command(taps, now):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
-    """The stretch from ``t`` on, as far as ``longest`` at most: its level, its end, and the guard that ends it, or −1.
+def open_stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
+    """The level of the stretch from ``t`` on and its end, ``longest`` at most; ``now.v`` is what is known of it."""
+    level, next = reached(taps, history, t, level)
+    end = min(t + taps.unit, next, until(taps, now, t, longest))
+    _read(taps, history, now, t, end)
+    return level, end
+
+
+@allocating
+def foresee(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
+    """The stretch of a controller that only reads delayed outputs: its level, its end, and what ends it, or −1.
 
     ``now.v``, ``now.A`` and ``now.u`` are readings, state and command on it; ``level`` is that of what else begins
     there.
     """
-    level, longest = _jump(taps, now, t, level, longest)
-    level, next = reached(taps, history, t, level)
-    end = min(t + taps.unit, next, longest)
-    _read(taps, history, now, t, end)
-    theta, guard = _turn(taps, now, (end - t) / taps.unit)
+    level, end = open_stretch(taps, history, now, t, longest, level)
+    _command(taps, now)
+    theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
     if guard >= 0:
         end = min(t + theta * taps.unit, end)
-    _command(taps, now)
     return level, end, guard
 
 
 @allocating
 def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
-    """Take the controller to the stretch's end, ``length`` units on; whether its mode changes there."""
+    """Take the controller to the stretch's end, ``length`` units on; whether its mode changes there.
+
+    Guards whose signs change at one instant change them together.
+    """
+    p = now.A.shape[1] - 1
     for i in range(len(now.a)):
-        now.a[i] = evaluate(now.A[i], now.A.shape[1] - 1, length)
-    if guard < 0:
+        now.a[i] = evaluate(now.A[i], p, length)
+    for i in range(len(now.last)):
+        now.last[i] = evaluate(now.u[i], p, length)
+    if guard < 0 or guard >= len(now.sign):
         return False
-    now.sign[guard] = 1 - now.sign[guard]
+    for other in range(len(now.sign)):
+        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
+            now.sign[other] = 1 - now.sign[other]
     return choose(taps, now)
 
 
@@ -283,29 +429,3 @@ def remember(history, t, level):  # type: ignore[no-untyped-def]
 def sources() -> int:
     """A number that changes with these files."""
     return contents(Path(__file__).parent)
-
-
-@cache
-def entries() -> tuple[Any, Any, Any]:
-    """(plan, note, go) for Python.
-
-    ``plan(taps, history, now, t, longest, level)`` is :func:`stretch`; ``go(taps, now, length, guard)`` is
-    :func:`leave`; ``note(taps, history, t, level, values, length)`` remembers what was read at the nodes of a stretch,
-    and says whether there is room for more.
-    """
-    source = sources()
-
-    @entry
-    def plan(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
-        return stretch(taps, history, now, t, longest, level if source != 0 else 0)
-
-    @entry
-    def note(taps, history, t, level, values, length):  # type: ignore[no-untyped-def]
-        settle(taps, values, length, remember(history, t, level if source != 0 else 0))
-        return room(history)
-
-    @entry
-    def go(taps, now, length, guard):  # type: ignore[no-untyped-def]
-        return leave(taps, now, length, guard if source != 0 else -1)
-
-    return plan, note, go

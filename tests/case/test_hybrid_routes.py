@@ -1,0 +1,49 @@
+"""Controllers of users with memory, mixtures and sums go every way that a case can go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_cases import FOLDER, NAMES
+
+import icmj
+from icmj.cli.main import main
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_a_run_file_is_run_logged_read_and_reported(name, tmp_path, capsys) -> None:
+    for plant in ("linear", "mujoco"):
+        line = ["run", str(FOLDER / f"{name}.toml"), "--plant", plant, "--allow-code", "--out", str(tmp_path)]
+        line += ["--set", "simulation.duration=5"]
+        assert main(line) == 0
+        assert "fell" not in capsys.readouterr().out
+        result = icmj.read_log(tmp_path / f"{name}.{plant}.rrd")
+        case = icmj.prepare(
+            icmj.load_run(FOLDER / f"{name}.toml", allow_code=True).with_(**{"simulation.duration": 5.0})
+        )
+        again = icmj.simulate(case, plant)
+        assert np.array_equal(result.simulation.x, again.x)
+        assert np.array_equal(result.simulation.events.t, again.events.t)
+        real, kept = case.controller.realisation, result.controller.realisation
+        assert real.watched == kept.watched
+        assert real.after == kept.after
+        assert (real.wait, real.clock, real.sampling, real.taps) == (kept.wait, kept.clock, kept.sampling, kept.taps)
+        assert np.array_equal(result.to_series(100.0)["lean"], again.to_series(100.0)["lean"]) or name == "reflex"
+    assert main(["report", str(tmp_path), "--out", str(tmp_path / "report.html")]) == 0
+    assert name in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_an_experiment_identifies_plain_feedback(tmp_path, capsys) -> None:
+    """Of 900 N m/rad and 300 N m s/rad a tenth is lost; nothing is delayed, and 0.7 of the surface's tilt is felt."""
+    shipped = (FOLDER.parents[1] / "experiments" / "perturbed-stance.toml").read_text(encoding="utf-8")
+    head = shipped.split("[[case]]")[0].replace("periods = 4", "periods = 2")
+    case = f'[[case]]\nrun = "{FOLDER / "plain-pd.toml"}"\nname = "plain"\ntitle = "Plain PD"\n'
+    case += "set.simulation.initial = {}\nset.simulation.disturbance = []\n"
+    file = tmp_path / "experiment.toml"
+    file.write_text(head + case, encoding="utf-8")
+    assert main(["experiment", str(file), "--allow-code", "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    for value in ("810", "270", "0.7"):
+        assert value in printed

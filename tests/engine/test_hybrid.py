@@ -1,0 +1,84 @@
+"""Any hybrid controller in MuJoCo: against the linear plant where the sway is small, and against the event loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hybrid_cases import NAMES, START, Bare, body, law, laws, plant
+
+import icmj
+from icmj.engine.run import simulate_tapped
+from icmj.simulation.settings import Settings, start_states
+
+SMALL = 1e-4
+
+
+def small(name: str) -> icmj.Law:
+    """The controller with all of its sizes that much smaller: on the linear plant, the same motion in small."""
+    of, there = laws(), plant()
+    return {
+        "plain-pd": lambda: of.PlainPD(there),
+        "hysteresis": lambda: of.Hysteresis(there, 0.2, q_t=0.002 * SMALL),
+        "reflex": lambda: of.WithReflex(there, 0.2, q_t=0.002 * SMALL),
+        "alert": lambda: of.Alert(there, 0.2, q_t=0.002 * SMALL, size=0.02 * SMALL, level=0.002 * SMALL, start=1.5),
+        "saturating": lambda: of.Saturating(there, 0.2, q_t=0.002 * SMALL, u_max=3.0 * SMALL),
+    }[name]()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("timestep", [None, 0.002])
+def test_where_the_sway_is_small_it_is_the_linear_plant(name, timestep) -> None:
+    settings = Settings(duration=4.0, record_interval=0.05, timestep=timestep)
+    one = icmj.simulate_plant(plant(), small(name), settings, x0=SMALL * START)
+    other = icmj.simulate_plant(body(), small(name), settings, x0=SMALL * START)
+    assert len(one.events) == len(other.events)
+    assert other.events.t == pytest.approx(one.events.t, abs=1e-5)
+    rows = np.isin(np.round(one.t, 9), np.round(other.t, 9))
+    at = np.searchsorted(other.t, one.t[rows] - 1e-9)
+    assert np.abs(other.x[at] - one.x[rows]).max() <= 1e-5 * np.abs(one.x).max()
+    assert np.isin(np.round(0.05 * np.arange(81), 9), np.round(other.t, 9)).all()
+    assert (np.diff(other.t) > 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    "file", ["runs/rivals/one-link-event.toml", "runs/simple-0.8.toml", "runs/three-link-0.9-delay.toml"]
+)
+@pytest.mark.parametrize(("timestep", "bound"), [(None, 1e-6), (0.001, 1e-9)])
+def test_the_intermittent_controller_is_what_the_event_loops_give(file, timestep, bound) -> None:
+    """Adapted steps end elsewhere, so events differ by the tolerance; fixed ones by little more than rounding."""
+    case = icmj.prepare(icmj.load_run(file).with_(**{"simulation.duration": 6.0, "simulation.timestep": timestep}))
+    x, a = start_states(case.actual.linearisation.plant, case.controller, case.settings, None, None, None)
+    one = icmj.simulate(case, "mujoco")
+    other = simulate_tapped(case.actual, Bare(case.controller), case.settings, x0=x, a0=a)
+    assert len(one.events) == len(other.events) > 2
+    assert other.events.t == pytest.approx(one.events.t, abs=bound)
+    assert np.abs(other.events.y_max - one.events.y_max).max() <= 10 * bound
+    assert np.isfinite(other.precision["output_error"])
+
+
+def test_a_tighter_tolerance_converges() -> None:
+    times = []
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        settings = Settings(duration=3.0, tolerance=tolerance)
+        times.append(icmj.simulate_plant(body(), law("hysteresis"), settings, x0=START).events.t)
+    assert len({len(t) for t in times}) == 1
+    assert np.abs(times[1] - times[2]).max() <= max(0.1 * np.abs(times[0] - times[2]).max(), 1e-9)
+    assert np.abs(times[1] - times[2]).max() < 1e-6
+
+
+def test_errors_of_readings_reach_every_path() -> None:
+    """A bias of what is read moves the rest to where P (θ + bias) is what holds the body."""
+    there = plant()
+    settings = Settings(duration=20.0, disturbance=(icmj.Bias("lean", 1e-4),), record_interval=0.1)
+    for name in ("plain-pd", "reflex"):
+        one = icmj.simulate_plant(there, law(name), settings, x0=0 * START)
+        other = icmj.simulate_plant(body(), law(name), replace(settings), x0=0 * START)
+        if name == "plain-pd":
+            rest = -900.0 * 1e-4 / (900.0 + there.A[1, 0] / -there.B[1, 0])
+            assert one.y[-1, 0] == pytest.approx(rest, rel=1e-9)
+            assert other.y[-1, 0] == pytest.approx(rest, rel=1e-6)
+        assert other.events.t == pytest.approx(one.events.t, abs=1e-3)

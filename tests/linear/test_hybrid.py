@@ -1,0 +1,150 @@
+"""Any hybrid controller on the linear plant: against DOP853 with every instant carried out, and the event loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hybrid_cases import NAMES, START, Bare, law, plant, weak
+from oracles.hybrid import Hybrid
+from scipy.linalg import expm
+
+import icmj
+from icmj.case.plants import linear_plant
+from icmj.controller.realisation import Guard, Mode, parallel
+from icmj.errors import AnalysisError, SimulationError
+from icmj.linear.tapped import simulate_tapped
+from icmj.simulation.settings import Settings, start_states
+from icmj.simulation.sources import Bias, Gaussian, Step
+
+
+@pytest.mark.slow
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", NAMES)
+def test_a_controller_of_ones_own_is_what_an_integrator_gives(name) -> None:
+    own, there = law(name), weak()
+    run = simulate_tapped(there, own, Settings(duration=4.0, record_interval=0.05), x0=START)
+    oracle = Hybrid(there, own.realisation, START).run(4.0)
+    assert run.events.t == pytest.approx(oracle.events, abs=3e-9 if name == "reflex" else 1e-10)
+    assert len(run.events) == {"plain-pd": 0, "hysteresis": 12, "reflex": 3, "alert": 15, "saturating": 15}[name]
+    states = np.array([oracle.x(t) for t in run.t])
+    np.testing.assert_allclose(run.x, states, atol=3e-9 * np.abs(states).max(), rtol=0)
+
+
+def test_plain_pd_is_a_matrix_exponential() -> None:
+    own, there = law("plain-pd"), plant()
+    closed = there.A - there.B @ np.array([[900.0, 300.0]]) @ there.C
+    run = icmj.simulate_plant(there, own, Settings(duration=3.0, record_interval=0.25), x0=START)
+    np.testing.assert_allclose(run.x, [expm(closed * t) @ START for t in run.t], atol=1e-14)
+    roots = icmj.rightmost_roots(icmj.delay_loop(there, own))
+    np.testing.assert_allclose(np.sort_complex(roots), np.sort_complex(np.linalg.eigvals(closed)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["alert", "hysteresis"])
+def test_memory_is_a_mode(name) -> None:
+    run = simulate_tapped(weak(), law(name), Settings(duration=6.0, record_interval=0.01), x0=START)
+    changes = np.diff(run.mode)
+    if name == "alert":  # from the step of the set-point on, until s = size e^{−t/T} has fallen to the level
+        up, down = run.t[np.flatnonzero(changes > 0)], run.t[np.flatnonzero(changes < 0)]
+        assert up == pytest.approx([1.5], abs=0.011)
+        assert down == pytest.approx([1.5 + np.log(0.02 / 0.002)], abs=0.011)
+    else:  # what fires is spent, and nothing fires that is
+        fired = np.searchsorted(run.t, run.events.t)
+        assert (run.mode[fired] == 0).all()
+        assert (run.mode[fired + 1] == 1).mean() > 0.5
+
+
+RULES = ("rule", "box", "clock", "sampled", "undelayed", "setpoint")
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("acted", [False, True])
+def test_the_intermittent_controller_is_what_the_event_loop_gives(rule, acted) -> None:
+    changes = {
+        "rule": {},
+        "box": {"controller.rule": "box", "controller.q_t": None, "controller.threshold": 0.002},
+        "clock": {},
+        "sampled": {"controller.sampling_delay": 0.05},
+        "undelayed": {"assumed.delay": 0.0, "controller.delta_min": 0.05},
+        "setpoint": {"setpoint": [{"kind": "step", "output": "lean", "size": 0.01, "start": 1.3}]},
+    }[rule]
+    run = icmj.load_run("runs/rivals/one-link-event.toml").with_(**changes, **{"simulation.duration": 8.0})
+    case = icmj.prepare(run)
+    if rule == "clock":
+        case = replace(case, controller=case.controller.triggered_by(icmj.ClockTrigger(0.13)))
+    beside = (
+        Step("ankle_torque", 0.5, 2.1),
+        Gaussian(input="ankle_torque", size=0.5, seed=3, interval=0.1),
+        Bias("lean", 0.0005, 3.3),
+    )
+    settings = replace(case.settings, disturbance=beside if acted else ())
+    there = linear_plant(case.actual, settings)
+    x, a = start_states(there, case.controller, settings, None, None, None)
+    one = icmj.simulate_plant(there, case.controller, settings)
+    other = simulate_tapped(there, Bare(case.controller), settings, x0=x, a0=a)
+    assert len(one.events) >= 15
+    assert other.events.t == pytest.approx(one.events.t, abs=1e-10)
+    assert np.abs(other.events.x - one.events.x).max() <= 1e-9 * np.abs(one.x).max()
+    size = np.abs(one.events.y_max).max()
+    assert np.abs(other.events.y_max - one.events.y_max).max() <= 1e-9 * size
+    assert np.abs(other.events.y_min - one.events.y_min).max() <= 1e-9 * size
+
+
+def test_rows_change_no_bit_of_it() -> None:
+    runs = [
+        simulate_tapped(weak(), law("hysteresis"), Settings(duration=4.0, record_interval=every), x0=START)
+        for every in (0.01, 0.37)
+    ]
+    for name in ("t", "x", "y_max", "y_min"):
+        assert np.array_equal(getattr(runs[0].events, name), getattr(runs[1].events, name))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sum_moves_as_its_parts_command_together(seed) -> None:
+    """Parts that are linear and without events: u of the sum is the sum, so the loop is known by its matrices."""
+    random = np.random.default_rng(seed)
+    there = plant()
+
+    def part(size: int, tap: float):
+        M = random.standard_normal((size, size)) - 2 * np.eye(size)
+        mode = Mode("on", M, random.standard_normal((size, 2)), 30 * random.standard_normal((1, size)),
+                    np.array([[600.0, 200.0]]))  # fmt: skip
+        real = law("plain-pd").realisation
+        own, none = replace(real.layout, names=("a",), sizes=(size,)), np.zeros((0, size))
+        return replace(real, layout=own, modes=(mode,), J=np.eye(size), G=np.eye(size), R=none, taps=(tap,))
+
+    one, other = part(2, 0.0), part(1, 0.07)
+    both = parallel(one, other, 2)
+    assert both.taps == (0.0, 0.07)
+    sum_ = replace(law("plain-pd"))
+    object.__setattr__(sum_, "realisation", both)
+    run = simulate_tapped(there, sum_, Settings(duration=2.0, record_interval=0.1, limit=1e3), x0=START)
+
+    oracle = Hybrid(there, both, START, longest=0.01)
+    first, second = one.modes[0], other.modes[0]
+
+    def rate(t, z, begin, end):
+        t = min(max(t, begin), end)
+        x, a, b = z[:2], z[2:4], z[4:]
+        late = there.C @ oracle.x(t - 0.07)
+        u = -first.K @ a - first.S @ (there.C @ x) - second.K @ b - second.S @ late
+        return np.concatenate([
+            there.A @ x + there.B @ u, first.M @ a + first.N @ (there.C @ x), second.M @ b + second.N @ late,
+        ])  # fmt: skip
+
+    oracle.rate = rate
+    oracle.run(2.0)
+    states = np.array([oracle.x(t) for t in run.t])
+    np.testing.assert_allclose(run.x, states, atol=1e-10 * np.abs(states).max(), rtol=0)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    own = law("hysteresis")
+    with pytest.raises(AnalysisError, match="only one of the two can"):
+        parallel(own.realisation, own.realisation, 2)
+    real = replace(own.realisation, guards=(*own.realisation.guards[:1], Guard(np.eye(3))))
+    wrong = law("hysteresis")
+    object.__setattr__(wrong, "realisation", real)
+    with pytest.raises(SimulationError, match="a guard of the hysteresis controller has Q of shape"):
+        simulate_tapped(plant(), wrong, Settings(duration=1.0))
