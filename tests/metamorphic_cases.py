@@ -87,6 +87,9 @@ _READING = (
     "runs/rivals/three-link-switching.toml",
 )
 _CHANNELS = _READING[-1]
+_HYBRID = tuple(f"examples/hybrid/{name}.toml" for name in ("plain-pd", "hysteresis", "reflex", "alert", "saturating"))
+# of what they are made, which scales with the motion
+_SIZES = {"q_t": 0.002, "size": 0.02, "level": 0.002, "u_max": 6.0}
 _PID = {"kind": "delayed-pid", "switches": None, "I": 50.0, "force_gain": 0.0005, "force_time": 10.0}
 # of each: the position that leans, an input with a size that moves the body, an output, the threshold's size
 _BODIES = {
@@ -98,6 +101,8 @@ _BODIES = {
 
 def body(base: str) -> tuple[str, str, float, str, float]:
     """What a shipped run file calls its position, input and output, with sizes of a push and of a threshold."""
+    if base in _HYBRID:
+        return _BODIES["one-link"]
     if base == _CHANNELS:
         return "ankle", "ankle_torque", 1.0, "ankle", 1e-2
     return next(names for body, names in _BODIES.items() if body in base)
@@ -106,7 +111,7 @@ def body(base: str) -> tuple[str, str, float, str, float]:
 def draw(seed: int) -> Drawn:
     """A random run: every controller × set-point × delay × least interval about it × disturbances × rows."""
     rng = random.Random(seed)
-    base = rng.choice((*_EVENT[:2] * 4, _EVENT[2], *_READING))
+    base = rng.choice((*_EVENT[:2] * 4, _EVENT[2], *_READING, *_HYBRID[1:]))
     position, pushed, size, output, threshold = body(base)
     grid = rng.choice((0.02, 0.05, 0.1, 0.125))
     clock, continuous = None, False
@@ -140,6 +145,9 @@ def draw(seed: int) -> Drawn:
             changes |= {"controller.Q_t": None}
         if rng.random() < 0.4:
             changes["setpoint"] = [_setpoint(rng, output, grid, duration)]
+    elif base in _HYBRID:
+        changes["assumed.delay"] = rng.choice(delays)
+        changes["actual.gain"] = rng.choice((0.9, 1.0, 1.1))
     else:
         changes["assumed.delay"] = max(rng.choice(delays), grid)
         if "delayed-pd" in base and rng.random() < 0.5:
@@ -208,7 +216,7 @@ def _disturbance(
 
 def file_of(drawn: Drawn) -> icmj.RunFile:
     """Its run file."""
-    return icmj.load_run(drawn.base).with_(**drawn.changes)
+    return icmj.load_run(drawn.base, allow_code=drawn.base in _HYBRID).with_(**drawn.changes)
 
 
 def trigger_of(drawn: Drawn) -> icmj.Trigger | None:
@@ -289,7 +297,7 @@ def _rows(drawn: Drawn, rng: random.Random, plant: str) -> str:
     size = max(np.abs(a.y_max).max(initial=0.0), np.abs(a.y_min).max(initial=0.0))
     for name in ("y_max", "y_min"):
         one, other = getattr(a, name), getattr(b, name)
-        close = 0.0 if plant == "linear" else 1e-5 * size
+        close = 0.0 if plant == "linear" else 1e-8 * size
         if not np.allclose(one, other, rtol=0, atol=close):
             return f"rows at another interval change {name} of events by {np.abs(one - other).max():.1e}"
     return ""
@@ -341,7 +349,18 @@ def scaled(drawn: Drawn, by: float) -> Drawn:
     for key in ("controller.q_t", "controller.threshold"):
         if changes.get(key):
             changes[key] = changes[key] * by
-    if drawn.base == _CHANNELS:
+    if drawn.base in _HYBRID:
+        held = dict(file_of(drawn).model_dump()["controller"]["parameters"])
+        named = {
+            "hysteresis": ["q_t"],
+            "reflex": ["q_t"],
+            "alert": ["q_t", "size", "level"],
+            "saturating": ["q_t", "u_max"],
+        }
+        for name in named[Path(drawn.base).stem]:
+            held[name] = held.get(name, _SIZES[name]) * by
+        changes["controller.parameters"] = held
+    elif drawn.base == _CHANNELS:
         channels = icmj.load_run(drawn.base).model_dump()["controller"]["channel"]
         changes["controller.channel"] = [{**channel, "dead_zone": 0.004 * by} for channel in channels]
     elif "switching" in drawn.base:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.instant import SAME
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
 POINTS_ADAPTIVE = 8  # of the samples within adaptive steps, whose dense output is of order 7
@@ -45,7 +46,9 @@ class ExtremesTracker:
         for end in at:
             t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
             inside = self._jumps(float(t_i[0]), float(t_i[-1]))
-            cuts = [0, *np.searchsorted(t_i, inside), len(t_i) - 1]
+            # a jump at either end cuts nothing, whatever the last bit of its time is
+            inside = inside[(inside - t_i[0] > SAME) & (t_i[-1] - inside > SAME)]
+            cuts = [0, *np.searchsorted(t_i, inside - SAME), len(t_i) - 1]
             high, low = extremes(t_i[: cuts[1] + 1], y_i[: cuts[1] + 1], self._points)
             for a, b in pairwise(cuts[1:]):
                 further = extremes(t_i[a : b + 1], y_i[a : b + 1], self._points)

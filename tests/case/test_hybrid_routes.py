@@ -30,7 +30,8 @@ def test_a_run_file_is_run_logged_read_and_reported(name, tmp_path, capsys) -> N
         assert real.after == kept.after
         assert (real.wait, real.clock, real.sampling, real.taps) == (kept.wait, kept.clock, kept.sampling, kept.taps)
         assert np.array_equal(result.to_series(100.0)["lean"], again.to_series(100.0)["lean"]) or name == "reflex"
-    assert main(["report", str(tmp_path), "--out", str(tmp_path / "report.html")]) == 0
+    logs = sorted(map(str, tmp_path.glob("*.rrd")))
+    assert main(["report", *logs, "--out", str(tmp_path / "report.html")]) == 0
     assert name in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.polynomial import Polynomial
 
 from icmj.engine.extremes import POINTS, ExtremesTracker
@@ -48,6 +49,16 @@ def test_few_samples_and_samples_on_top_of_each_other_are_taken_as_they_are() ->
         assert (high >= y.max(axis=0)).all()
         assert (low <= y.min(axis=0)).all()
         assert (np.maximum(high - y.max(axis=0), y.min(axis=0) - low) < 0.05).all()
+
+
+def test_a_jump_at_an_event_cuts_nothing_whatever_its_last_bit() -> None:
+    """Cut an ulp behind its begin, an interval would lose what its first samples show together."""
+    t = 3.6 + np.linspace(0, 0.3, 61)
+    y = np.column_stack([np.cos(4 * (t - 3.605))])  # highest between the first two samples and the third
+    for jump in (np.nextafter(3.6, 4), np.nextafter(3.6, 3), 3.6):
+        tracker = ExtremesTracker(t[0], y[0], lambda start, end, at=jump: np.array([at]), 8)
+        tracker.add(t[1:], y[1:], np.array([59]))
+        assert tracker.result()[0][0, 0] == pytest.approx(1.0, abs=1e-10)
 
 
 def test_tracker_splits_at_events_and_edges_whatever_the_chunks() -> None:
