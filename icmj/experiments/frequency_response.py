@@ -114,7 +114,8 @@ def _tapped(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]:
     real = controller.realisation
     if len(real.modes) != 1 or real.eventful or real.commands or real.period < np.inf:
         raise AnalysisError(
-            f"the {controller.kind} controller has no frequency response here; it has events, resets, several modes, or reads its own commands"
+            f"the {controller.kind} controller has events, resets, several modes, or reads its own commands; a "
+            "frequency response is of one linear mode"
         )
     on, n_y = real.modes[0], controller.plant.n_y
     s = 2j * np.pi * f[:, None, None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +16,14 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of
 from icmj.linear.native.state import Status
-from icmj.linear.native.tapped import Body, Track, marching
+from icmj.linear.native.tapped import Body, Grid, Track, marching
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import EventPace
 from icmj.simulation.gaussian import points_between
 from icmj.simulation.labels import labels_of
+from icmj.simulation.native.waves import Waves
 from icmj.simulation.recording import driven
 from icmj.simulation.settings import Settings, plant_start
 from icmj.simulation.simulation import Events, Simulation
@@ -40,6 +42,8 @@ from icmj.simulation.taps import (
 )
 
 _ROWS, _EVENTS = 4096, 512  # of the buffers
+_TURN, _SWING = 1.5, 1.25  # of the loop's series and of a sinusoid's on a stretch; 21 terms leave 1e-16 and 1e-14
+_BLOCK, _BLOCKS = 128, 8  # cells of what lasts that are worked out together
 
 
 @single_threaded()
@@ -80,7 +84,7 @@ def simulate_tapped(
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
     limits = ending.limits_of(settings.limit, names, units)
     fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
-    taps = taps_of(realisation, n_y, max(_rate(plant, realisation), fastest), exact=True)
+    taps = taps_of(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
     history, now = begun(
         taps, realisation, plant.C @ x + errors(0.0), None if a0 is None else np.asarray(a0, dtype=float)
     )
@@ -89,17 +93,20 @@ def simulate_tapped(
     limited = np.flatnonzero(np.isfinite(limits))
     positions = np.zeros((len(limited), n))
     positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
-    H = taps.unit
+    H, duration = taps.unit, float(settings.duration)
+    forced, lasting = _split(waves_of(duration, (acting, plant.B * H), (pushes.size, E * H)), duration, H)
+    shown, wrong = _split(waves_of(duration, (errors, np.eye(n_y))), duration, H)
     body = Body(
         A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
-        acting=waves_of(settings.duration, (acting, plant.B * H), (pushes.size, E * H)),
-        errors=waves_of(settings.duration, (errors, np.eye(n_y))),
+        acting=forced,
+        errors=shown, lasting=lasting.reach(0.0), wrong=wrong.reach(0.0),
         edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
         t=np.zeros(2), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
-        X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), high=plant.C @ x, low=plant.C @ x,
+        X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
+        high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
         events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),
     )  # fmt: skip
@@ -118,6 +125,7 @@ def simulate_tapped(
         while outcome is None:
             status = called(march, taps, body, history, now, track)
             times, t = keep(), float(track.t[0])
+            body = body._replace(lasting=lasting.reach(t), wrong=wrong.reach(t))
             if progress is not None:
                 progress(t / settings.duration)
             if status == -1:
@@ -168,6 +176,49 @@ def simulate_tapped(
         **modes_of(realisation, R[:, -1]),
         **driven(law, pushes, when),
     )
+
+
+class _Lasting:
+    """Sinusoids that last the whole run, on the cells of a grid: all of a cell are two products of matrices."""
+
+    def __init__(self, effect: Array, terms: Array, unit: float) -> None:
+        self._effect, which = np.unique(effect, axis=0, return_inverse=True)
+        amplitude, self._omega, self._phase, self._unit = *terms[:, :3].T, unit
+        j = np.arange(POWERS)
+        scale = amplitude[:, None] * (self._omega[:, None] * unit) ** j / np.array([factorial(n) for n in j])
+        scale *= np.array([1.0, -1.0, -1.0, 1.0])[j % 4]  # of the derivatives of a cosine
+        self._parts = [np.flatnonzero(which.ravel() == s) for s in range(len(self._effect))]
+        self._scale = [(scale[part, 0::2].copy(), scale[part, 1::2].copy()) for part in self._parts]
+        angle = np.outer(self._omega, np.arange(_BLOCK) * unit)
+        self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((2, *angle.shape))
+        self._grid = Grid(0, np.zeros((0, len(self._effect), POWERS)), np.ascontiguousarray(self._effect))
+
+    def reach(self, t: float) -> Grid:
+        """The grid from ``t`` on, for as many cells as are followed at once."""
+        from icmj.simulation.native.waves import turn
+
+        if not len(self._effect):
+            return self._grid
+        cell, (first, f, effect) = int(t // self._unit), self._grid
+        if not first <= cell < first + len(f) - _BLOCK // 2:
+            first = cell - 1
+            f = np.empty((_BLOCKS * _BLOCK, len(effect), POWERS))
+            for block in range(_BLOCKS):
+                begin = self._omega * ((first + block * _BLOCK + 0.5) * self._unit) + self._phase
+                turn(self._turns, np.cos(begin), np.sin(begin), self._room)
+                cos, sin = self._room
+                rows = f[block * _BLOCK : (block + 1) * _BLOCK]
+                for s, (part, (even, odd)) in enumerate(zip(self._parts, self._scale, strict=True)):
+                    rows[:, s, 0::2], rows[:, s, 1::2] = cos[part].T @ even, sin[part].T @ odd
+            self._grid = Grid(first, f, effect)
+        return self._grid
+
+
+def _split(waves: Waves, duration: float, unit: float) -> tuple[Waves, _Lasting]:
+    """What acts for a while only, and what lasts the whole run."""
+    lasts = (waves.terms[:, 3] <= 0) & (waves.terms[:, 4] >= duration)
+    rest = waves._replace(effect=waves.effect[~lasts], terms=waves.terms[~lasts])
+    return rest, _Lasting(waves.effect[lasts], waves.terms[lasts], unit)
 
 
 def _rate(plant: LinearPlant, realisation: Realisation) -> float:

@@ -24,6 +24,8 @@ from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings
 
 POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
+ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
+ROUGH_ON_ENGINE = 7  # what jumps there is a derivative beyond those that its methods and polynomials follow
 _NODES = 13
 ROOM = 5e8  # bytes of what a controller remembers of its readings
 _QUEUE = 64  # actions that may be due beside those of a clock
@@ -48,6 +50,7 @@ class Taps(NamedTuple):
         signals: the last columns of N, R of them.
         edges: where one begins, ends or jumps, rising, then infinity.
         F: to Bernstein coefficients of a guard, degree 2p.
+        rough: level from which on an instant counts as smooth.
         exact: whether what is remembered are Taylor series, else polynomials through values at nodes.
         nodes, fit: nodes on (−1, 1), rising, and the matrix from values at them to coefficients; else empty.
     """
@@ -77,6 +80,7 @@ class Taps(NamedTuple):
     signals: Waves
     edges: Array
     F: Array
+    rough: int
     exact: bool
     nodes: Array
     fit: Array
@@ -117,6 +121,7 @@ class Now(NamedTuple):
         queue: times of actions, in a ring, shape (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
         last: command at the end of the stretch before, shape (n_u,).
+        after: room for a state, shape (N_a,).
         values: at nodes, shape (nodes, n_r).
         reach: how far each component of w may move on the stretch, shape (N_w,).
         g: of a guard.
@@ -134,6 +139,7 @@ class Now(NamedTuple):
     A: Array
     u: Array
     last: Array
+    after: Array
     values: Array
     reach: Array
     g: Array
@@ -171,7 +177,7 @@ def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> 
         sampling=float(realisation.sampling), period=float(realisation.period),
         signals=Waves(np.eye(R)[signals[:, 0].astype(int)], np.ascontiguousarray(signals[:, 1:])),
         edges=np.append(edges_of(realisation), np.inf), F=from_powers(2 * POWERS - 2),
-        exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
+        rough=ROUGH if exact else ROUGH_ON_ENGINE, exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
     )  # fmt: skip
 
 
@@ -205,6 +211,7 @@ def begun(
         mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
         due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
+        after=np.zeros(size),
         values=np.zeros((len(taps.nodes), len(r) + taps.direct + size)), reach=np.zeros(n_v + size),
         g=np.zeros(2 * POWERS - 1), stack=np.zeros((DEEPEST, 2 * POWERS)), spans=np.zeros((DEEPEST, 3)),
     )  # fmt: skip

@@ -34,7 +34,7 @@ from icmj.base.roots import evaluate
 from icmj.engine.block import Slot
 from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.adaptive_loop import _fly
-from icmj.engine.native.compilation import allocating, compiled, engine_function, entry, merged, run_guarded, sources
+from icmj.engine.native.compilation import compiled, engine_function, entry, merged, run_guarded, sources
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.ledger import note, note_again, note_row, standing
 from icmj.engine.native.loop import FixedLoop
@@ -43,7 +43,6 @@ from icmj.engine.native.step import save, step
 from icmj.engine.schedule import Recording, Status, row_after
 from icmj.engine.stages import Stages
 from icmj.simulation.native.taps import (
-    ROUGH,
     SMOOTH,
     beyond,
     crowded,
@@ -229,23 +228,26 @@ def _between(track, values, count, t, out):  # type: ignore[no-untyped-def]
             out[i] += weight * values[near[first + j], i]
 
 
-@allocating
+@compiled
 def _curve(taps, now, track):  # type: ignore[no-untyped-def]
     """The polynomials of the stretch that has been flown, about its begin, into ``track.curves``."""
     t, end, rows = track.t[0], track.t[1], len(track.curves)
     half, count = (end - t) / 2, _choose(track)
     for node in range(len(taps.nodes)):
         _between(track, track.y, count, t + half * (1 + taps.nodes[node]), now.values[node, :rows])
-    settle(taps, now.values, (end - t) / taps.unit, track.curves)
+    settle(taps, now.values, (end - t) / taps.unit, track.curves, now.g)
 
 
-@allocating
+@compiled
 def _look(taps, now, reader, track):  # type: ignore[no-untyped-def]
     """Current readings, state and command of the controller on the stretch that has been flown, as polynomials."""
     n_y, mode, direct = len(reader.entries), now.mode[0], taps.direct
     K, S = taps.K[mode], taps.S[mode]
-    now.A[:] = track.curves[n_y:]
-    now.v[:direct] = track.curves[:direct]
+    for j in range(now.v.shape[1]):
+        for i in range(len(now.a)):
+            now.A[i, j] = track.curves[n_y + i, j]
+        for i in range(direct):
+            now.v[i, j] = track.curves[i, j]
     add_waves(reader.errors, track.t[0], track.t[1], taps.unit, now.v[:direct])
     for i in range(len(now.u)):
         for j in range(now.u.shape[1]):
@@ -257,19 +259,22 @@ def _look(taps, now, reader, track):  # type: ignore[no-untyped-def]
             now.u[i, j] = total
 
 
-@allocating
+@compiled
 def _remember(taps, history, now, reader, track):  # type: ignore[no-untyped-def]
     """Remember what there was to read on the stretch that is over."""
     if len(taps.tau) == 0:
         return
-    n_y, rows = len(reader.entries), remember(history, track.t[0], track.marks[0])
-    rows[:n_y] = track.curves[:n_y]
+    n_y, rows = len(reader.entries), history.r[remember(history, track.t[0], track.marks[0])]
+    for i in range(n_y):
+        for j in range(rows.shape[1]):
+            rows[i, j] = track.curves[i, j]
     add_waves(reader.errors, track.t[0], track.t[1], taps.unit, rows[:n_y])
-    if len(rows) > n_y:  # commands, which it reads, too
-        rows[n_y:] = now.u
+    for i in range(n_y, len(rows)):  # commands, which it reads, too
+        for j in range(rows.shape[1]):
+            rows[i, j] = now.u[i - n_y, j]
 
 
-@allocating
+@compiled
 def _install(engine, taps, now, reader):  # type: ignore[no-untyped-def]
     """Put the controller into the model as it is on the stretch: its state, its mode, and what is known ahead."""
     b, mode, size, direct = engine.block, now.mode[0], len(now.a), taps.direct
@@ -320,7 +325,7 @@ def _note_event(engine, plan, progress, record, now, track, t):  # type: ignore[
     track.counts[1] += 1
 
 
-@allocating
+@compiled
 def _start(engine, plan, progress, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
     """Begin the stretch from where the engine is: what is due there, what acts, and what is known of the command."""
     t, level, b = engine.time[0], track.marks[0], engine.block
@@ -354,7 +359,7 @@ def _start(engine, plan, progress, record, taps, history, now, reader, track):  
     track.t[0], track.t[1], track.t[4] = t, end, progress[0].next_row
     track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
     track.marks[5], track.marks[6] = record.count[0], record.count[1]
-    if level < ROUGH and end > t:
+    if level < taps.rough and end > t:
         track.rough[track.counts[1]] = t
         track.counts[1] += 1
 
@@ -393,7 +398,7 @@ def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def
     return True
 
 
-@allocating
+@compiled
 def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-untyped-def]
     """Whether a guard or a face is reached within the stretch that was flown; then the engine is at its begin again.
 
@@ -415,7 +420,7 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
     return True
 
 
-@allocating
+@compiled
 def _finish(engine, plan, progress, record, taps, history, now, reader, track, status):  # type: ignore[no-untyped-def]
     """End the stretch where the engine is: what was read, the mode that follows, the row and the event."""
     t, end, mode, changed, crossed = track.t[0], track.t[1], now.mode[0], False, False
@@ -459,7 +464,7 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
     return status
 
 
-@allocating
+@compiled
 def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ignore[no-untyped-def]
     """The rates where a stretch begins, or begins again, and the row that is due there.
 
@@ -534,9 +539,11 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
                     _curve(taps, now, track)
                 elif end == t:  # outputs and state where it is are all that there is
                     _sample(engine, reader, track, t)
-                    track.curves[:] = 0.0
-                    track.curves[:, 0] = track.y[0]
-                    track.curves[len(reader.entries) :, 0] = now.a
+                    for i in range(len(track.curves)):
+                        for j in range(track.curves.shape[1]):
+                            track.curves[i, j] = 0.0
+                        own = i - len(reader.entries)
+                        track.curves[i, 0] = now.a[own] if own >= 0 else track.y[0, i]
                 if status in (_RUNNING, _FELL):
                     _look(taps, now, reader, track)
                     # what has been flown again is known to end here

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import allocating, contents, entry
+from icmj.base.compilation import compiled, contents, entry
 from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root, largest
 from icmj.linear.native.state import Status
@@ -35,6 +35,7 @@ from icmj.simulation.native.taps import (
     reach_rule,
     remember,
     room,
+    shift,
     sources,
     turn,
 )
@@ -47,13 +48,28 @@ _FULL = -1  # there is no room in the history
 _CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
 
 
+class Grid(NamedTuple):
+    """Sums of sinusoids that last the whole run, as polynomials on cells that are one unit of time long.
+
+    Attributes:
+        first: number of the first cell.
+        f: coefficients about the middle of each cell, shape (cells, S, p + 1).
+        effect: what each of the S sums does, shape (S, rows).
+    """
+
+    first: int
+    f: Array
+    effect: Array
+
+
 class Body(NamedTuple):
     """The plant, what acts on it, and what a run needs; rates are per unit of time of the taps.
 
     Attributes:
         A, B, C: shapes (n, n), (n, n_u), (n_y, n).
-        acting: on the state, n rows.
-        errors: of the outputs as they are read, n_y rows.
+        acting: on the state, n rows; but for what lasts.
+        errors: of the outputs as they are read, n_y rows; but for what lasts.
+        lasting, wrong: what lasts of both.
         edges, levels: instants at which something begins or ends, rising, then infinity, and the level of each.
         positions: states that are limited, divided by their limits, shape (L, n).
         interval: between rows [s].
@@ -66,6 +82,8 @@ class Body(NamedTuple):
     C: Array
     acting: Waves
     errors: Waves
+    lasting: Grid
+    wrong: Grid
     edges: Array
     levels: np.ndarray
     positions: Array
@@ -83,7 +101,8 @@ class Track(NamedTuple):
         mode: that of the stretch before, shape (1,).
         counts: next edge, next row by number, rows, events, shape (4,).
         X: state on the stretch, shape (n, p + 1).
-        y: outputs, and rows to work in, shape (n_y + 2, p + 1).
+        y: outputs, and a row to work in, shape (n_y + 1, p + 1).
+        room: to work in, shape (2, p + 1).
         high, low: extremes of outputs since the last event.
         rows: (t, x, u, mode), shape (capacity, 2 + n + n_u).
         events: (t, x, y_max, y_min), shape (capacity, 1 + n + 2 n_y).
@@ -95,13 +114,38 @@ class Track(NamedTuple):
     counts: np.ndarray
     X: Array
     y: Array
+    room: Array
     high: Array
     low: Array
     rows: Array
     events: Array
 
 
-@allocating
+@compiled
+def _add_lasting(grid, t, unit, room, out):  # type: ignore[no-untyped-def]
+    """Add to ``out`` what a grid does from ``t`` on, about ``t``; ``room`` has two rows."""
+    if len(grid.effect) == 0:
+        return
+    place = t / unit
+    cell = int(np.floor(place))
+    row = room[0]
+    for s in range(len(grid.effect)):
+        for j in range(len(row)):
+            row[j] = grid.f[cell - grid.first, s, j]
+        shift(row, place - cell - 0.5, room[1])
+        for i in range(len(out)):
+            if grid.effect[s, i] != 0:
+                for j in range(out.shape[1]):
+                    out[i, j] += grid.effect[s, i] * row[j]
+
+
+@compiled
+def _reaches(grid, t, unit):  # type: ignore[no-untyped-def]
+    """Whether a grid knows what acts at ``t``."""
+    return len(grid.effect) == 0 or 0 <= np.floor(t / unit) - grid.first < len(grid.f)
+
+
+@compiled
 def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     """The Taylor series of plant, controller, command and current outputs, from the states at the stretch's begin.
 
@@ -111,18 +155,19 @@ def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     X, n, n_y, size, p = track.X, len(track.X), len(body.C), len(now.a), track.X.shape[1] - 1
     mode, v, A, u, direct = now.mode[0], now.v, now.A, now.u, taps.direct
     M, N, K, S = taps.M[mode], taps.N[mode], taps.K[mode], taps.S[mode]
-    X[:, 1:] = 0.0
-    start = X[:, 0].copy()
-    X[:, 0] = 0.0
-    add_waves(body.acting, t, end, taps.unit, X)
-    # what acts goes into the next power's place: X[:, j] holds it until its turn comes
+    # what acts, coefficient j of it in place j + 1, where it waits for its turn
+    ahead = X[:, 1:]
     for i in range(n):
-        carried, X[i, 0] = X[i, 0], start[i]
-        for j in range(1, p + 1):
-            carried, X[i, j] = X[i, j], carried
+        for j in range(p):
+            ahead[i, j] = 0.0
+    add_waves(body.acting, t, end, taps.unit, ahead)
+    _add_lasting(body.lasting, t, taps.unit, track.room, ahead)
+    for i in range(direct):
+        for j in range(p + 1):
+            v[i, j] = 0.0
     if direct > 0:
-        v[:direct] = 0.0
         add_waves(body.errors, t, end, taps.unit, v[:direct])
+        _add_lasting(body.wrong, t, taps.unit, track.room, v[:direct])
     for i in range(size):
         A[i, 0] = now.a[i]
     for j in range(p + 1):
@@ -142,23 +187,24 @@ def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
             u[i, j] = total
         if j == p:
             break
+        by = 1.0 / (j + 1)
         for i in range(n):
             rate = X[i, j + 1]
             for k in range(n):
                 rate += body.A[i, k] * X[k, j]
             for k in range(len(u)):
                 rate += body.B[i, k] * u[k, j]
-            X[i, j + 1] = rate / (j + 1)
+            X[i, j + 1] = rate * by
         for i in range(size):
             rate = 0.0
             for k in range(size):
                 rate += M[i, k] * A[k, j]
             for k in range(len(v)):
                 rate += N[i, k] * v[k, j]
-            A[i, j + 1] = rate * taps.unit / (j + 1)
+            A[i, j + 1] = rate * (taps.unit * by)
 
 
-@allocating
+@compiled
 def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
     """Where on [0, length] a position passes its limit first; infinity where none does."""
     first, p = np.inf, track.X.shape[1] - 1
@@ -183,7 +229,7 @@ def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
     return first * length
 
 
-@allocating
+@compiled
 def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
     p = track.X.shape[1] - 1
     for i in range(len(body.C)):
@@ -197,7 +243,7 @@ def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
             track.low[i] = -largest(y, p, -1.0, length, -track.low[i], body.F, now.stack, now.spans)
 
 
-@allocating
+@compiled
 def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
     """Record where it is ``theta`` units after the stretch's begin."""
     n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[2]]
@@ -210,25 +256,31 @@ def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
     track.counts[2] += 1
 
 
-@allocating
+@compiled
 def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
     """Record the state at the end of the last stretch, with the command and the mode that led there."""
     n, row = len(track.X), track.rows[track.counts[2]]
-    row[0], row[1 : 1 + n] = t, track.X[:, 0]
-    row[1 + n : 1 + n + len(now.u)], row[1 + n + len(now.u)] = now.last, track.mode[0]
+    row[0] = t
+    for i in range(n):
+        row[1 + i] = track.X[i, 0]
+    for i in range(len(now.u)):
+        row[1 + n + i] = now.last[i]
+    row[1 + n + len(now.u)] = track.mode[0]
     track.counts[2] += 1
     if track.counts[1] * body.interval <= t + SAME:
         track.counts[1] += 1
 
 
-@allocating
+@compiled
 def _note(body, now, track, t):  # type: ignore[no-untyped-def]
     """Record an event at the state where the last stretch ended, and begin the next interval."""
     n, n_y = len(track.X), len(body.C)
     event = track.events[track.counts[3]]
-    event[0], event[1 : 1 + n] = t, track.X[:, 0]
-    event[1 + n : 1 + n + n_y], event[1 + n + n_y :] = track.high, track.low
+    event[0] = t
+    for i in range(n):
+        event[1 + i] = track.X[i, 0]
     for i in range(n_y):
+        event[1 + n + i], event[1 + n + n_y + i] = track.high[i], track.low[i]
         total = 0.0
         for k in range(n):
             total += body.C[i, k] * track.X[k, 0]
@@ -237,7 +289,7 @@ def _note(body, now, track, t):  # type: ignore[no-untyped-def]
     track.t[1] = t
 
 
-@allocating
+@compiled
 def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
     n, n_y, counts, X = len(track.X), len(body.C), track.counts, track.X
     p = X.shape[1] - 1
@@ -249,6 +301,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         if crowded(now) or not room(history):
             return _FULL
         t, level = track.t[0], track.level[0]
+        if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
+            return _MORE
         # 1 and 2: what acts on the plant and on the controller, and actions
         while body.edges[counts[0]] <= t + SAME:
             level = min(level, body.levels[counts[0]])
@@ -285,13 +339,15 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             _row(now, track, at, (at - t) / taps.unit)
             counts[1] += 1
         if len(taps.tau) > 0:
-            rows = remember(history, t, level)
+            rows = history.r[remember(history, t, level)]
             for i in range(n_y):
                 for j in range(p + 1):
                     rows[i, j] = track.y[i, j]
             add_waves(body.errors, t, end, taps.unit, rows[:n_y])
-            if len(rows) > n_y:  # commands, which it reads, too
-                rows[n_y:] = now.u
+            _add_lasting(body.wrong, t, taps.unit, track.room, rows[:n_y])
+            for i in range(n_y, len(rows)):  # commands, which it reads, too
+                for j in range(p + 1):
+                    rows[i, j] = now.u[i - n_y, j]
         ended = end >= body.end - SAME
         track.mode[0] = now.mode[0]
         changed = leave(taps, now, length, guard)

@@ -18,42 +18,51 @@ and faces that are beyond their level, which :func:`turn` finds where the next s
 from __future__ import annotations
 
 from functools import cache
+from math import comb
 from pathlib import Path
 
 import numpy as np
 
-from icmj.base.compilation import allocating, contents
+from icmj.base.compilation import compiled, contents, summing
 from icmj.base.instant import SAME
 from icmj.base.roots import evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
-ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
 _NOTHING = 1e-300  # less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
+_BINOMIAL = np.array([[float(comb(k + m, k)) for m in range(32)] for k in range(32)])
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
 
 
-@allocating
-def shift(row, by):  # type: ignore[no-untyped-def]
-    """Coefficients of a polynomial about a place ``by`` further on, in place (Horner's scheme)."""
+@summing
+def shift(row, by, room):  # type: ignore[no-untyped-def]
+    """Coefficients of a polynomial about a place ``by`` further on, in place: Σ_m C(k + m, k) by^m a_(k+m).
+
+    ``room`` is as long as the row, for the powers. These sums wait for nothing, unlike those of Horner's scheme.
+    """
     last = len(row) - 1
     while last > 0 and row[last] == 0:
         last -= 1
+    room[0] = 1.0
+    for m in range(1, last + 1):
+        room[m] = by * room[m - 1]
     for k in range(last):
-        for j in range(last - 1, k - 1, -1):
-            row[j] += by * row[j + 1]
+        total = 0.0
+        for m in range(last + 1 - k):
+            total += _BINOMIAL[k, m] * room[m] * row[k + m]
+        row[k] = total
 
 
-@allocating
+@compiled
 def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
     """The level of the stretch that begins at ``t``, and when the next instant that is not smooth is read."""
     next = np.inf
     for i in range(len(taps.tau)):
         k = history.ahead[i]
         while k < history.count[0]:
-            rough = history.level[k] < ROUGH
+            rough = history.level[k] < taps.rough
             if rough and history.start[k] + taps.tau[i] > t + SAME:
                 next = min(next, history.start[k] + taps.tau[i])
                 break
@@ -64,11 +73,11 @@ def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
     return level, next
 
 
-@allocating
-def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
+@compiled
+def settle(taps, values, length, out, room):  # type: ignore[no-untyped-def]
     """Into ``out``, shape (rows, p + 1): the polynomials about the begin of a stretch from their values at its nodes.
 
-    ``values`` has shape (nodes, rows), ``length`` is that of the stretch in units of time.
+    ``values`` has shape (nodes, rows), ``length`` is that of the stretch in units of time; ``room`` is as long as one.
     """
     half, last = length / 2, len(values) - 1
     for i in range(len(out)):
@@ -84,10 +93,10 @@ def settle(taps, values, length, out):  # type: ignore[no-untyped-def]
             for k in range(len(taps.fit)):
                 total += taps.fit[j, k] * values[k, i]
             out[i, j] = total / half**j
-        shift(out[i], -half)
+        shift(out[i], -half, room)
 
 
-@allocating
+@compiled
 def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
     """The delayed readings and the signals from ``t`` to ``end`` into ``now.v``, about ``t``."""
     n_y, unit, last, direct = history.r.shape[1], taps.unit, history.count[0] - 1, taps.direct
@@ -103,7 +112,7 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
             for row in range(n_y):
                 for j in range(now.v.shape[1]):
                     rows[row, j] = history.r[k, row, j]
-                shift(rows[row], (t - tau - history.start[k]) / unit)
+                shift(rows[row], (t - tau - history.start[k]) / unit, now.g)
             continue
         for node in range(len(taps.nodes)):
             s = middle + (end - t) / 2 * taps.nodes[node]
@@ -112,24 +121,28 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
             for row in range(n_y):
                 r = history.r[k, row]
                 now.values[node, row] = evaluate(r, len(r) - 1, (s - history.start[k]) / unit)
-        settle(taps, now.values, (end - t) / unit, rows)
+        settle(taps, now.values, (end - t) / unit, rows, now.g)
     signals = now.v[direct + len(taps.tau) * n_y :]
     if len(signals) > 0:
-        signals[:] = 0.0
+        for i in range(len(signals)):
+            for j in range(signals.shape[1]):
+                signals[i, j] = 0.0
         add_waves(taps.signals, t, end, unit, signals)
 
 
-@allocating
+@compiled
 def _map(matrix, now):  # type: ignore[no-untyped-def]
     """a := matrix a."""
-    before = now.a.copy()
     for i in range(len(now.a)):
-        now.a[i] = 0.0
-        for k in range(len(before)):
-            now.a[i] += matrix[i, k] * before[k]
+        total = 0.0
+        for k in range(len(now.a)):
+            total += matrix[i, k] * now.a[k]
+        now.after[i] = total
+    for i in range(len(now.a)):
+        now.a[i] = now.after[i]
 
 
-@allocating
+@compiled
 def happen(taps, now, t, level):  # type: ignore[no-untyped-def]
     """What signals, actions and resets of the period do at ``t``, and whether a tick or a sample is an event there.
 
@@ -157,7 +170,7 @@ def happen(taps, now, t, level):  # type: ignore[no-untyped-def]
     return level, now.due[2] * taps.clock <= t + SAME or now.when[1] <= t + SAME
 
 
-@allocating
+@compiled
 def fire(taps, now, t):  # type: ignore[no-untyped-def]
     """An event at ``t``: the state's jump, its action, the mode that follows, and when the rule is watched again."""
     _map(taps.J, now)
@@ -171,7 +184,7 @@ def fire(taps, now, t):  # type: ignore[no-untyped-def]
     choose(taps, now)
 
 
-@allocating
+@compiled
 def reach_rule(taps, now, t):  # type: ignore[no-untyped-def]
     """The event rule has reached a face at ``t``; whether that is the event, and not the beginning of its sample."""
     if taps.sampling > 0:
@@ -180,7 +193,7 @@ def reach_rule(taps, now, t):  # type: ignore[no-untyped-def]
     return True
 
 
-@allocating
+@compiled
 def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
     """When the next thing happens to the controller by itself, at most ``longest`` [s]."""
     longest = min(longest, now.due[0] * taps.period, taps.edges[now.due[1]], now.due[2] * taps.clock, now.when[1])
@@ -191,19 +204,19 @@ def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
     return longest
 
 
-@allocating
+@compiled
 def crowded(now):  # type: ignore[no-untyped-def]
     """Whether there is no room in the queue for one action more."""
     return now.due[4] - now.due[3] >= len(now.queue) - 1
 
 
-@allocating
+@compiled
 def is_armed(taps, now, t):  # type: ignore[no-untyped-def]
     """Whether the event rule is watched from ``t`` on."""
     return len(taps.cuts) > 1 and now.when[0] <= t + SAME and taps.watched[now.mode[0]]
 
 
-@allocating
+@compiled
 def beyond(taps, now):  # type: ignore[no-untyped-def]
     """Whether the state is at or beyond a face of the event rule."""
     for face in range(len(taps.cuts) - 1):
@@ -218,7 +231,7 @@ def beyond(taps, now):  # type: ignore[no-untyped-def]
     return False
 
 
-@allocating
+@compiled
 def _turn_of_face(taps, now, face, length):  # type: ignore[no-untyped-def]
     """Where on [0, 1] of the stretch the state reaches a face |R_j a| = 1; infinity where it does not."""
     g, p, most = now.g, now.A.shape[1] - 1, 0.0
@@ -245,7 +258,7 @@ def _turn_of_face(taps, now, face, length):  # type: ignore[no-untyped-def]
     return first_root(g, len(g) - 1, taps.F, now.stack, now.spans)
 
 
-@allocating
+@compiled
 def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
     """Where on [0, length] the sign of a guard changes first or a face is reached, and of which; infinity and −1.
 
@@ -318,7 +331,7 @@ def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
     return first * length, which
 
 
-@allocating
+@compiled
 def _command(taps, now):  # type: ignore[no-untyped-def]
     """The controller's state and its command as polynomials, from its state and the readings."""
     mode, size, n = now.mode[0], len(now.a), now.v.shape[0]
@@ -343,7 +356,7 @@ def _command(taps, now):  # type: ignore[no-untyped-def]
             now.u[i, j] = total
 
 
-@allocating
+@compiled
 def open_stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
     """The level of the stretch from ``t`` on and its end, ``longest`` at most; ``now.v`` is what is known of it."""
     level, next = reached(taps, history, t, level)
@@ -352,7 +365,7 @@ def open_stretch(taps, history, now, t, longest, level):  # type: ignore[no-unty
     return level, end
 
 
-@allocating
+@compiled
 def foresee(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
     """The stretch of a controller that only reads delayed outputs: its level, its end, and what ends it, or −1.
 
@@ -367,7 +380,7 @@ def foresee(taps, history, now, t, longest, level):  # type: ignore[no-untyped-d
     return level, end, guard
 
 
-@allocating
+@compiled
 def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     """Take the controller to the stretch's end, ``length`` units on; whether its mode changes there.
 
@@ -386,7 +399,7 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     return choose(taps, now)
 
 
-@allocating
+@compiled
 def choose(taps, now):  # type: ignore[no-untyped-def]
     """The mode that follows by the signs of the guards; whether it is another."""
     signs = 0
@@ -397,7 +410,7 @@ def choose(taps, now):  # type: ignore[no-untyped-def]
     return now.mode[0] != before
 
 
-@allocating
+@compiled
 def room(history):  # type: ignore[no-untyped-def]
     """Whether there is room for one stretch more; forgets what no tap reads any longer."""
     count = history.count[0]
@@ -408,7 +421,9 @@ def room(history):  # type: ignore[no-untyped-def]
         gone = min(gone, history.at[i], history.ahead[i])
     for k in range(gone, count):
         history.start[k - gone], history.level[k - gone] = history.start[k], history.level[k]
-        history.r[k - gone] = history.r[k]
+        for i in range(history.r.shape[1]):
+            for j in range(history.r.shape[2]):
+                history.r[k - gone, i, j] = history.r[k, i, j]
     history.count[0] = count - gone
     for i in range(len(history.at)):
         history.at[i] -= gone
@@ -416,13 +431,13 @@ def room(history):  # type: ignore[no-untyped-def]
     return history.count[0] <= len(history.start) // 2
 
 
-@allocating
+@compiled
 def remember(history, t, level):  # type: ignore[no-untyped-def]
-    """Room for the readings of a stretch that begins at ``t``: polynomials about it, which the caller fills in."""
+    """Number of the readings of a stretch that begins at ``t``: polynomials about it, which the caller fills in."""
     k = history.count[0]
     history.start[k], history.level[k] = t, level
     history.count[0] = k + 1
-    return history.r[k]
+    return k
 
 
 @cache
