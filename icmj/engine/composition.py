@@ -28,7 +28,7 @@ from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.block import numbers_of, pack
-from icmj.engine.model import compiled, model_name
+from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pushing import places, spread
 from icmj.errors import ModelError
@@ -57,14 +57,21 @@ def compose(
             would close an algebraic loop through the controller).
         SimulationError: if the model has not what is pushed.
     """
-    bare, point = plant.spec.copy().compile(), plant.linearisation.point
-    name = model_name(bare)
-    _check(bare, name, plant, controller)
+    bare = plant.model
+    _check(bare, model_name(bare), plant, controller)
     there = standing(controller)
     errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
     data = _packed(bare, bare.nu, bare.na, plant, there, disturbance, errors, pushes, duration)
+    size = there.real.layout.size
+    model = plant.models.copy_with_room(
+        plant.linearisation.point, size, len(data), lambda room: _compiled(plant.spec.copy(), bare, size, room)
+    )
+    numbers_of(model)[: len(data)] = data
+    return model
 
-    spec, size = plant.spec.copy(), there.real.layout.size
+
+def _compiled(spec: mujoco.MjSpec, bare: mujoco.MjModel, size: int, room: int) -> mujoco.MjModel:
+    """The model of ``spec`` with an actuator of ``size`` states, and ``room`` numbers that are still zero."""
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
     spec.compiler.discardvisual = not (ranging or bare.opt.density or bare.opt.viscosity)
     # what contacts leave unsolved is an error of every step that falls neither with the step nor with the threshold
@@ -84,11 +91,13 @@ def compose(
         biastype=mujoco.mjtBias.mjBIAS_NONE, biasprm=np.zeros(10), damping=np.zeros(3), armature=0.0,
         ctrllimited=never, forcelimited=never, actlimited=never, inheritrange=0.0, nsample=0, delay=0.0,
     )  # fmt: skip
-    spec.add_numeric(name=NAME, data=data, size=len(data))
+    spec.add_numeric(name=NAME, data=np.zeros(room), size=room)
     try:
-        return compiled(spec, point)
+        return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"model {name!r} cannot take the controller: {' '.join(str(error).split())}") from error
+        raise ModelError(
+            f"model {model_name(bare)!r} cannot take the controller: {' '.join(str(error).split())}"
+        ) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +159,10 @@ def repack(
     _check(model, model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
     data = _packed(model, model.nu - 1, na, plant, there, disturbance, errors, pushes, duration)
-    return data if len(data) == len(held) and np.array_equal(data != 0, held != 0) else None
+    if len(data) > len(held):
+        return None
+    data = np.append(data, np.zeros(len(held) - len(data)))
+    return data if np.array_equal(data != 0, held != 0) else None
 
 
 def _packed(

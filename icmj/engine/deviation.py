@@ -13,9 +13,8 @@ from icmj.errors import ModelError
 from icmj.plant.change import Change, What
 
 
-def frozen(spec: mujoco.MjSpec) -> None:
-    """Write the compiled inertia into every body, so that it can be changed independently of its geoms."""
-    model = spec.copy().compile()
+def frozen(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write the inertia of ``model``, as which the spec compiles, into every body, to be changed without its geoms."""
     for body in spec.bodies:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name) if body.name else int(body.id)
         if index <= 0 or not model.body_mass[index] > 0:
@@ -70,8 +69,10 @@ class Deviation:
     changes: tuple[Change, ...] = ()
     edit: Edit | None = None
 
-    def apply(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Apply the changes to the model, except those of inputs and sensors, which are applied there.
+    def apply(self, spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> mujoco.MjModel:
+        """Apply the changes to the spec, except those of inputs and sensors, which are applied there.
+
+        ``model`` is what the spec compiles to; returns what it then compiles to.
 
         Raises:
             ModelError: if the model has no element of a given name, or a number does not fit; the message begins with
@@ -80,7 +81,7 @@ class Deviation:
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]
         if any(change.what in _INERTIAL for change in inside):
-            frozen(spec)
+            frozen(spec, model)
         for change in inside:
             try:
                 _apply(spec, change, self.rho)
@@ -89,17 +90,18 @@ class Deviation:
             except ModelError as error:
                 raise ModelError(f"{name}: {error}") from error
         if self.edit is not None:
-            frozen(spec)
+            frozen(spec, spec.copy().compile() if inside else model)
             try:
                 self.edit(spec, self.rho)
             except Exception as error:  # whatever the user's code raises
                 raise ModelError(f"{name}: edit: {type(error).__name__}: {' '.join(str(error).split())}") from error
-        if inside or self.edit is not None:
-            try:
-                spec.compile()
-            except (ValueError, mujoco.FatalError) as error:
-                reason = " ".join(str(error).split())
-                raise ModelError(f"{name}: the changed model does not compile: {reason}") from error
+        if not inside and self.edit is None:
+            return model
+        try:
+            return spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            reason = " ".join(str(error).split())
+            raise ModelError(f"{name}: the changed model does not compile: {reason}") from error
 
     def input_gains(self, inputs: Sequence[str], chosen: Sequence[int], name: str) -> Array:
         """Input gain b of each actuator that is ``chosen`` from ``inputs``, in this order, shape (n_u,).

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 
 from icmj.engine.callbacks import hushed
-from icmj.engine.model import input_names, load_spec, output_names
+from icmj.engine.model import input_names, load_model, output_names
 from icmj.engine.soundness import check_names, check_sizes, sound
 from icmj.engine.units import input_units, output_units
 
@@ -39,12 +39,11 @@ def inventory(path: Path) -> Inventory:
     """The selectable elements of the model in an MJCF file.
 
     Raises:
-        ModelError: if it cannot be loaded; see :func:`icmj.engine.model.load_spec`.
+        ModelError: if it cannot be loaded; see :func:`icmj.engine.model.load_model`.
     """
     with sound(path), hushed():
-        spec = load_spec(path)
+        spec, model = load_model(path)
         check_names(path, spec)
-        model = spec.compile()
         check_sizes(path, model)
     return Inventory(
         tuple(model.key(i).name for i in range(model.nkey) if model.key(i).name),

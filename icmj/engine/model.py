@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from icmj.engine.person import shape
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation
 from icmj.plant.person import Person
+
+LEAST_ROOM = 4096  # numbers of a controller: those of most, with some noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,51 @@ class OperatingPoint:
     ctrl: Array
     mpos: Array
     mquat: Array
+
+
+class Models:
+    """What is compiled of one spec, each of it once: its model, and that model with room for a controller.
+
+    Compiling takes longer than a short run, and a case has many runs. What differs between them (the controller's
+    numbers, disturbances, the integrator) is written into a copy, which takes microseconds. The models here are read
+    by all threads; copy before editing.
+    """
+
+    def __init__(self, spec: mujoco.MjSpec, bare: mujoco.MjModel | None = None) -> None:
+        """Compile nothing yet; ``bare`` is the model of ``spec``, if it is there."""
+        self.spec, self._bare = spec, bare
+        self._roomy: dict[int, tuple[int, mujoco.MjModel]] = {}
+
+    def at(self, point: OperatingPoint) -> mujoco.MjModel:
+        """The model itself, with its mocap bodies where ``point`` has them."""
+        if self._bare is None:
+            # of a copy, for compiling changes the spec, and threads that share a plant may ask at once
+            self._bare = self.spec.copy().compile()
+        return _copy_at(self._bare, point) if self._bare.nmocap else self._bare
+
+    def copy_with_room(
+        self, point: OperatingPoint, size: int, count: int, make: Callable[[int], mujoco.MjModel]
+    ) -> mujoco.MjModel:
+        """A copy of the model with a controller of ``size`` states and room for ``count`` numbers of it.
+
+        ``make`` compiles one with so much room, which is done where none is there with enough.
+        """
+        room, model = self._roomy.get(size, (0, None))
+        if model is None or room < count:
+            room = max(LEAST_ROOM, 1 << (count - 1).bit_length())
+            model = make(room)
+            self._roomy[size] = room, model
+        return _copy_at(model, point)
+
+
+def _copy_at(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjModel:
+    """A copy of a model with its mocap bodies where ``point`` has them in all data that are made or reset."""
+    model = copy(model)
+    # not in the spec: lengths at rest and welds are made of the pose that the file gives a body
+    mocap = model.body_mocapid >= 0
+    order = model.body_mocapid[mocap]
+    model.body_pos[mocap], model.body_quat[mocap] = point.mpos[order], point.mquat[order]
+    return model
 
 
 def load_spec(
@@ -52,6 +100,17 @@ def load_spec(
         ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not
             fit it.
     """
+    return load_model(path, deviation, person, activation, inputs)[0]
+
+
+def load_model(
+    path: Path,
+    deviation: Deviation | None = None,
+    person: Person | None = None,
+    activation: Activation | None = None,
+    inputs: Sequence[str] | None = None,
+) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """The spec as :func:`load_spec` gives it, and what it compiles to."""
     path = Path(path)
     if not path.is_file():
         raise ModelError(f"{path}: no such model file")
@@ -62,16 +121,17 @@ def load_spec(
         reason = " ".join(str(error).split())
         raise ModelError(f"{path}: not a usable MJCF model: {reason}") from error
     if person is not None:
-        shape(spec, person, path.name)
+        model = shape(spec, model, person, path.name)
     if activation is not None:
         names = input_names(model)
         try:
             activate(spec, model, names, muscles_of(names, activation, inputs))
         except ModelError as error:
             raise ModelError(f"{path.name}: {error}") from error
+        model = spec.compile()
     if deviation is not None:
-        deviation.apply(spec, path.name)
-    return spec
+        model = deviation.apply(spec, model, path.name)
+    return spec, model
 
 
 def operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> OperatingPoint:
@@ -109,17 +169,6 @@ def depart(
     if qpos is None:
         mujoco.mj_integratePos(model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
     data.qvel[:], data.act[: len(point.act)] = point.qvel + z[nv : 2 * nv], point.act + z[2 * nv :]
-
-
-def compiled(spec: mujoco.MjSpec, point: OperatingPoint) -> mujoco.MjModel:
-    """The model of ``spec``, with its mocap bodies where ``point`` has them in all data that are made or reset."""
-    # of a copy, for compiling changes the spec, and threads that share a plant may ask at once
-    model = spec.copy().compile()
-    # not in the spec: lengths at rest and welds are made of the pose that the file gives a body
-    mocap = model.body_mocapid >= 0
-    order = model.body_mocapid[mocap]
-    model.body_pos[mocap], model.body_quat[mocap] = point.mpos[order], point.mquat[order]
-    return model
 
 
 def forget(spec: mujoco.MjSpec) -> None:

@@ -12,12 +12,12 @@ from icmj.plant.person import ANKLE_HEIGHT, SEGMENTS, Person
 JOINTS = ("ankle", "knee", "hip")
 
 
-def shape(spec: mujoco.MjSpec, person: Person, name: str) -> None:
+def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person, name: str) -> mujoco.MjModel:
     """Give the bodies ``shank``, ``thigh`` and ``trunk`` of ``spec`` the measures of ``person``, upwards along z.
 
     What is placed on a body (geoms, sites) grows with it. The joints ``ankle``, ``knee`` and ``hip`` get its passive
     torque. A body ``foot`` gets its mass and length; ``feet``, which is fixed, and a floor named ``floor`` only follow
-    the height.
+    the height. ``model`` is what the spec compiles to; returns what it then compiles to.
 
     Raises:
         ModelError: if the model lacks one of the bodies or joints; it begins with ``name``.
@@ -27,7 +27,7 @@ def shape(spec: mujoco.MjSpec, person: Person, name: str) -> None:
     missing = [f"body {b!r}" for b in SEGMENTS if b not in bodies] + [f"joint {j!r}" for j in JOINTS if j not in joints]
     if missing:
         raise ModelError(f"{name}: a person is put into a model of shank, thigh and trunk; it has no {missing[0]}")
-    frozen(spec)
+    frozen(spec, model)
     names = list(SEGMENTS)
     for body, above in zip(names, (*names[1:], None), strict=True):
         known = bodies[above].pos[2] if above else bodies[body].ipos[2]
@@ -39,7 +39,7 @@ def shape(spec: mujoco.MjSpec, person: Person, name: str) -> None:
     for j, (joint, G) in enumerate(zip(JOINTS, person.toppling_stiffness(_gravity(spec)), strict=True)):
         joints[joint].stiffness = [person.stiffness[j] * G, *np.asarray(joints[joint].stiffness)[1:]]
         joints[joint].damping = [person.damping * G, *np.asarray(joints[joint].damping)[1:]]
-    spec.compile()
+    return spec.compile()
 
 
 def _measure(body: mujoco.MjsBody, factor: float, person: Person, name: str) -> None:

@@ -19,11 +19,12 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.equilibrium import equilibria
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import (
+    Models,
     OperatingPoint,
-    compiled,
     depart,
     forget,
     input_names,
+    load_model,
     load_spec,
     operating_point,
     state_names,
@@ -58,6 +59,7 @@ class MujocoPlant:
         linearisation: linearisation at the operating point, with the point itself and the ports.
         told: notices of default choices.
         muscles: the lags that an :class:`icmj.Activation` added to actuators, by the number of the actuator.
+        models: what is compiled of ``spec``.
     """
 
     path: Path
@@ -65,12 +67,17 @@ class MujocoPlant:
     linearisation: Linearisation
     told: tuple[Notice, ...] = ()
     muscles: Mapping[int, Lag] = field(default_factory=dict)
+    models: Models = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.models is None or self.models.spec is not self.spec:
+            object.__setattr__(self, "models", Models(self.spec))
 
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; copy before editing (``copy.copy``)."""
         with hushed():
-            return compiled(self.spec, self.linearisation.point)
+            return self.models.at(self.linearisation.point)
 
     @cached_property
     def quality(self) -> Quality:
@@ -170,10 +177,9 @@ def load_plant(
     path, rule = MODELS.meant(Path(path)), operating or OperatingRule()
     with sound(path):
         inputs = selection.inputs if selection else None
-        spec = load_spec(path, deviation, person, activation, inputs)
+        spec, model = load_model(path, deviation, person, activation, inputs)
         check_names(path, spec)
-        chosen, told = sensed(spec, selection or Selection())
-        model = spec.compile()
+        chosen, told, model = sensed(spec, model, selection or Selection())
         check_sizes(path, model)
         ports = ports_of(model, chosen, deviation)
         if model.nhistory:  # what has a delay is not used, and would hold nothing but zeros
@@ -185,9 +191,13 @@ def load_plant(
         if start is not None:
             start = replace(start, act=with_muscles(sizes_without(model, muscles), muscles, start.act, start.ctrl))
         given = start or operating_point(model, keyframe)
-        model = compiled(spec, given)
+        models = Models(spec, model)
+        model = models.at(given)
         points = _told_where(path, equilibria(model, given, rule))
-        raw = (MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles) for point in points)
+        raw = (
+            MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles, models)
+            for point in points
+        )
         plants = (_without(plant, model, chosen, deviation) for plant in raw)
         first = next(plants)
         plant = _best(first, plants) if rule.kind in ("balance", "found") else first

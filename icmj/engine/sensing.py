@@ -19,28 +19,30 @@ _SENSORS = {
 }
 
 
-def sensed(spec: mujoco.MjSpec, selection: Selection) -> tuple[Selection, tuple[Notice, ...]]:
+def sensed(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, selection: Selection
+) -> tuple[Selection, tuple[Notice, ...], mujoco.MjModel]:
     """The selection with sensors for all its outputs, and a word where they were not named.
 
     ``"joints"`` means the positions of all joints, and so does a model without sensors; ``<joint>`` and
     ``<joint>_rate`` those of one. A ball joint gives its quaternion, a free joint the position of its body and, as
     ``<joint>_turn``, its quaternion; ``.0`` and so on single entries. Sensors that the model lacks are added. Names
-    that are neither a sensor nor a joint stay, for :func:`icmj.engine.ports.ports_of` to refuse.
+    that are neither a sensor nor a joint stay, for :func:`icmj.engine.ports.ports_of` to refuse. ``model`` is what the
+    spec compiles to; the last that is returned is what it then compiles to.
     """
     told: tuple[Notice, ...] = ()
     if selection.outputs is None:
         if len(spec.sensors) or not len(spec.joints):
-            return selection, ()
+            return selection, (), model
         selection = replace(selection, outputs="joints")
         told = (Notice("outputs", "warning", 'the model has no sensors; its outputs are its joints ("joints")'),)
-    joints = {}
-    for i, joint in enumerate(spec.joints):
-        joint.name = joint.name or f"joint{i}"
-        joints[joint.name] = joint
+    joints = {joint.name or f"joint{i}": joint for i, joint in enumerate(spec.joints)}
+    nameless = [joint for joint in joints.values() if not joint.name]
+    for name, joint in joints.items():
+        joint.name = name
     everything = selection.outputs == "joints"
     wanted = tuple(joints) if everything else selection.outputs
     assert wanted is not None
-    model = spec.compile()
     known = {*output_names(model), *sensor_entries(model)}
     outputs: list[str] = []
     added: dict[tuple[str, bool], list[str]] = {}
@@ -53,7 +55,9 @@ def sensed(spec: mujoco.MjSpec, selection: Selection) -> tuple[Selection, tuple[
             added[of, rate] = _added(spec, joints[of], rate, taken=known)
         labels = added[of, rate][1:] if turn else added[of, rate][:1] if entry else added[of, rate]
         outputs += [f"{label}{entry}" for label in labels]
-    return replace(selection, outputs=tuple(outputs), spare=everything), told
+    if nameless or added:
+        model = spec.compile()
+    return replace(selection, outputs=tuple(outputs), spare=everything), told, model
 
 
 def _meant(name: str, joints: Mapping[str, object]) -> tuple[str | None, bool, bool, str]:

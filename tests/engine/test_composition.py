@@ -15,18 +15,22 @@ from model_cases import RICH, pendulum, written
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import system_matched
-from icmj.controller.trigger import Continuous, EventTrigger, output_weight
+from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.engine.block import Slot, block_of
 from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.composition import NAME, compose
+from icmj.engine.deviation import Deviation
+from icmj.engine.model import LEAST_ROOM
 from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
+from icmj.engine.run import simulate
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.plant.selection import OperatingRule
 from icmj.simulation.disturbance import no_disturbance
 from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gaussian
 from icmj.theory.error_system import error_system
 
 CASES = [("pendulum", "pendulum"), ("three_link", "three_link"), ("pendulum_neglected", "pendulum")]
@@ -233,3 +237,52 @@ def test_a_model_s_defaults_give_the_controller_no_force_and_no_limit(tmp_path, 
             assert data.actuator_force[-1] == 0
             assert not model.actuator_actlimited[-1]
     assert rate[1] == pytest.approx(rate[0], rel=1e-12)
+
+
+@pytest.fixture
+def compilations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many blocks of a controller each model has that MuJoCo compiles."""
+    found: list[int] = []
+    compile_ = mujoco.MjSpec.compile
+
+    def counted(spec: mujoco.MjSpec) -> mujoco.MjModel:
+        found.append(len(spec.numerics))
+        return compile_(spec)
+
+    monkeypatch.setattr(mujoco.MjSpec, "compile", counted)
+    return found
+
+
+def test_what_varies_in_time_or_between_runs_does_not_compile_the_model_again(compilations: list[int]) -> None:
+    body, control = load_plant(MODELS / "three_link.xml", Deviation(0.9), "upright"), controller("three_link")
+    assert len(compilations) == 1
+    runs = []
+    for seed in (1, 2):
+        noise = Gaussian(input="ankle_torque", size=0.3, interval=0.01, seed=seed)
+        runs.append(simulate(body, control, Settings(duration=1.0, disturbance=(noise,))))
+    runs.append(simulate(body, control, Settings(duration=2.0, integrator="implicitfast")))
+    runs.append(simulate(body, control.triggered_by(Continuous()), Settings(duration=1.0)))
+    runs.append(
+        simulate(body, control.triggered_by(ClockTrigger(0.2)), Settings(duration=1.0, initial={"ankle": 0.01}))
+    )
+    assert compilations == [0, 1]
+    assert len({run.y.tobytes() for run in runs}) == 5
+    # of a plant of its own each, which has to compile its own
+    again = load_plant(MODELS / "three_link.xml", Deviation(0.9), "upright")
+    noise = Gaussian(input="ankle_torque", size=0.3, interval=0.01, seed=2)
+    alone = simulate(again, control, Settings(duration=1.0, disturbance=(noise,)))
+    np.testing.assert_array_equal(alone.y, runs[1].y)
+
+
+def test_a_controller_for_which_there_is_no_room_gets_more(compilations: list[int]) -> None:
+    body, control = load_plant(MODELS / "three_link.xml", keyframe="upright"), controller("three_link")
+    lean = block_of(close_loop(body, control, Settings()).model)
+    noise = Gaussian(input="ankle_torque", size=0.3, interval=0.01, seed=1)
+    wide = block_of(close_loop(body, control, Settings(duration=100.0, disturbance=(noise,))).model)
+    assert compilations == [0, 1, 1]
+    assert lean is not None
+    assert wide is not None
+    assert len(wide.values) > 10_000 > LEAST_ROOM
+    np.testing.assert_array_equal(wide.M, lean.M)
+    close_loop(body, control, Settings())
+    assert len(compilations) == 3
