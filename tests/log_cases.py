@@ -188,12 +188,11 @@ def made_up(
         Controller(design, system_matched(design), trigger),
         predict_by_hand(system, trigger, delta),
         simulation,
-        run_continuous(actual, design, x_0, duration, step),
         measured,
-        Growth(np.array([1.0, 2.0]), np.array([0.9, np.nan]), np.array([0.91, 1.1])),
-        AmplitudeLaw(np.array([1e-2, 1e-3]), np.array([2e-4, 2e-6]), np.array([1e-4, 1e-6]), 2.0, 2.0),
-        None,
-        {"icmj": "0.1.0", "git": "0123abc"},
+        continuous=run_continuous(actual, design, x_0, duration, step),
+        growth=Growth(np.array([1.0, 2.0]), np.array([0.9, np.nan]), np.array([0.91, 1.1])),
+        law=AmplitudeLaw(np.array([1e-2, 1e-3]), np.array([2e-4, 2e-6]), np.array([1e-4, 1e-6]), 2.0, 2.0),
+        provenance={"icmj": "0.1.0", "git": "0123abc"},
     )
     return result, plant
 

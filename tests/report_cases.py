@@ -90,7 +90,7 @@ def result(name: str, plant: str = "linear") -> Result:
     delta = np.linspace(0.1, 1.3 * (prediction.delta_crit or 2.0), 8)
     largest = np.array([np.abs(np.linalg.eigvals(system.phi(d))).max() for d in delta])
     found = Result(
-        run, design.plant, actual, controller, prediction, simulation, continuous, measurement,
+        run, design.plant, actual, controller, prediction, simulation, measurement, continuous=continuous,
         growth=Growth(delta, largest, largest), provenance={"icmj": "0.1.0", "python": "3.11.0"},
     )  # fmt: skip
     if plant == "linear":

@@ -79,6 +79,19 @@ class Case(Shown):
         limits = reach(self.actual, self.prediction)
         return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
 
+    @cached_property
+    def stepping(self) -> Stepping:
+        """The steps that its runs in MuJoCo take.
+
+        Raises:
+            ModelError, SimulationError: if plant and controller do not fit together, or the timestep is not usable.
+        """
+        from icmj.engine.stepping import stepping_of
+        from icmj.engine.tapped import close
+
+        body = self.model.matched(self.controller.plant, "position")
+        return stepping_of(close(body, self.controller, self.settings), self.settings)
+
     @property
     def setpoint(self) -> Setpoint | None:
         """The set-point r(t) of its controller, ``None`` if there is none; the prediction applies to r = 0."""
@@ -116,6 +129,7 @@ class Case(Shown):
 
 
 if TYPE_CHECKING:
+    from icmj.engine.stepping import Stepping
 
     @dataclass(frozen=True, eq=False, repr=False)
     class PredictedCase(Case):
@@ -259,11 +273,19 @@ def simulate(
         RunFileError: if a trigger is to replace an event rule that it does not have.
     """
     expect(case, Case, "simulate")
-    parts = _parts(case, plant, trigger, duration, refinement)
+    there, controller, settings = _parts(case, plant, trigger, duration, refinement)
     x0, x_o0, x_h0 = (*(start or ()), None, None, None)[:3]
-    run = simulate_plant(*parts, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
-    on_floor = plant == "linear" and isinstance(case.actual, MujocoPlant)
-    return with_pressure(case.model, parts[1], run) if on_floor else run
+    if plant == "mujoco":
+        from icmj.engine.run import simulate as simulate_mujoco
+
+        there = there.matched(controller.plant, "position")
+        run = simulate_mujoco(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+        return with_pressure(there, controller, run)
+    from icmj.linear.run import simulate as simulate_linear
+
+    there = matched(there, controller.plant, "position")
+    run = simulate_linear(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
+    return with_pressure(case.model, controller, run) if isinstance(case.actual, MujocoPlant) else run
 
 
 def simulate_plant(

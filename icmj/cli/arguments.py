@@ -138,6 +138,9 @@ class Analyse(Overrides):
 class Run(Overrides):
     """Simulate one case, write its log and compare the result with the prediction.
 
+    The log contains this run alone. With --study it also contains what icmj study computes beside a prediction:
+    continuous control, growth under clocks, and the amplitude law (MuJoCo) or other attractors (linear plant).
+
     Example: icmj run three-link-0.9 --plant mujoco --set actual.gain=0.85
     """
 
@@ -147,6 +150,8 @@ class Run(Overrides):
     """Plant to simulate (default: mujoco; linear if the run file gives matrices)."""
     out: Path = Path("runs/out")
     """Folder for the log."""
+    study: bool = False
+    """Also compute what icmj study computes beside a prediction."""
     yes: bool = False
     """Run the case even if it is estimated to take longer than a minute."""
     json: bool = False

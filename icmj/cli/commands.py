@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from icmj.base.card import plain
 from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
-from icmj.base.numbers import amount, number, root
+from icmj.base.numbers import amount, count, number, root
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
@@ -21,7 +21,8 @@ from icmj.errors import RunFileError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from icmj.result.result import Result
+    from icmj.base.array import Array
+    from icmj.result.result import PredictedResult, Result
     from icmj.study.page import Page
 
 CROSSINGS = (
@@ -131,14 +132,14 @@ def run(command: arguments.Run) -> None:
     name, plant = run_file.case.name, command.plant or plants_of(run_file)[-1]
     with Working(name, ERR) as working:
         case = prepare(run_file)
-        seconds = admit(case, plant, None if command.yes else LONGEST)
+        seconds = admit(case, plant, None if command.yes else LONGEST, study=command.study)
         if seconds > TOLD:
             ERR.say(f"icmj: about {in_words(seconds)} of work")
         log = command.out / f"{name}.{plant}.rrd"
         meanwhile("icmj.log.writer")
         with emptied(command.out), heard_once() as heard:
             open_folder(command.out, log.name)
-            result = run_case(case, plant, lambda done: working.tell(name, done))
+            result = run_case(case, plant, lambda done: working.tell(name, done), study=command.study)
             working.tell("writing the log", 0.95)
             from icmj.log.writer import write_log  # by now it has been imported meanwhile
 
@@ -169,18 +170,38 @@ def _tell_run(result: Result, log: Path, changed: bool) -> None:
 
     if has_prediction(result):
         show_comparisons([compare(result)], OUT, changed=changed)
-        OUT.say(f"The run {result.simulation.outcome.message}.")
+        OUT.say(f"The run {result.simulation.outcome.message}, with {count(len(result.simulation.events), 'event')}.")
+        OUT.say(result.words)
+        OUT.say(_peaks(result))
     else:
         for notice in result.notices:
             OUT.note(notice)
-    OUT.say(result.words)
+        OUT.say(result.words)
     for name, value in result.measures.items():
         OUT.say(f"{name}: {amount(value)}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         OUT.say(f"{words[0].upper()}{words[1:]}.")
     if (error := relative_error(result.simulation)) > 0:
         OUT.say(f"Relative error by the step: {error:.1g}.")
-    OUT.say(f"log  {log}", wrap=False)
+    OUT.say(f"log   {log}", wrap=False)
+    OUT.say(f"show  icmj replay {log}", wrap=False)
+
+
+def _peaks(result: PredictedResult) -> str:
+    """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
+    from icmj.view.quantity import quantities
+
+    def shown(values: Array, i: int) -> str:
+        unit = units[i].unit
+        text = amount(units[i].factor * float(values[i]), "" if unit == "deg" else unit, 4)
+        return f"{text}°" if unit == "deg" else text
+
+    units, names = quantities(result.actual), result.actual.outputs
+    found, cycle = result.measurement.amplitude, result.prediction.amplitude if result.prediction.cycle else None
+    peaks = [
+        f"{name} {shown(found, i)}" + ("" if cycle is None else f" ({shown(cycle, i)})") for i, name in enumerate(names)
+    ]
+    return f"Peaks{'' if cycle is None else ', predicted ones in brackets'}: {', '.join(peaks)}."
 
 
 @execute.register

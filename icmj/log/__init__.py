@@ -8,13 +8,12 @@ entity                             what
 ``__properties/...``               case, outcome, predicted, measured, relative_error, precision, provenance, run_file
 ``archive``                        the whole result bit for bit: JSON tree, flat arrays, SHA-256 (:func:`read_log`)
 ``summary``                        one page of Markdown
-``outputs``, ``inputs``            ``run``, ``continuous`` controller, ``predicted`` orbit laid on the last event
+``outputs``, ``inputs``            ``run``, ``predicted`` orbit laid on the last event, ``continuous`` control (study)
 ``states``                         ``plant`` x, ``observer`` x_o, ``hold`` x_h
 ``trigger``                        ``E`` / threshold², ``threshold``, ``events``
 ``interval``                       ``running`` since the last event, ``events`` Δ_i, ``delta_crit``
 ``modes``                          χ = V⁻¹x̄: ``critical``, ``others``, ±``gamma``, ``events``
 ``phase``                          every output against its rate, scaled to a frame
-``growth``, ``law``                growth under the clock, amplitude law: each in a frame
 ``scene/true``, ``magnified``      bodies and centre of mass; the second with the sway magnified
 =================================  ===================================================================================
 

@@ -8,8 +8,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from icmj.log.chart import GROWTH, LAW, WIDE, charts
 from icmj.log.figure import eye
+from icmj.log.phase_plane import WIDE
 from icmj.log.sink import TIMELINE
 from icmj.result.result import Result, has_prediction
 from icmj.view.quantity import in_brackets, shared_unit
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 BACKGROUND = (52, 58, 66, 255)
 DARK = (24, 27, 31, 255)
-CHARTS = {GROWTH: "Growth under the clock", LAW: "Amplitude law"}
 HISTORY = 8.0  # intervals shown before the cursor, where a whole run would be too dense
 ROOM = 0.36  # of the time shown: left free at the right of the curves, for the legend
 
@@ -31,9 +30,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
     control = result.simulation.control
     window = _window(result)
     left: list[Any] = [body(result)] if result.scene is not None else []
-    beside = charts(result)
-    pictures = [_phase_plane(), *(_chart(CHARTS[path], path) for path in beside)]
-    left.append(rrb.Tabs(*pictures, active_tab=0) if beside else pictures[0])
+    left.append(_phase_plane())
     states = [
         plot("Hold state x_h", "states/hold", window),
         plot("Observer state x_o", "states/observer", window),
@@ -161,13 +158,4 @@ def _phase_plane() -> rrb.Spatial2DView:
         origin="phase",
         background=DARK,
         visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.5, 1.35]),
-    )
-
-
-def _chart(name: str, origin: str) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        name=name,
-        origin=origin,
-        background=DARK,
-        visual_bounds=rrb.VisualBounds2D(x_range=[-0.3, 1.15 * WIDE], y_range=[-1.25, 0.35]),
     )

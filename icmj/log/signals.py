@@ -89,9 +89,10 @@ def _signals(result: PredictedResult) -> Iterator[Group]:
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
             dim = tuple(palette.dim(colour) for colour in colours)
             yield Group(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
-    for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
-        grey = (palette.CONTINUOUS,) * len(names)
-        yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
+    if continuous is not None:
+        for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
+            grey = (palette.CONTINUOUS,) * len(names)
+            yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
     yield from setpoint_groups(simulation)
     events, u_after = simulation.events, simulation.u_after(result.controller)

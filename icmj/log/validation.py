@@ -41,12 +41,12 @@ def validate(result: Result) -> None:
         _simulation(result, "simulation", result.simulation, assumed.n if has_trigger(controller) else 0)
         return
     _require(has_trigger(controller), "prediction", f"is there for a {controller.kind} controller")
-    for name in ("continuous", "measurement"):
-        _require(getattr(result, name) is not None, name, "is missing beside a prediction")
+    _require(result.measurement is not None, "measurement", "is missing beside a prediction")
     _plants(result)
-    for name, simulation in (("simulation", result.simulation), ("continuous", result.continuous)):
-        _simulation(result, name, simulation, result.assumed.n)
-    _require(result.simulation.plant == result.continuous.plant, "continuous.plant", "is not that of the simulation")
+    _simulation(result, "simulation", result.simulation, result.assumed.n)
+    if (beside := result.continuous) is not None:
+        _simulation(result, "continuous", beside, result.assumed.n)
+        _require(result.simulation.plant == beside.plant, "continuous.plant", "is not that of the simulation")
     _measurement(result)
     _prediction(result, result.prediction)
     _experiments(result)

@@ -20,8 +20,8 @@ from icmj.comparison.comparison import compare
 from icmj.errors import LogError
 from icmj.log import archive, signals, summary
 from icmj.log.blueprint import blueprint
-from icmj.log.chart import write_charts, write_phase_plane
 from icmj.log.figure import write_figures
+from icmj.log.phase_plane import write_phase_plane
 from icmj.log.sink import in_memory, time_column
 from icmj.result.result import Result, has_prediction
 
@@ -87,7 +87,6 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
         _write_group(recording, group)
     if has_prediction(result):
         write_phase_plane(recording, result)
-        write_charts(recording, result)
     if result.scene is not None:
         write_figures(recording, result.scene)
     recording.flush(timeout_sec=60.0)

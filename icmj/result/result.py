@@ -89,18 +89,18 @@ class Result(Shown):
         assumed, actual: linearised plants [Â, B̂, Ĉ] and [A, B, C].
         controller: the controller.
         prediction: the results of the linear theory for an event rule; ``None`` for a controller that has none, and
-            then there are neither ``continuous``, ``measurement``, ``growth``, ``law``, ``attractors`` nor
-            ``statistics``.
+            then there are neither ``measurement``, ``statistics`` nor what the study adds.
         simulation: the run; its events are those of the event rule, or the switches of a controller without one.
-        continuous: the run under continuous control, on the same plant from the same initial state.
         measurement: the measured motion of the run.
-        growth: growth under a clock, or ``None`` if it was not computed.
-        law: amplitude law, or ``None`` if it was not computed.
+        statistics: distributions of the run under noise; ``None`` without noise, or if they cannot be computed.
+        continuous: the run under continuous control, on the same plant from the same initial state. The study adds it,
+            and the next three; ``None``, or empty, where they were not computed.
+        growth: growth under a clock.
+        law: amplitude law, of a run in MuJoCo.
+        attractors: motions found from random initial states of the linear plant.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
         provenance: versions, git state, platform, date.
-        attractors: motions found from random initial states of the linear plant; empty if there was no search.
         notices: notices about plants and run, each once.
-        statistics: distributions of the run under noise; ``None`` without noise, or if they cannot be computed.
         measures: results of the user's own measures, by name.
     """
 
@@ -110,15 +110,15 @@ class Result(Shown):
     controller: Law
     prediction: Prediction | None
     simulation: Simulation
-    continuous: Simulation | None = None
     measurement: Measurement | None = None
+    statistics: Statistics | None = None
+    continuous: Simulation | None = None
     growth: Growth | None = None
     law: AmplitudeLaw | None = None
+    attractors: tuple[Attractor, ...] = ()
     scene: Scene | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
-    attractors: tuple[Attractor, ...] = ()
     notices: tuple[str, ...] = ()
-    statistics: Statistics | None = None
     measures: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
@@ -189,10 +189,9 @@ if TYPE_CHECKING:
         controller: Controller
         prediction: Prediction
         simulation: Simulation
-        continuous: Simulation
         measurement: Measurement
 
 
 def has_prediction(result: Result) -> TypeGuard[PredictedResult]:
-    """Whether a result has a prediction, and all that is compared with it."""
+    """Whether a result has a prediction, and the measurement that is compared with it."""
     return result.prediction is not None

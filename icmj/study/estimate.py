@@ -20,9 +20,7 @@ from icmj.controller.controller import has_trigger
 from icmj.controller.delay import NO_DELAY
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
-from icmj.engine.stepping import Stepping, stepping_of
 from icmj.engine.tableau import fastest_rate
-from icmj.engine.tapped import close
 from icmj.errors import SimulationError, StudyError, named
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
@@ -65,17 +63,17 @@ def startable(case: Case, plant: PlantKind) -> None:
             expect_no_observer(law, settings)
             plant_start(there, settings, None)
         if plant == "mujoco":
-            _stepping(case)
+            _ = case.stepping  # steps that cannot be taken are refused here
 
 
-def estimate(case: Case, plant: PlantKind) -> float:
+def estimate(case: Case, plant: PlantKind, *, study: bool = False) -> float:
     """Seconds that :func:`icmj.study.study.run_case` will take, about; 0 where it is plainly quick."""
-    settings, study, law = case.settings, case.run.study, case.controller
+    settings, keys, law = case.settings, case.run.study, case.controller
     simulated, growth = settings.duration, 0.0
-    if case.prediction is not None:
+    if study and case.prediction is not None:
         repeats = 1.5  # the run, and continuous control, which has no events
-        repeats += _OTHER_STARTS * study.attractor_starts if plant == "linear" else len(study.law_q_t)
-        growth = study.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
+        repeats += _OTHER_STARTS * keys.attractor_starts if plant == "linear" else len(keys.law_q_t)
+        growth = keys.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
         simulated = repeats * settings.duration + growth
     elif plant == "mujoco" and not has_trigger(law):  # its last seconds are flown twice more, for their error
         simulated += 2 * min(simulated, 2 * max(1.0, 3 * float(law.realisation.taps[-1])))
@@ -106,7 +104,7 @@ def _seconds(case: Case, plant: PlantKind, simulated: float, rows: float, growth
     return seconds
 
 
-def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None) -> None:
+def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | None, *, study: bool = False) -> None:
     """Check that the estimate of a case does not exceed a limit.
 
     Raises:
@@ -115,7 +113,7 @@ def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | N
     """
     settings = case.settings
     rows = settings.duration / settings.record_interval
-    if longest is not None and rows > ROWS and (taken := _OWN + _PER_NUMBER * rows * _columns(case)) > MEMORY:
+    if longest is not None and rows > ROWS and (taken := _OWN + _PER_NUMBER * rows * _columns(case, study)) > MEMORY:
         raise StudyError(
             f"{case.run.path}: {case.run.case.name} ({plant}) would take about {taken / 1e9:.2g} GB of memory "
             f"({rows:.2g} rows); raise simulation.record_interval, or start it with --yes"
@@ -128,7 +126,7 @@ def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | N
     asked = f" ({', '.join(what)})" if what else ""
     raise StudyError(
         f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
-        "(simulation.duration, timestep, record_interval, study), or start it with --yes"
+        f"(simulation.duration, timestep, record_interval{', study' if study else ''}), or start it with --yes"
     )
 
 
@@ -152,9 +150,9 @@ def refuse_trials(path: Path, work: Sequence[tuple[Case, PlantKind, int]], jobs:
         )
 
 
-def _columns(case: Case) -> float:
-    """Numbers in a row of a run and, beside a prediction, of its continuous control."""
-    plant, runs = case.actual.linearisation.plant, 1 if case.prediction is None else 2
+def _columns(case: Case, study: bool = False) -> float:
+    """Numbers in a row of a run and, if the study adds that, of its continuous control."""
+    plant, runs = case.actual.linearisation.plant, 2 if study and case.prediction is not None else 1
     states = 2 * case.controller.plant.n if has_trigger(case.controller) else 0
     return runs * (1 + plant.n + plant.n_y + plant.n_u) + states
 
@@ -192,12 +190,7 @@ def _timestep(case: Case) -> float:
     longest = np.inf if has_trigger(case.controller) else 0.5 / _rate(case)
     # no step goes across a bend of noise
     bends = (noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))
-    return min([_stepping(case).timestep, longest, *bends])
-
-
-def _stepping(case: Case) -> Stepping:
-    law, settings = case.controller, case.settings
-    return stepping_of(close(case.model.matched(law.plant, "position"), law, settings), settings)
+    return min([case.stepping.timestep, longest, *bends])
 
 
 class _Enough(Exception):

@@ -75,64 +75,79 @@ def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
     return PLANTS if run.on_engine else PLANTS[:1]
 
 
-def run_case(run: RunFile | Case, plant: PlantKind, progress: Callable[[float], None] | None = None) -> Result:
-    """Compute one case on one plant completely: the run and its poses and, of an event rule, all beside its prediction.
+def run_case(
+    run: RunFile | Case,
+    plant: PlantKind,
+    progress: Callable[[float], None] | None = None,
+    *,
+    study: bool = False,
+) -> Result:
+    """Run one case on one plant: its simulation, the measured motion and, under noise, distributions.
 
-    That is continuous control, growth, amplitude law, attractors and statistics. If this is interrupted, the run up to
-    this moment is kept, and further results that take much time are left out.
+    Args:
+        run: the case, or its run file.
+        plant: ``linear`` or ``mujoco``.
+        progress: called repeatedly with the completed fraction, 0–1.
+        study: whether what the study adds beside a prediction is computed, too: the run under continuous control,
+            growth under a clock, and the amplitude law (MuJoCo) or the search for attractors (linear plant). If this is
+            interrupted, the run up to this moment is kept, and what of it takes much time is left out.
 
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
-    from icmj.case.case import Case, expect_measures, prepare
-
-    report: Callable[[float], None] = progress or (lambda _: None)
-    case = prepare(run) if isinstance(run, RunFile) else run
-    expect(case, Case, "run_case", "or a RunFile")
-    expect_measures(case.run)
-    report(0.1)
-    with named(case.run.path):
-        return _complete(case, plant, report)
-
-
-def _complete(case: Case, plant: PlantKind, report: Callable[[float], None]) -> Result:
-    from icmj.case.case import has_prediction, measure_own, simulate
+    from icmj.case.case import Case, expect_measures, has_prediction, measure_own, prepare, simulate
     from icmj.engine.pose import scene
+    from icmj.measurement.measurement import measure
     from icmj.result.result import Result
     from icmj.simulation.remarks import remarks
     from icmj.simulation.scene import frames
     from icmj.work.provenance import provenance
 
-    share = 0.4 if has_prediction(case) else 0.8
-    simulation = simulate(case, plant, progress=lambda done: report(0.1 + share * done))
-    beside = _beside(case, plant, simulation, report) if has_prediction(case) else {}
-    report(0.9)
+    report: Callable[[float], None] = progress or (lambda _: None)
+    case = prepare(run) if isinstance(run, RunFile) else run
+    expect(case, Case, "run_case", "or a RunFile")
     run = case.run
-    return Result(
-        run=run,
-        assumed=case.assumed.linearisation.plant,
-        actual=case.actual.linearisation.plant,
-        controller=case.controller,
-        prediction=case.prediction,
-        simulation=simulation,
-        scene=scene(case.model, simulation, run.study.magnification, frames(simulation.t)) if run.on_engine else None,
-        provenance=provenance(run.path.parent),
-        notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
-        measures=measure_own(run, simulation),
-        **beside,
-    )
+    expect_measures(run)
+    report(0.1)
+    with named(run.path):
+        predicted = has_prediction(case)
+        share = 0.4 if study and predicted else 0.8
+        simulation = simulate(case, plant, progress=lambda done: report(0.1 + share * done))
+        found = dict[str, Any]()
+        if has_prediction(case):
+            found["measurement"] = measure(simulation, T_hat=case.system.T_hat)
+            if simulation.noisy:
+                from icmj.measurement.statistics import statistics
+
+                found["statistics"] = statistics(simulation)
+            if study:
+                found |= _beside(case, plant, simulation, report)
+        report(0.9)
+        return Result(
+            run=run,
+            assumed=case.assumed.linearisation.plant,
+            actual=case.actual.linearisation.plant,
+            controller=case.controller,
+            prediction=case.prediction,
+            simulation=simulation,
+            scene=scene(case.model, simulation, run.study.magnification, frames(simulation.t))
+            if run.on_engine
+            else None,
+            provenance=provenance(run.path.parent),
+            notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
+            measures=measure_own(run, simulation),
+            **found,
+        )
 
 
 def _beside(
     case: PredictedCase, plant: PlantKind, simulation: Simulation, report: Callable[[float], None]
 ) -> dict[str, Any]:
-    """What stands beside the prediction in a result."""
+    """What the study adds to a run that has a prediction."""
     from icmj.case.case import simulate
     from icmj.controller.controller import continuous_limit
     from icmj.experiments.amplitude_law import measure_law
     from icmj.experiments.growth import measure_growth
-    from icmj.measurement.measurement import measure
-    from icmj.measurement.statistics import statistics
 
     study, found = case.run.study, dict[str, Any]()
     found["continuous"] = simulate(
@@ -149,8 +164,6 @@ def _beside(
             found["attractors"] = _attractors(case, lambda done: report(0.75 + 0.15 * done))
         else:
             found["law"] = measure_law(case, study.law_q_t)
-    found["measurement"] = measure(simulation, T_hat=case.system.T_hat)
-    found["statistics"] = statistics(simulation) if simulation.noisy else None
     return found
 
 
@@ -183,8 +196,10 @@ def _attractors(case: PredictedCase, progress: Callable[[float], None]) -> tuple
         return ()
 
 
-def admit(case: Case, plant: PlantKind, longest: float | None) -> float:
+def admit(case: Case, plant: PlantKind, longest: float | None, *, study: bool = False) -> float:
     """See, before anything is written, that a run can start and is not longer than ``longest`` [s]; its estimate [s].
+
+    ``study`` as for :func:`run_case`.
 
     Raises:
         IcmjError: if it cannot start, or is longer.
@@ -193,8 +208,8 @@ def admit(case: Case, plant: PlantKind, longest: float | None) -> float:
 
     with named(case.run.path):
         startable(case, plant)
-        seconds = estimate(case, plant)
-    refuse_long(case, plant, seconds, longest)
+        seconds = estimate(case, plant, study=study)
+    refuse_long(case, plant, seconds, longest, study=study)
     return seconds
 
 
@@ -204,7 +219,7 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
 
     case = prepare(run)
     for plant in plants_of(run):
-        admit(case, plant, longest)
+        admit(case, plant, longest, study=True)
 
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
@@ -212,7 +227,7 @@ def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None
     from icmj.log import write_log
 
     log = folder / f"{run.case.name}.{plant}.rrd"
-    write_log(run_case(run, plant, progress), log)
+    write_log(run_case(run, plant, progress, study=True), log)
     return log
 
 

@@ -50,9 +50,23 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
     Raises:
         AnalysisError: if ``delta_max`` is not positive and finite, or so far off that not one step is computable.
     """
+    if not (np.isfinite(delta_max) and delta_max > 0):
+        raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
+    t_d = system.delay.t_d
+    if delta_max <= t_d:
+        raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
     phi_t = prepared or flow(system.A_C)
-    delta, values = _even(system, delta_max, points, phi_t)
-    points = len(delta)
+    with np.errstate(over="ignore", invalid="ignore"):
+        delta, states = phi_t.trajectory(system.entry, delta_max - t_d, points)
+        phi = system.exit @ states[1:]
+    # no further than numbers go
+    beyond = np.flatnonzero(~np.isfinite(phi).all(axis=(1, 2)))
+    points = int(beyond[0]) if len(beyond) else len(phi)
+    if points == 0:
+        raise AnalysisError(
+            f"a locus up to {delta_max:g} s: φ is beyond all numbers from {delta[1]:g} s on; end it before"
+        )
+    delta, values = t_d + delta[1 : points + 1], np.linalg.eigvals(phi[:points]).astype(complex)
     wanted = np.ones(points, dtype=bool)
     check = np.arange(points - 1)  # steps not known to be clear yet
     for _ in range(_HALVINGS):
@@ -66,35 +80,6 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
         moved = unclear + np.arange(len(unclear))
         check = np.column_stack([moved, moved + 1]).reshape(-1)
     return Locus(delta[wanted], follow(delta, values)[wanted])
-
-
-def largest(system: ErrorSystem, delta_max: float, *, points: int = POINTS) -> tuple[Array, Array]:
-    """Δ at equal steps on (t_d, ``delta_max``], and the largest |λ| of φ there, shapes (M,); no branch is followed.
-
-    Args, raises: as :func:`locus`.
-    """
-    delta, values = _even(system, delta_max, points, flow(system.A_C))
-    return delta, np.abs(values).max(axis=1)
-
-
-def _even(system: ErrorSystem, delta_max: float, points: int, prepared: Flow) -> tuple[Array, NDArray[np.complex128]]:
-    """Δ at equal steps, and the eigenvalues there, unordered."""
-    if not (np.isfinite(delta_max) and delta_max > 0):
-        raise AnalysisError(f"a locus needs a positive end, got {delta_max} s")
-    t_d = system.delay.t_d
-    if delta_max <= t_d:
-        raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
-    with np.errstate(over="ignore", invalid="ignore"):
-        delta, states = prepared.trajectory(system.entry, delta_max - t_d, points)
-        phi = system.exit @ states[1:]
-    # no further than numbers go
-    beyond = np.flatnonzero(~np.isfinite(phi).all(axis=(1, 2)))
-    until = int(beyond[0]) if len(beyond) else len(phi)
-    if until == 0:
-        raise AnalysisError(
-            f"a locus up to {delta_max:g} s: φ is beyond all numbers from {delta[1]:g} s on; end it before"
-        )
-    return t_d + delta[1 : until + 1], np.linalg.eigvals(phi[:until]).astype(complex)
 
 
 def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:

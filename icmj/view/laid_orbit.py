@@ -13,16 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.theory.error_system import error_system
-from icmj.theory.locus import largest
 from icmj.theory.orbit import Orbit
 from icmj.view.motion import output_rate, reduced
 
 if TYPE_CHECKING:
     from icmj.result.result import PredictedResult
-
-POINTS = 128
-BEYOND = 1.6  # times Δ_crit
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +82,3 @@ def laid_orbit(result: PredictedResult) -> LaidOrbit | None:
         output_rate(result, orbit.X[:, :n], orbit.u),
         orbit.X if simulation.delay else orbit.X[:, : n + n_hat],
     )
-
-
-def predicted_growth(result: PredictedResult) -> tuple[Array, Array]:
-    """Intervals [s] and the largest |λ| of φ there, shapes (M,): from the delay to somewhat beyond Δ_crit."""
-    prediction, controller = result.prediction, result.controller
-    end = prediction.delta_max
-    if prediction.delta_crit is not None:
-        end = min(end, BEYOND * prediction.delta_crit)
-    system = error_system(result.actual, controller.design, controller.hold, delay=controller.delay, match="position")
-    return largest(system, end, points=POINTS)

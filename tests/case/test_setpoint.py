@@ -51,7 +51,7 @@ def test_both_plants_follow_it(case):
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_it_is_logged_and_exported(case, tmp_path, plant):
-    result = icmj.run_case(case.run, plant)
+    result = icmj.run_case(case.run, plant, study=True)
     path = tmp_path / "followed.rrd"
     icmj.write_log(result, path)
     back = icmj.read_log(path)

@@ -42,7 +42,7 @@ def variants() -> dict[str, Result]:
     return {
         "with figures": with_scene(usual, plant),
         "without figures": usual,
-        "without charts": replace(usual, growth=None, law=None),
+        "alone": with_scene(replace(usual, continuous=None, growth=None, law=None), plant),
         "no prediction": replace(usual, prediction=replace(usual.prediction, cycle=False, **nothing)),
         "standing": standing(),
         "continuous": replace(usual, simulation=never, controller=usual.controller.triggered_by(Continuous())),
@@ -77,11 +77,15 @@ def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:
     assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
 
 
-def test_growth_and_amplitude_law_have_a_view_each(tmp_path: Path) -> None:
-    for name, expected in (("without figures", {"phase", "growth", "law"}), ("without charts", {"phase"})):
-        write_log(variants()[name], tmp_path / "x.rrd")
-        views = arranged(tmp_path / "x.rrd").values()
-        assert {origin.strip("/") for kind, origin in views if kind == "2D"} == expected
+def test_a_run_alone_has_body_signals_phase_plane_and_intervals(tmp_path: Path) -> None:
+    """What the study adds is in the archive: the viewer shows of it the signals under continuous control only."""
+    for name in ("with figures", "alone"):
+        write_log(variants()[name], tmp_path / f"{name}.rrd")
+    views = [arranged(tmp_path / f"{name}.rrd") for name in ("with figures", "alone")]
+    assert views[0] == views[1]
+    assert {origin.strip("/") for kind, origin in views[0].values() if kind == "2D"} == {"phase"}
+    more = entities(tmp_path / "with figures.rrd") - entities(tmp_path / "alone.rrd")
+    assert more == {"/outputs/continuous", "/inputs/continuous"}
 
 
 def test_views_name_the_unit_of_what_they_show(tmp_path: Path) -> None:
