@@ -111,13 +111,20 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
         r"\w\.read_(text|bytes)\(|(?<!os)\.open\((?!.w)|(?<![\w.])open\([^)]*\br|np\.load\(|(pq|parquet)\.(read_|P)"
     )
     ours = {
-        *("base.files", "base.parquet", "base.npz", "base.ledger"),  # the way itself
+        *("base.files", "base.parquet", "base.npz", "work.folder"),  # the way itself
         *("base.compilation", "work.shipped", "work.provenance", "cli.starting"),  # files of the installation
         *("report.builder", "report.drawing", "log.sink", "series.c3d", "sweeps.sweep"),  # what they just wrote
         *("series.reading",),
     }
     found = {name_of(path) for path in MODULES if read.search(path.read_text(encoding="utf-8"))}
     assert found <= {f"icmj.{name}" for name in ours}
+
+
+def test_what_goes_on_where_it_ended_does_so_in_one_way() -> None:
+    """Lock, description and digests of a folder are those of :mod:`icmj.work.folder`."""
+    own = re.compile(r"\blocked\(|\"SHA256SUMS\"")
+    found = {name_of(path) for path in MODULES if own.search(path.read_text(encoding="utf-8"))}
+    assert found == {"icmj.base.files", "icmj.work.folder"}
 
 
 def test_a_module_is_one_concept_and_whole() -> None:

@@ -6,20 +6,18 @@ that are columns of files, and code of the user's own with what it imports from 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from icmj.base.ledger import digest_of
 from icmj.engine.soundness import files_of
 from icmj.errors import RunFileError
 from icmj.runfile.sampled_tables import FileTable
 from icmj.runfile.schema import RunFile
 from icmj.runfile.setpoint_tables import followed_files
+from icmj.work.folder import digest_of
 from icmj.work.own_code import REFERENCE
 
 
@@ -72,8 +70,3 @@ def digests(run: RunFile) -> dict[str, str]:
             why = error.strerror if isinstance(error, OSError) else error
             raise RunFileError(f"{run.path}: {path}: cannot be read: {why}") from error
     return found
-
-
-def fingerprint_of(identity: Mapping[str, Any]) -> str:
-    """Sixteen hexadecimal digits of plain data, the same wherever it is computed."""
-    return hashlib.sha256(json.dumps(identity, sort_keys=True, default=str).encode()).hexdigest()[:16]

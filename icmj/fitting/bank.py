@@ -2,7 +2,6 @@
 
     FOLDER/bank.json          the description: family, numbers, versions
     FOLDER/draws/*.parquet    the rows, one file for each finished chunk
-    FOLDER/SHA256SUMS         digests, without which no file is trusted (:mod:`icmj.base.ledger`)
 
 A draw depends on its number and the bank's seed alone: rows are the same bit for bit whatever the chunks and whoever
 computes them, and a bank of more draws begins with those of one of fewer.
@@ -10,33 +9,25 @@ computes them, and a bank of more draws begins with those of one of fewer.
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.files import clear_leftovers, ready
-from icmj.base.ledger import SUMS, Ledger
-from icmj.base.text import one_line, parse_json
+from icmj.base.text import parse_json
 from icmj.errors import FitError
 from icmj.fitting.draws import FAMILIES, MOST_OF_FILE, BankPlan, Reader, rows
 from icmj.fitting.family import DURATION, TRIALS, Family, load_family
 from icmj.fitting.prior import Prior
 from icmj.fitting.summaries import SUMMARIES
 from icmj.work.crew import crew
-from icmj.work.provenance import provenance
+from icmj.work.folder import Description, Folder, resume
 
-FACTS, DRAWS = "bank.json", "draws"
+WHAT, DRAWS = "bank", "draws"
 CHUNK = 50
 MOST = 10_000_000
-_MOST_FACTS = 10e6  # bytes
-_VERSIONS = ("icmj", "numpy", "scipy", "numba", "mujoco")
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,24 +134,23 @@ def simulate_bank(
     if not 30.0 <= duration <= 3600.0:
         raise FitError(f"trials of {duration:g} s; expected 30 to 3600 s")
     plan = BankPlan(str(family.file.path), seed, trials, duration)
-    with TemporaryDirectory() if folder is None else nullcontext(folder) as where:
-        reader = Reader(Path(where), len(family.prior), trials)
-        draws = _begun(reader, family, plan)
+    of = _describe(family, plan)
+    # several may write there, each whole files with the same bits
+    with resume(folder, of, FitError, again="simulated", instead="choose another folder", alone=False) as home:
+        reader, draws = Reader(home, len(family.prior), trials), home.path / DRAWS
         parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
         left = [part for part in parts if reader.count(draws / _name(part.start)) < len(part)]
         done = len(parts) - len(left)
         for part, content, why in _computed(plan, family, left, jobs, dask):
             if content is None:
                 raise FitError(f"draws from {part.start} on: a process died ({why}); what is finished is kept")
-            try:
-                with reader.ledger.seal(draws / _name(part.start)) as target:
-                    target.write_bytes(content)
-            except OSError as error:
-                raise FitError(f"{draws}: cannot be written to: {error.strerror}; what is finished is kept") from error
+            with home.seal(draws / _name(part.start)) as target:
+                target.write_bytes(content)
             done += 1
             if progress is not None:
                 progress(done / len(parts))
-        return _cut(read_bank(Path(where), family), n)
+        bank = read_bank(home.path, family)
+        return replace(bank, theta=bank.theta[:n], summaries=bank.summaries[:n], fell=bank.fell[:n])
 
 
 def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
@@ -173,16 +163,15 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
     Raises:
         FitError: if the folder is not that of a bank, the bank belongs to another family, or a file cannot be read.
     """
-    folder = Path(folder)
-    ledger = Ledger(folder)
-    facts = _facts(ledger, folder)
+    home = Folder(Path(folder), FitError, "simulated")
+    facts = home.describe(WHAT, _facts)
     family = family or load_family(Path(facts.path))
     if facts.family != _mark(family, facts.trials, facts.duration):
         raise FitError(f"{folder}: is a bank of another family than {family.file.path}; simulate it anew")
-    reader = Reader(folder, len(family.prior), facts.trials, ledger)
+    reader = Reader(home, len(family.prior), facts.trials)
     parts: list[tuple[Array, ...]] = []
     count = 0
-    for path in sorted((folder / DRAWS).glob("[0-9]*.parquet")):
+    for path in sorted((home.path / DRAWS).glob("[0-9]*.parquet")):
         first = int(path.stem) if path.stem.isdecimal() else MOST
         if first > count:
             break
@@ -210,42 +199,14 @@ def _computed(
         yield from workers.compute(plan, iter(left))
 
 
-def _begun(reader: Reader, family: Family, plan: BankPlan) -> Path:
-    """The folder of the draws, with a description above it, or the one that is there seen to be of this bank."""
-    folder, now = reader.folder, provenance(family.file.path.parent)
-    versions = {name: now.get(name, "") for name in _VERSIONS}
-    mark = _mark(family, plan.trials, plan.duration)
-    try:
-        ready(folder, SUMS)
-        if os.path.lexists(folder / FACTS):
-            known = _facts(reader.ledger, folder)
-            if (known.family, known.seed) != (mark, plan.seed):
-                raise FitError(
-                    f"{folder}: holds another bank, of another family, seed or trials; choose another folder"
-                )
-            other = [
-                f"{name} {known.versions.get(name)} (now {version})"
-                for name, version in versions.items()
-                if known.versions.get(name) != version
-            ]
-            if other:
-                raise FitError(f"{folder}: was begun with {', '.join(other)}; choose another folder")
-        else:
-            facts = {
-                "family": mark, "name": family.name, "path": plan.path, "seed": plan.seed, "trials": plan.trials,
-                "duration": plan.duration, "summaries": SUMMARIES, "names": family.prior.names,
-                "units": family.prior.units, "versions": versions, "text": family.file.text,
-                "run": family.file.base.text,
-            }  # fmt: skip
-            with reader.ledger.seal(folder / FACTS) as part:
-                part.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        if (folder / DRAWS).is_symlink():
-            raise FitError(f"{folder / DRAWS}: is a link, not a folder; choose another folder")
-        (folder / DRAWS).mkdir(exist_ok=True)
-        clear_leftovers(folder / DRAWS)
-    except OSError as error:
-        raise FitError(f"{folder}: cannot be written to: {error.strerror}; choose another folder") from error
-    return folder / DRAWS
+def _describe(family: Family, plan: BankPlan) -> Description:
+    more = {
+        "name": family.name, "path": plan.path, "trials": plan.trials, "duration": plan.duration,
+        "summaries": SUMMARIES, "names": family.prior.names, "units": family.prior.units, "text": family.file.text,
+        "run": family.file.base.text,
+    }  # fmt: skip
+    mark = {"family": _mark(family, plan.trials, plan.duration), "seed": plan.seed}
+    return Description(WHAT, DRAWS, mark, "family, seed or trials", more, _facts)
 
 
 def _mark(family: Family, trials: int, duration: float) -> str:
@@ -261,30 +222,19 @@ class _Facts:
     seed: int
     trials: int
     duration: float
-    versions: Mapping[str, str]
 
 
-def _facts(ledger: Ledger, folder: Path) -> _Facts:
-    try:
-        found = parse_json(ledger.read(folder / FACTS, _MOST_FACTS))
-        facts = _Facts(**{field.name: found[field.name] for field in fields(_Facts)})
-        if not (
-            isinstance(facts.family, str) and isinstance(facts.path, str) and isinstance(facts.versions, dict)
-            and type(facts.seed) is type(facts.trials) is int and type(facts.duration) in (int, float)
-            and facts.seed >= 0 and 1 <= facts.trials <= 100 and 30 <= facts.duration <= 3600
-        ):  # fmt: skip
-            raise ValueError("not what a bank wrote")
-        return facts
-    except KeyError as error:
-        raise FitError(f"{folder / FACTS}: is not what a bank wrote: no {error}") from error
-    except (OSError, ValueError, TypeError, IndexError) as error:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
-        raise FitError(f"{folder}: is not the folder of a bank: no {FACTS} that can be read ({why})") from error
+def _facts(content: bytes) -> _Facts:
+    found = parse_json(content)
+    facts = _Facts(**{field.name: found[field.name] for field in fields(_Facts)})
+    if not (
+        isinstance(facts.family, str) and isinstance(facts.path, str)
+        and type(facts.seed) is type(facts.trials) is int and type(facts.duration) in (int, float)
+        and facts.seed >= 0 and 1 <= facts.trials <= 100 and 30 <= facts.duration <= 3600
+    ):  # fmt: skip
+        raise ValueError("not what a bank wrote")
+    return facts
 
 
 def _name(first: int) -> str:
     return f"{first:08d}.parquet"
-
-
-def _cut(bank: Bank, n: int) -> Bank:
-    return replace(bank, theta=bank.theta[:n], summaries=bank.summaries[:n], fell=bank.fell[:n])

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -16,16 +16,17 @@ import pyarrow.parquet as pq
 
 from icmj.base.array import Array
 from icmj.base.environment import single_threaded
-from icmj.base.ledger import Ledger
 from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
-from icmj.errors import FitError, IcmjError
+from icmj.errors import IcmjError
 from icmj.fitting.family import DURATION, RATE, Family, load_family
 from icmj.fitting.summaries import SUMMARIES, summarise
+from icmj.work.folder import Folder
 
 MOST_OF_FILE = 10_000
 """Draws of one file, at most."""
 _NUMBER = 8  # bytes
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -81,16 +82,10 @@ def stood(family: Family, theta: Array, seed: int, draw: int, trials: int, durat
 
 
 class Reader:
-    """Reads the files of draws of a bank.
+    """Reads the files of draws in the folder of a bank."""
 
-    Attributes:
-        folder: of the bank.
-        ledger: of its files.
-    """
-
-    def __init__(self, folder: Path, parameters: int, trials: int, ledger: Ledger | None = None) -> None:
-        self.folder, self.ledger = folder, ledger or Ledger(folder)
-        self._p, self._trials = parameters, trials
+    def __init__(self, folder: Folder, parameters: int, trials: int) -> None:
+        self._folder, self._p, self._trials = folder, parameters, trials
 
     def count(self, path: Path) -> int:
         """Draws in a file; none if it is not there.
@@ -98,7 +93,7 @@ class Reader:
         Raises:
             FitError: if it cannot be read, or is not as it was written.
         """
-        return len(self._table(path, ["draw"])) if os.path.lexists(path) else 0
+        return self._parsed(path, ["draw"], len) if os.path.lexists(path) else 0
 
     def read(self, path: Path, first: int) -> tuple[Array, Array, Array]:
         """``fell`` (n,), ``theta`` (n, p) and ``summaries`` (n, K, s) of the draws from ``first`` on.
@@ -106,9 +101,9 @@ class Reader:
         Raises:
             FitError: if it cannot be read, is not as it was written, or holds something else.
         """
-        table = self._table(path, ["draw", "fell", "theta", "summaries"])
-        n, s = len(table), len(SUMMARIES)
-        try:
+
+        def checked(table: pa.Table) -> tuple[Array, Array, Array]:
+            n, s = len(table), len(SUMMARIES)
             if table["draw"].to_pylist() != list(range(first, first + n)):
                 raise ValueError("has other draws than its name says")
             if table["fell"].type != pa.bool_() or table["fell"].null_count:
@@ -117,19 +112,18 @@ class Reader:
             theta, summaries = _lists(table["theta"], self._p), _lists(table["summaries"], self._trials * s)
             if not (np.isfinite(theta).all() and np.array_equal(np.isfinite(summaries).all(axis=1), ~fell)):
                 raise ValueError("holds values that are not finite")
-        except ValueError as error:
-            raise FitError(f"{path}: {error}; remove it, and it is simulated again") from error
-        return fell, theta, summaries.reshape(n, self._trials, s)
+            return fell, theta, summaries.reshape(n, self._trials, s)
 
-    def _table(self, path: Path, columns: list[str]) -> pa.Table:
-        row = _NUMBER * (self._p + self._trials * len(SUMMARIES) + 2)
-        try:
-            content = self.ledger.read(path, 2 * row * MOST_OF_FILE)
+        return self._parsed(path, ["draw", "fell", "theta", "summaries"], checked)
+
+    def _parsed(self, path: Path, columns: list[str], check: Callable[[pa.Table], T]) -> T:
+        most = 2 * _NUMBER * (self._p + self._trials * len(SUMMARIES) + 2) * MOST_OF_FILE
+
+        def parse(content: bytes) -> T:
             # numbers that were drawn cannot be compressed: what has few bytes has few rows
-            return read_parquet(content, min(MOST_OF_FILE, len(content) // _NUMBER), 2 * row * MOST_OF_FILE, columns)
-        except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
-            raise FitError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
+            return check(read_parquet(content, min(MOST_OF_FILE, len(content) // _NUMBER), most, columns))
+
+        return self._folder.read(path, most, parse)
 
 
 def _lists(column: pa.ChunkedArray, width: int) -> Array:

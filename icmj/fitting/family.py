@@ -14,7 +14,7 @@ from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.case.designs import controller_of
 from icmj.case.doubts import check_names
-from icmj.case.files import digests, fingerprint_of
+from icmj.case.files import digests
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
@@ -27,6 +27,7 @@ from icmj.plant.matching import matched
 from icmj.runfile.family_tables import PRESSURE, FamilyFile, load_family_file
 from icmj.runfile.schema import RunFile
 from icmj.simulation.settings import Settings, reseeded, start_states
+from icmj.work.folder import fingerprint_of
 
 RATE = 100.0  # Hz
 DURATION = 60.0  # s, of a trial

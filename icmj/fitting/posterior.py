@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.ledger import Ledger
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError
 from icmj.fitting.calibration import MASS
 from icmj.fitting.network import Network, Tell, train
 from icmj.fitting.seen import Misfit, Seen
+from icmj.work.folder import Folder
 
 EPOCHS = 80
 MEMBERS = 4
@@ -219,11 +219,8 @@ def write_networks(path: Path, head: dict[str, Any], seen: Seen, networks: Seque
     arrays = {f"seen.{name}": value for name, value in asdict(seen).items() if name != "names"}
     for i, network in enumerate(networks):
         arrays |= {f"network{i}.{name}": value for name, value in network.arrays().items()}
-    try:
-        with Ledger(path.parent).seal(path) as part, part.open("wb") as stream:
-            np.savez(stream, head=np.array(text), **arrays)
-    except OSError as error:
-        raise FitError(f"{path}: cannot be written: {error.strerror}") from error
+    with _folder(path).seal(path) as part, part.open("wb") as stream:
+        np.savez(stream, head=np.array(text), **arrays)
 
 
 def read_networks(path: Path, kind: str, mark: str) -> tuple[dict[str, Any], Seen, tuple[Network, ...]]:
@@ -232,8 +229,9 @@ def read_networks(path: Path, kind: str, mark: str) -> tuple[dict[str, Any], See
     Raises:
         FitError: if it cannot be read, was changed, or holds networks of another kind or mark.
     """
-    try:
-        arrays = read_npz(BytesIO(Ledger(path.parent).read(path, _MOST_BYTES)), _MOST_BYTES)
+
+    def parse(content: bytes) -> tuple[dict[str, Any], Seen, tuple[Network, ...]]:
+        arrays = read_npz(BytesIO(content), _MOST_BYTES)
         head = parse_json(str(arrays.pop("head")))
         if head["version"] != VERSION or head["mark"] != mark or any(one["kind"] != kind for one in head["networks"]):
             raise ValueError(f"no {kind} of this version and of these simulations")
@@ -248,11 +246,12 @@ def read_networks(path: Path, kind: str, mark: str) -> tuple[dict[str, Any], See
             inner = {name.removeprefix(start): value for name, value in arrays.items() if name.startswith(start)}
             networks.append(Network.of(each, inner, len(names), len(summaries) + 1))
         return head, seen, tuple(networks)
-    except OSError as error:
-        raise FitError(f"{path}: cannot be read: {error.strerror}; remove it, and it is trained again") from error
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
-        why = one_line(error, 200)
-        raise FitError(f"{path}: not a trained network ({why}); remove it, and it is trained again") from error
+
+    return _folder(path).read(path, _MOST_BYTES, parse)
+
+
+def _folder(path: Path) -> Folder:
+    return Folder(path.parent, FitError, "trained")
 
 
 def _word(text: object) -> str:

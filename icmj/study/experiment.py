@@ -1,6 +1,6 @@
 """The experiment: trials of each case on each plant, side by side in several processes, kept, analysed and drawn.
 
-    OUT/experiment.json   what it is of: texts, fingerprint, versions, provenance; beside it .lock while it is written
+    OUT/experiment.json   what it is of (:mod:`icmj.work.folder`)
     OUT/trials/           the signals of each trial, and its events, as Parquet: what stands there is done
     OUT/results.parquet   the curves that were found, by case and plant
     OUT/summary.json      the numbers
@@ -35,7 +35,8 @@ from icmj.study.kind import Experiment, Kind, Told
 from icmj.study.multisine import MultisineKind
 from icmj.study.perturbed_stance import PerturbedStanceKind
 from icmj.study.quiet_standing import QuietStandingKind
-from icmj.study.trials import Folder, no_folder, opened, write_results
+from icmj.study.trials import has_trial, read_trial, resume_experiment, write_results, write_trial
+from icmj.work.folder import Folder
 from icmj.work.workers import Task, Workers, processes
 
 KIND_OF: dict[str, type[Kind]] = {
@@ -83,13 +84,12 @@ def run_experiment(
     kind, conditions = kind_of(made), list(conditions_of(made))
     cases = {one.case: _prepared(kind, one, made.experiment.seed) for one in conditions}
     if longest is not None:
-        count, stored = made.experiment.repetitions, Folder(None if out is None else Path(out))
-        work = [
-            (_controlled(one, cases[one.case]), one.plant, sum(not stored.holds(one.label, i) for i in range(count)))
-            for one in conditions
-        ]
+        work, count = [], made.experiment.repetitions
+        for one in conditions:
+            stored = sum(out is not None and has_trial(Path(out), one.label, i) for i in range(count))
+            work.append((_controlled(one, cases[one.case]), one.plant, count - stored))
         refuse_trials(made.path, work, processes(jobs), longest)
-    with no_folder() if out is None else opened(Path(out), made) as folder:
+    with resume_experiment(out, made) as folder:
         trials = _trials(made, kind, conditions, folder, jobs, progress)
         if progress is not None:
             progress("analysing", 0.97)
@@ -137,7 +137,7 @@ def analyse_recordings(
     told = Told(name, name, "recording", finding, len(trials), finding.words)
     experiment = Experiment(made, (told,))
     if out is not None:
-        with opened(Path(out), made) as folder:
+        with resume_experiment(out, made) as folder:
             write_results(experiment, kind, folder)
     return experiment
 
@@ -209,14 +209,14 @@ def _trials(
     """The trials of every condition, in order: read where they are done, else simulated."""
     count, first = file.experiment.repetitions, file.experiment.seed
     every = [(one, i) for one in conditions for i in range(count)]
-    known = {(one, i): found for one, i in every if (found := folder.read(one.label, i)) is not None}
+    known = {(one, i): found for one, i in every if (found := read_trial(folder, one.label, i)) is not None}
     left = [each for each in every if each not in known]
     jobs = processes(jobs, len(left))
 
     def keep(place: int, found: Recording) -> None:
         one, i = left[place]
         known[one, i] = found
-        folder.write(one.label, i, found)
+        write_trial(folder, one.label, i, found)
 
     def tell(done: float) -> None:
         if progress is not None:

@@ -20,7 +20,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.files import ready
-from icmj.base.ledger import SUMS, Ledger
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
@@ -31,6 +30,7 @@ from icmj.fitting.predictive import Predictive, predicted
 from icmj.fitting.seen import Misfit
 from icmj.fitting.summaries import MEASURES, SUMMARIES, measures, summarise
 from icmj.study.families import SIMULATIONS, Trained, choice_among, train_family
+from icmj.work.folder import SUMS, Folder
 
 Tell = Callable[[str, float], None]
 DRAWS, PREDICTED = 2000, 100
@@ -147,8 +147,8 @@ def fit(
     _checked(people, made)
     out, trained = Path(out), Path(trained)
     try:
-        ready(out / "people", SUMS)
-        ready(trained, SUMS)
+        for folder in (out / "people", trained):
+            ready(folder, SUMS)
     except OSError as error:
         raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
     tell = progress or (lambda label, done: None)
@@ -220,41 +220,28 @@ def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: i
     theta = family.prior.from_normal(z)
     chosen = theta[:PREDICTED]
     mark = hashlib.sha256(chosen.tobytes() + f"{family.fingerprint} {seed}".encode())
-    path = folder / f"{mark.hexdigest()[:24]}.npz"
-    ledger = Ledger(folder)
-    if os.path.lexists(path):
-        stood = _kept(ledger, path, len(chosen))
-    else:
+    path, home = folder / f"{mark.hexdigest()[:24]}.npz", Folder(folder, FitError, "simulated")
+    if not os.path.lexists(path):
         found = [simulated(family, one, seed + i) for i, one in enumerate(chosen)]
         stood = measures(
             np.array([summarise(cop, RATE) for cop in found if cop is not None]).reshape(-1, len(SUMMARIES))
         )
-        try:
-            with ledger.seal(path) as part, part.open("wb") as stream:
-                np.savez(stream, stood=stood)
-        except OSError as error:
-            raise FitError(f"{path}: cannot be written: {error.strerror}") from error
+        with home.seal(path) as part, part.open("wb") as stream:
+            np.savez(stream, stood=stood)
+    stood = home.read(path, _MOST_BYTES, lambda content: _parse_stood(content, len(chosen)))
     observed = measures(_summaries(person, held=person.held > 0))
     predictive = predicted(stood, len(chosen), observed)
     support = posterior.support(trained.people, S)
     return Fitted(person, family.name, z, theta, posterior.misfit(S), support, predictive)
 
 
-def _kept(ledger: Ledger, path: Path, draws: int) -> Array:
-    """Measures of the trials that some draws of a posterior stood, shape (n, m), from a file of an earlier fit.
-
-    Raises:
-        FitError: if it cannot be read, or was changed.
-    """
-    try:
-        stood = read_npz(BytesIO(ledger.read(path, _MOST_BYTES)), _MOST_BYTES)["stood"]
-        shape = (min(len(stood), draws), len(MEASURES))
-        if stood.shape != shape or stood.dtype != float or not (np.isfinite(stood).all() and (stood[:, 0] > 0).all()):
-            raise ValueError("not the measures of trials")
-        return np.asarray(stood)
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
-        raise FitError(f"{path}: cannot be read: {why}; remove it, and it is simulated again") from error
+def _parse_stood(content: bytes, draws: int) -> Array:
+    """Measures of the trials that some draws of a posterior stood, shape (n, m)."""
+    stood = read_npz(BytesIO(content), _MOST_BYTES)["stood"]
+    shape = (min(len(stood), draws), len(MEASURES))
+    if stood.shape != shape or stood.dtype != float or not (np.isfinite(stood).all() and (stood[:, 0] > 0).all()):
+        raise ValueError("not the measures of trials")
+    return np.asarray(stood)
 
 
 def simulated(family: Family, theta: Array, seed: int) -> Array | None:

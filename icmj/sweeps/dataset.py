@@ -1,103 +1,165 @@
-"""The folder of a sweep: one complete Parquet file for each chunk, a description, and a lock during writing.
+"""The folder of a sweep: one complete Parquet file for each chunk, and a description (:mod:`icmj.work.folder`).
 
     OUT/sweep.json          the description: texts, fingerprint, versions, provenance
     OUT/points/*.parquet    the rows, one file for each finished chunk
     OUT/timing.csv          the time that each chunk took
-    OUT/SHA256SUMS          digests, without which no file is trusted (:mod:`icmj.base.ledger`)
 
 Rows and files contain neither time nor place, so that they are the same bit for bit on every machine and at every time.
-The folder may come from somebody else: its contents are validated (:mod:`icmj.sweeps.validation`), and no link is
-followed for writing.
+The folder may come from somebody else: what it holds is checked before it is used.
 """
 
 from __future__ import annotations
 
-import json
 import os
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from icmj.base.files import clear_leftovers, locked, ready, regular, replaceable
-from icmj.base.ledger import SUMS, Ledger
+from icmj.base.files import regular
+from icmj.base.parquet import read_parquet
+from icmj.base.text import one_line
 from icmj.errors import SweepError
 from icmj.result.swept import Swept
+from icmj.runfile.sweep_tables import Facts, parse_facts
 from icmj.sweeps.chunk import Computed
-from icmj.sweeps.columns import meanings, schema
-from icmj.sweeps.plan import PACKAGES, Plan
-from icmj.sweeps.validation import Facts, chunk_files, read_chunk, read_facts
-from icmj.work.provenance import provenance, versions
+from icmj.sweeps.columns import TYPES, columns, meanings, schema
+from icmj.sweeps.plan import Plan
+from icmj.work.folder import Description, Folder, resume
+from icmj.work.provenance import provenance
 
-FACTS, POINTS, TIMING = "sweep.json", "points", "timing.csv"
+WHAT, POINTS, TIMING = "sweep", "points", "timing.csv"
+_MOST_OF_CHUNK = 500e6  # bytes of one chunk, in its file and in memory
+_CHUNK = re.compile(r"\d{8,10}")
 
 
 class Dataset:
-    """The folder of one sweep, open for writing; see :func:`opened`."""
+    """The folder of one sweep; its description is read and checked.
 
-    def __init__(self, folder: Path, plan: Plan, facts: Facts) -> None:
-        self.folder, self._plan, self._facts, self._ledger = folder, plan, facts, Ledger(folder)
+    Raises:
+        SweepError: if it is no such folder.
+    """
 
-    def finished(self) -> set[int]:
-        """The numbers of the chunks that are finished.
+    def __init__(self, path: Path | str, folder: Folder | None = None) -> None:
+        self._folder = folder or Folder(Path(path), SweepError)
+        self.facts: Facts = self._folder.describe(WHAT, parse_facts)
+        self.path = self._folder.path
 
-        Raises:
-            SweepError: if a chunk cannot be read, or belongs to another sweep.
-        """
-        files, columns = chunk_files(self.folder / POINTS, self._facts), schema(self._plan)
-        for chunk, path in files.items():
-            read_chunk(path, self._plan.range(chunk), self._facts, ["point", "status"], columns, self._ledger)
-        return set(files)
-
-    def write(self, chunk: int, content: bytes) -> None:
-        """Write one chunk; it is completely on the disk before it gets its final name.
+    def files(self) -> dict[int, Path]:
+        """The files of finished chunks by their number, in order.
 
         Raises:
-            SweepError: if it cannot be written.
+            SweepError: if one has a name that none of them has.
         """
-        target = self.folder / POINTS / f"{chunk:08d}.parquet"
-        try:
-            with self._ledger.seal(target) as part:
-                part.write_bytes(content)
-            _settle(target.parent)
-        except OSError as error:
-            raise SweepError(f"{target}: cannot be written: {error.strerror}; what is finished is kept") from error
+        found = {}
+        for path in (self.path / POINTS).glob("*.parquet"):
+            number = int(path.stem) if _CHUNK.fullmatch(path.stem) and path.stem.isascii() else -1
+            if f"{number:08d}" != path.stem or number >= self.facts.chunks:
+                raise SweepError(f"{one_line(path, 300)}: not a chunk of this sweep, by its name; remove it")
+            found[number] = path
+        return dict(sorted(found.items()))
 
-    def time(self, chunk: int, computed: Computed) -> None:
-        """Record how long a chunk took; this is not essential, and omitted if it cannot be written."""
+    def chunks(self, only: Sequence[str] = (), schema: pa.Schema | None = None) -> Iterator[tuple[int, pa.Table]]:
+        """The finished chunks, their number and rows, in order.
+
+        Args:
+            only: columns to read; all if there are none.
+            schema: what the columns must be; those of the first chunk if ``None``.
+
+        Raises:
+            SweepError: if one cannot be read, or belongs to another sweep.
+        """
+        known = schema
+
+        def parse(content: bytes) -> pa.Table:
+            def check(found: pa.Schema, count: int) -> None:
+                nonlocal known
+                self._check_columns(found, known)
+                if count != len(rows):
+                    raise ValueError(f"{count} rows, expected {len(rows)}")
+                known = found
+
+            table = read_parquet(content, self.facts.chunk, _MOST_OF_CHUNK, list(only) or None, check)
+            _check_values(table, rows, self.facts)
+            return table
+
+        for chunk, path in self.files().items():
+            rows = self.facts.rows(chunk)
+            yield chunk, self._folder.read(path, _MOST_OF_CHUNK, parse)
+
+    def write(self, chunk: int, computed: Computed) -> None:
+        """Write one chunk, and how long it took; this is not essential, and omitted if it cannot be written.
+
+        Raises:
+            SweepError: if the chunk cannot be written.
+        """
+        with self._folder.seal(self.path / POINTS / f"{chunk:08d}.parquet") as part:
+            part.write_bytes(computed.content)
         line = f"{chunk},{computed.rows},{computed.failed},{computed.seconds:.4f},{computed.simulating:.4f}\n"
         with suppress(OSError):
-            handle = regular(self.folder / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+            handle = regular(self.path / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
             with os.fdopen(handle, "a", encoding="utf-8") as file:
                 file.write(line)
 
+    def _check_columns(self, found: pa.Schema, known: pa.Schema | None) -> None:
+        facts = self.facts
+        if (found.metadata or {}).get(b"icmj.fingerprint") != facts.fingerprint.encode():
+            raise ValueError("of another sweep")
+        if known is not None:
+            if not found.equals(known):
+                raise ValueError("with other columns")
+            return
+        names = found.names
+        asked = {
+            what: [plant for plant in ("linear", "mujoco") if f"{plant}_{mark}" in names]
+            for what, mark in (("motion", "outcome"), ("cycle", "cycle_found"), ("noisy", "binding"))
+        }
+        expected = columns(
+            [(name, "number") for name in facts.varies], facts.outputs, motion=asked["motion"], cycle=asked["cycle"],
+            noisy=bool(asked["noisy"]), attractors="attractors" in names,
+            predicted="root_real" not in names, measures=facts.measures,
+        )  # fmt: skip
+        if names != list(expected):
+            raise ValueError("columns that a sweep does not have, or lacks")
+        for field in found:
+            types = TYPES.values() if field.name in facts.varies else [expected[field.name][0]]
+            if field.type not in types:
+                raise ValueError(f"column {field.name} of {field.type}")
+
 
 @contextmanager
-def opened(folder: Path, plan: Plan) -> Iterator[Dataset]:
-    """The folder of a sweep, new or resumed; within the block no other process writes to it.
+def resume_sweep(path: Path | str | None, plan: Plan) -> Iterator[tuple[Dataset, set[int]]]:
+    """The folder of a sweep, new or resumed, and the numbers of the chunks that are finished.
 
     Raises:
-        SweepError: if another process is at it, or it holds another sweep, or one of other versions, or cannot be
-            written to.
+        SweepError: as :func:`icmj.work.folder.resume`, or if a chunk cannot be read, or belongs to another sweep.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder, "sweep"):
-            ready(folder)
-            facts = _begin(folder, plan)
-            points = folder / POINTS
-            if points.is_symlink():
-                raise SweepError(f"{points}: is a link, not a folder; choose another --out")
-            replaceable(folder / TIMING, folder / SUMS)
-            points.mkdir(exist_ok=True)
-            clear_leftovers(points)
-            yield Dataset(folder, plan, facts)
-    except BlockingIOError as error:
-        raise SweepError(f"{folder}: {error.strerror}, or choose another --out") from error
-    except OSError as error:
-        raise SweepError(f"{folder}: cannot be written to: {error.strerror}; choose another --out") from error
+    file, base = plan.file, plan.file.base
+    more = {
+        "name": file.sweep.name,
+        "title": file.sweep.title,
+        "seed": plan.points.seed,
+        "varies": list(plan.points.names),
+        "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],
+        "outputs": list(plan.outputs),
+        **({"code": dict(plan.code)} if plan.code else {}),
+        "measures": list(plan.measures),
+        "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
+        "provenance": provenance(file.path.parent),
+        "sweep": file.text,
+        "run": base.text,
+        "run_path": base.path.name,
+    }
+    mark = {"fingerprint": plan.fingerprint, "points": len(plan), "chunk": plan.chunk}
+    of = Description(WHAT, POINTS, mark, "sweep file, run file, model or code", more, parse_facts)
+    with resume(path, of, SweepError, beside=(TIMING,)) as folder:
+        dataset = Dataset(folder.path, folder)
+        yield dataset, {chunk for chunk, _ in dataset.chunks(["point", "status"], schema(plan))}
 
 
 def read_sweep(folder: Path | str) -> Swept:
@@ -106,82 +168,21 @@ def read_sweep(folder: Path | str) -> Swept:
     Raises:
         SweepError: if the folder is not that of a sweep, no chunk is finished, or a file is damaged.
     """
-    folder = Path(folder)
-    facts = read_facts(folder / FACTS)
+    facts = Dataset(folder).facts
     varies = tuple(zip(facts.varies, facts.fields, strict=True))
     return Swept(facts.name, facts.title or facts.name, varies, facts.points, read_table(folder))
 
 
-def read_table(folder: Path) -> pa.Table:
+def read_table(folder: Path | str) -> pa.Table:
     """All rows of a folder that are there, in order, as one table.
 
     Raises:
         SweepError: if there is none, or a file of it cannot be read.
     """
-    facts = read_facts(folder / FACTS)
-    files = chunk_files(folder / POINTS, facts)
-    if not files:
+    tables = [table for _, table in Dataset(folder).chunks()]
+    if not tables:
         raise SweepError(f"{folder}: no point is finished there")
-    tables: list[pa.Table] = []
-    ledger = Ledger(folder)
-    for chunk, path in files.items():
-        schema = tables[0].schema if tables else None
-        tables.append(read_chunk(path, facts.rows(chunk), facts, schema=schema, ledger=ledger))
     return pa.concat_tables(tables)
-
-
-def _begin(folder: Path, plan: Plan) -> Facts:
-    """Write the folder's description, or check that it belongs to this sweep."""
-    if not os.path.lexists(folder / FACTS):
-        if os.path.lexists(folder / POINTS):
-            raise SweepError(f"{folder}: has points but no {FACTS} that describes them; choose another --out")
-        facts = {
-            "fingerprint": plan.fingerprint,
-            "name": plan.file.sweep.name,
-            "title": plan.file.sweep.title,
-            "points": len(plan),
-            "chunk": plan.chunk,
-            "seed": plan.points.seed,
-            "varies": list(plan.points.names),
-            "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],
-            "outputs": list(plan.outputs),
-            **({"code": dict(plan.code)} if plan.code else {}),
-            "measures": list(plan.measures),
-            "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
-            "versions": versions(PACKAGES),
-            "provenance": provenance(plan.file.path.parent),
-            "sweep": plan.file.text,
-            "run": plan.file.base.text,
-            "run_path": plan.file.base.path.name,
-        }
-        with Ledger(folder).seal(folder / FACTS) as part:
-            part.write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        return read_facts(folder / FACTS)
-    known = read_facts(folder / FACTS)
-    if known.fingerprint != plan.fingerprint:
-        raise SweepError(
-            f"{folder}: holds another sweep ({known.name}, of another sweep file, run file, model or code); choose "
-            "another --out"
-        )
-    before, now = known.versions, versions(PACKAGES)
-    other = [f"{name} {before.get(name)} (now {now[name]})" for name in now if before.get(name) != now[name]]
-    if other:
-        raise SweepError(
-            f"{folder}: was begun with {', '.join(other)}, and would not be of one piece; choose another --out"
-        )
-    if (known.points, known.chunk) != (len(plan), plan.chunk):
-        raise SweepError(f"{folder}: its {FACTS} is not what this sweep wrote; choose another --out")
-    return known
-
-
-def _settle(folder: Path) -> None:
-    """Flush the folder, so that a new file name is on the disk."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def statuses(folder: Path) -> Counter[str]:
@@ -191,9 +192,30 @@ def statuses(folder: Path) -> Counter[str]:
         SweepError: as :func:`read_table`.
     """
     found: Counter[str] = Counter()
-    facts = read_facts(folder / FACTS)
-    ledger = Ledger(folder)
-    for chunk, path in chunk_files(folder / POINTS, facts).items():
-        table = read_chunk(path, facts.rows(chunk), facts, ["point", "status"], ledger=ledger)
+    for _, table in Dataset(folder).chunks(["point", "status"]):
         found.update(table["status"].to_pylist())
     return found
+
+
+def _check_values(table: pa.Table, rows: range, facts: Facts) -> None:
+    """Check the order and status of points, that varied values are finite, and that a cycle has an interval."""
+    names = table.column_names
+    if "point" in names and table["point"].to_pylist() != list(rows):
+        raise ValueError("with other points")
+    for name in ("status", "words"):
+        if name in names and table[name].null_count:
+            raise ValueError(f"without {name}")
+    for name in facts.varies:
+        if name in names and (
+            table[name].null_count
+            or (table[name].type == TYPES["number"] and not pc.all(pc.is_finite(table[name])).as_py())
+        ):
+            raise ValueError(f"column {name} has gaps")
+    for plant in ("linear", "mujoco"):
+        needed = [f"{plant}_{name}" for name in ("kind", "interval", "p")]
+        if not set(needed) <= set(names):
+            continue
+        cycle = table.filter(pc.fill_null(pc.equal(table[needed[0]], "cycle"), False))
+        interval = cycle[needed[1]].to_numpy(zero_copy_only=False)
+        if cycle[needed[2]].null_count or not (np.isfinite(interval) & (interval > 0)).all():
+            raise ValueError(f"a cycle without {plant}_interval")

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from icmj.case.files import digests, fingerprint_of, references
+from icmj.case.files import digests, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.sweeps.points import Points, Value
+from icmj.work.folder import fingerprint_of
 from icmj.work.provenance import versions
 
 FORMAT = 1
-PACKAGES = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
 _CHUNKS = 64  # at least, where there are points enough: so that processes end together
 _LARGEST = {False: 500, True: 25}  # points of a chunk without and with simulation: a few seconds of work
 _TRIED = 5  # points that are tried before a sweep starts
@@ -132,7 +132,7 @@ class Plan:
             "icmj.run": self.file.base.text,
             "icmj.points": str(len(self)),
             "icmj.chunk": str(self.chunk),
-            "icmj.versions": json.dumps(versions(PACKAGES)),
+            "icmj.versions": json.dumps(versions()),
         }
 
     def _check_values(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +16,7 @@ from icmj.case.case import Case, PlantKind, expect_measures, measure_own, prepar
 from icmj.errors import IcmjError, SweepError
 from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.sweeps.chunk import Computed, compute, died, parquet
-from icmj.sweeps.dataset import Dataset, opened, read_table
+from icmj.sweeps.dataset import read_table, resume_sweep
 from icmj.sweeps.plan import Plan
 from icmj.work.crew import Crew
 from icmj.work.crew import crew as _crew
@@ -129,12 +130,9 @@ def sweep(
         SweepError: if the sweep cannot start, the folder is in use, or no process survives.
     """
     plan = planned(file, allow_code=allow_code)
-    if out is None:
-        with TemporaryDirectory() as folder:
-            carry_out(plan, Path(folder), jobs=jobs, dask=dask, progress=progress)
-            return read_table(Path(folder))
-    carry_out(plan, Path(out), jobs=jobs, dask=dask, progress=progress)
-    return read_table(Path(out))
+    with nullcontext(out) if out is not None else TemporaryDirectory() as folder:
+        carry_out(plan, Path(folder), jobs=jobs, dask=dask, progress=progress)
+        return read_table(folder)
 
 
 def planned(file: SweepFile | Path | str, *, allow_code: bool = False) -> Plan:
@@ -154,8 +152,8 @@ def carry_out(
     Raises:
         SweepError: as :func:`sweep`.
     """
-    with _crew(compute, jobs, dask) as crew, opened(out, plan) as dataset:
-        tally = _Tally(plan, dataset.finished(), progress)
+    with _crew(compute, jobs, dask) as crew, resume_sweep(out, plan) as (dataset, finished):
+        tally = _Tally(plan, finished, progress)
         lost: list[int] = []
         for points, computed, _ in crew.compute(plan, map(plan.range, tally.missing())):
             chunk = points.start // plan.chunk
@@ -164,11 +162,11 @@ def carry_out(
                 if len(lost) == 3 and not tally.computed:
                     _see_one_survive(plan, crew)
             else:
-                _place(dataset, chunk, computed)
+                dataset.write(chunk, computed)
                 tally.add(chunk, computed)
         for chunk in lost:
             computed = _retried(plan, chunk, crew)
-            _place(dataset, chunk, computed)
+            dataset.write(chunk, computed)
             tally.add(chunk, computed)
         return tally.progress
 
@@ -203,11 +201,6 @@ def _retried(plan: Plan, chunk: int, crew: Crew) -> Computed:
             failed += computed.failed
     table = pa.concat_tables([parts[i] for i in sorted(parts)]).combine_chunks()
     return Computed(parquet(table), len(table), failed, seconds, simulating)
-
-
-def _place(dataset: Dataset, chunk: int, computed: Computed) -> None:
-    dataset.write(chunk, computed.content)
-    dataset.time(chunk, computed)
 
 
 class _Tally:

@@ -12,6 +12,8 @@ from pathlib import Path
 from icmj.base.version import VERSION
 
 PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
+DECISIVE = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
+"""Those that decide the bits of results, and of their files."""
 _PATIENCE = 60.0  # s on the clock for one word of git
 
 
@@ -24,7 +26,7 @@ def provenance(folder: Path) -> dict[str, str]:
     return facts
 
 
-def versions(packages: Iterable[str]) -> dict[str, str]:
+def versions(packages: Iterable[str] = DECISIVE) -> dict[str, str]:
     """Version of each package, or ``not installed``."""
     return {package: _version(package) for package in packages}
 

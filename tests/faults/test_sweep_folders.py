@@ -19,13 +19,13 @@ import pytest
 from sweep_cases import GRID, sweep_file
 from terminal_cases import told
 
-from icmj.base.ledger import SUMS
 from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
 from icmj.report import build_report
-from icmj.sweeps.dataset import opened, read_sweep, statuses
+from icmj.sweeps.dataset import read_sweep, resume_sweep, statuses
 from icmj.sweeps.plan import Plan
 from icmj.sweeps.sweep import carry_out, planned
+from icmj.work.folder import SUMS
 
 VICTIM = "somebody's file\n"
 
@@ -128,9 +128,9 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "facts: no points": (facts(points="many"), "points: "),
     "facts: no point": (facts(points=0), "points: "),
     "facts: 10¹⁸ points": (facts(points=10**18), "points: "),
-    "facts: fewer points": (facts(points=7), r"no sound|not what this sweep wrote|not a chunk|00000002\.parquet"),
+    "facts: fewer points": (facts(points=7), r"no sound|holds another sweep|cannot be read|00000002\.parquet"),
     "facts: no chunk": (facts(chunk=0), "chunk: "),
-    "facts: another chunk": (facts(chunk=2), "not what this sweep wrote|not a chunk of this sweep"),
+    "facts: another chunk": (facts(chunk=2), "holds another sweep|cannot be read"),
     "facts: varies": (facts(varies=[["b"]]), "varies.0: "),
     "facts: of two lengths": (facts(fields=[]), "varies and fields"),
     "facts: escape codes": (facts(title="\x1b[31mred\u202e"), "title: "),
@@ -138,10 +138,10 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "facts: no fingerprint": (facts(fingerprint=None), "fingerprint: "),
     "facts: a pipe": (replaced("sweep.json", os.mkfifo), "is a pipe"),
     "facts: a folder": (replaced("sweep.json", Path.mkdir), "no sound sweep.json"),
-    "chunk: empty": (lambda folder: one(folder).write_bytes(b""), r"00000001\.parquet: not a chunk"),
-    "chunk: text": (lambda folder: one(folder).write_text("b,c\n1,2\n"), r"00000001\.parquet: not a chunk"),
-    "chunk: cut": (lambda folder: cut(one(folder), 0.7), r"00000001\.parquet: not a chunk"),
-    "chunk: spoilt": (lambda folder: spoilt(one(folder)), r"00000001\.parquet: not a chunk"),
+    "chunk: empty": (lambda folder: one(folder).write_bytes(b""), r"00000001\.parquet: cannot be read"),
+    "chunk: text": (lambda folder: one(folder).write_text("b,c\n1,2\n"), r"00000001\.parquet: cannot be read"),
+    "chunk: cut": (lambda folder: cut(one(folder), 0.7), r"00000001\.parquet: cannot be read"),
+    "chunk: spoilt": (lambda folder: spoilt(one(folder)), r"00000001\.parquet: cannot be read"),
     "chunk: of other points": (
         lambda folder: shutil.copy(folder / "points" / "00000000.parquet", one(folder)),
         "with other points",
@@ -157,7 +157,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "chunk: a status missing": (column("status", ["ok", None, "ok"]), "without status"),
     "chunk: a pipe": (replaced("points/00000001.parquet", os.mkfifo), "is a pipe"),
-    "chunk: a folder": (replaced("points/00000001.parquet", Path.mkdir), "not a chunk"),
+    "chunk: a folder": (replaced("points/00000001.parquet", Path.mkdir), "cannot be read"),
     "chunk: by its name": (
         lambda folder: shutil.copy(one(folder), folder / "points" / "99999999.parquet"),
         "by its name; remove it",
@@ -181,8 +181,8 @@ def test_a_damaged_folder_is_one_line(damage: str, forged: bool, begun: tuple[Pl
         resealed(folder)
     elif not re.search("pipe|folder|by (its|another) name", damage):
         words = "not as it was written"
-    with pytest.raises(SweepError, match=words) as caught, opened(folder, plan) as dataset:  # to go on
-        dataset.finished()
+    with pytest.raises(SweepError, match=words) as caught, resume_sweep(folder, plan):  # to go on
+        pass
     assert "\n" not in str(caught.value)
     with pytest.raises(SweepError, match=words) as caught:  # to report
         read_sweep(folder)
@@ -263,7 +263,7 @@ def test_the_commands_say_it_in_one_line(
     for command in (["sweep", sweep, "--out", folder, "--jobs", "1"], ["report", folder, "--out", tmp_path / "a.html"]):
         assert main([str(word) for word in command]) == 2
         err = told(capfd.readouterr().err)
-        assert "00000001.parquet: not a chunk of this sweep" in err[-1]
+        assert "00000001.parquet: cannot be read" in err[-1]
         assert err[-1].endswith("remove it, and it is computed again")
     one(folder).unlink()
     assert main(["sweep", str(sweep), "--out", str(folder), "--jobs", "1"]) == 0

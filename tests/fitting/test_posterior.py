@@ -14,11 +14,11 @@ from patience import PATIENCE
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from icmj.base.ledger import Ledger
 from icmj.errors import FitError
 from icmj.fitting.calibration import calibrate
 from icmj.fitting.posterior import Posterior, effective, train_posterior
 from icmj.fitting.seen import Seen
+from icmj.work.folder import Folder
 
 NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")
 G = np.array([[1.2, 0.3, 0], [-0.4, 0.9, 0], [0.5, 0.5, 0], [0.1, -0.8, 0], [0.0, 0.2, 0]])
@@ -191,13 +191,13 @@ def test_what_is_no_network_is_told(tmp_path) -> None:
     path.write_bytes(b"PK")
     with pytest.raises(FitError, match="not as it was written"):
         Posterior.load(path)
-    with Ledger(tmp_path).seal(path) as part:
+    with Folder(tmp_path, FitError).seal(path) as part:
         part.write_bytes(b"PK")
-    with pytest.raises(FitError, match="not a trained network"):
+    with pytest.raises(FitError, match="cannot be read: not an npz file"):
         Posterior.load(path)
     with pytest.raises(FitError, match="cannot be read"):
         Posterior.load(tmp_path / "none.npz")
-    with Ledger(tmp_path).seal(path) as part, part.open("wb") as file:
+    with Folder(tmp_path, FitError).seal(path) as part, part.open("wb") as file:
         np.savez(file, head=np.array('{"version": 3, "mark": "", "networks": [{"kind": "classifier"}]}'))
     with pytest.raises(FitError, match="no flow of this version"):
         Posterior.load(path)

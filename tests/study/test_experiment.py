@@ -15,7 +15,7 @@ from icmj.cli.main import main
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
-from icmj.study.trials import opened
+from icmj.study.trials import resume_experiment
 from icmj.work.shipped import EXPERIMENTS
 
 TEXT = """
@@ -74,9 +74,9 @@ def test_seeds_differ_and_the_case_stays_the_same(done):
 def test_two_processes_are_not_at_one_folder(tmp_path):
     file, out = file_of(TEXT, tmp_path), tmp_path / "out"
     script = (
-        "import sys; from pathlib import Path; from icmj.runfile.experiment_tables import load_experiment as load\n"
-        "from icmj.study.trials import opened\n"
-        "with opened(Path(sys.argv[2]), load(sys.argv[1])):\n    print('there', flush=True); sys.stdin.read()"
+        "import sys; from icmj.runfile.experiment_tables import load_experiment as load\n"
+        "from icmj.study.trials import resume_experiment\n"
+        "with resume_experiment(sys.argv[2], load(sys.argv[1])):\n    print('there', flush=True); sys.stdin.read()"
     )
     (tmp_path / "short.toml").write_text(TEXT)
     command = [sys.executable, "-c", script, str(tmp_path / "short.toml"), str(out)]
@@ -87,7 +87,7 @@ def test_two_processes_are_not_at_one_folder(tmp_path):
             icmj.run_experiment(file, out, jobs=1)
         assert "\n" not in str(refused.value)
         other.kill()  # the lock goes with it
-    with opened(out, file):
+    with resume_experiment(out, file):
         pass
 
 

@@ -18,11 +18,11 @@ from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
 
 import icmj
-from icmj.base.ledger import Ledger
 from icmj.errors import SweepError
 from icmj.sweeps.chunk import Computed, compute
-from icmj.sweeps.dataset import opened, read_table
+from icmj.sweeps.dataset import read_table, resume_sweep
 from icmj.sweeps.sweep import carry_out, planned
+from icmj.work.folder import Folder
 
 KILLS = 20
 
@@ -136,14 +136,14 @@ def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_
 def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
     one = planned(sweep_file(tmp_path, GRID.format(count=4)))
     two = planned(sweep_file(tmp_path, GRID.format(count=5), name="two.toml"))
-    with opened(tmp_path / "out", one) as dataset:
+    with resume_sweep(tmp_path / "out", one) as (dataset, _):
         with pytest.raises(SweepError, match=rf"another sweep \(process {os.getpid()}\) is writing there"):
             carry_out(one, tmp_path / "out", jobs=1)
-        dataset.write(0, compute(one, range(2)).content)
+        dataset.write(0, compute(one, range(2)))
     with pytest.raises(SweepError, match="holds another sweep"):
         carry_out(two, tmp_path / "out", jobs=1)
     facts = tmp_path / "out" / "sweep.json"
-    with Ledger(facts.parent).seal(facts) as part:
+    with Folder(facts.parent, SweepError).seal(facts) as part:
         part.write_text(facts.read_text().replace('"numpy": "', '"numpy": "0.'))
     with pytest.raises(SweepError, match=r"begun with numpy 0\."):
         carry_out(one, tmp_path / "out", jobs=1)
@@ -160,11 +160,11 @@ def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
-    with opened(tmp_path / "out", plan) as dataset:
-        dataset.write(0, b"whole")
+    with resume_sweep(tmp_path / "out", plan) as (dataset, _):
+        dataset.write(0, Computed(b"whole", 1, 0, 0.0, 0.0))
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(SweepError, match="No space left on device; what is finished is kept"):
-            dataset.write(1, b"not")
+            dataset.write(1, Computed(b"not", 1, 0, 0.0, 0.0))
     assert contents(tmp_path / "out") == {"00000000.parquet": b"whole"}
 
 
