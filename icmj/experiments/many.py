@@ -15,7 +15,7 @@ from icmj.case.case import Case, PlantKind, prepare, revised, simulate, simulate
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
 from icmj.errors import SimulationError, expect
-from icmj.experiments.quiet_standing import sway_numbers
+from icmj.measurement.sway import sway_numbers
 from icmj.runfile.messages import short
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series

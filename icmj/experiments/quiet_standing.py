@@ -10,28 +10,10 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.errors import DataError
 from icmj.experiments.recording import Recording, completed
-from icmj.measurement import sway
 from icmj.measurement.modality import FEWEST, Modality, modality
-from icmj.series.series import Series
+from icmj.measurement.sway import MEASURES, sway_numbers
 
 SURE = 0.01  # a p that says so: of flat distributions more than that are as small
-WORDS = {
-    "mean": "mean",
-    "rms": "RMS",
-    "mean_distance": "mean distance",
-    "range": "range",
-    "prediction_range": "prediction range",
-    "speed": "mean speed",
-    "rotation_frequency": "rotation frequency",
-    "frequency.mean": "mean frequency",
-    "frequency.median": "median frequency",
-    "frequency.edge": "95 % frequency",
-    "frequency.slope": "slope of spectrum",
-    "short.H": "H, short times",
-    "short.D": "D, short times",
-    "long.H": "H, long times",
-    "long.D": "D, long times",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,25 +78,10 @@ class Standing:
         """The measures with readable names and units."""
         found = {}
         for name, unit in zip(self.names, self.units, strict=True):
-            for key, words in WORDS.items():
-                mark = _unit(key, unit)
-                found[f"{name}, {words}" + (f" ({mark})" if mark else "")] = self.measures[f"{name}.{key}"]
+            for measure in MEASURES:
+                mark = f" ({measure.unit_of(unit)})" if measure.unit else ""
+                found[f"{name}, {measure.words}{mark}"] = self.measures[f"{name}.{measure.key}"]
         return found
-
-
-def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
-    """Measures of sway as numbers by name, such as ``trunk.frequency.median``; NaN of a run that was too short."""
-    measured = sway.measure_sway(series, low_pass=low_pass) if len(series) >= sway.FEWEST else None
-    found: dict[str, Array] = {}
-    for place, signal in enumerate(series.names):
-        parts: dict[str, object] = {}
-        if measured is not None:
-            of = measured.coordinates[place]
-            parts = {"": of, "frequency": of.frequencies, "short": of.diffusion.short, "long": of.diffusion.long}
-        for key in WORDS:
-            part, _, name = key.rpartition(".")
-            found[f"{signal}.{key}"] = np.asarray(getattr(parts.get(part), name, np.nan))
-    return found
 
 
 def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:
@@ -154,14 +121,3 @@ def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = 
         intervals,
         modality(intervals, resamples=resamples) if varied else None,
     )
-
-
-def _unit(key: str, unit: str) -> str:
-    """Unit of a measure of a signal in this unit."""
-    if key.startswith("frequency.") or key == "rotation_frequency":
-        return "" if key.endswith("slope") else "Hz"
-    if key.endswith(".H"):
-        return ""
-    if key.endswith(".D"):
-        return f"{unit}²/s"
-    return f"{unit}/s" if key == "speed" else unit

@@ -14,12 +14,17 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between, steps_in
 from icmj.errors import FitError
-from icmj.measurement.sway import measure_sway
+from icmj.measurement import sway
 from icmj.series.series import Series
 
-MEASURES = ("rms", "speed", "slope", "H short", "H long", "mean frequency")
+_SIX = {
+    "rms": "rms", "speed": "speed", "slope": "frequency.slope", "H short": "short.H", "H long": "long.H",
+    "mean frequency": "frequency.mean",
+}  # fmt: skip
+_MEASURED = tuple(next(one for one in sway.MEASURES if one.key == key) for key in _SIX.values())
+MEASURES = tuple(_SIX)
 """The six measures of sway; units ``MEASURE_UNITS``."""
-MEASURE_UNITS = ("m", "m/s", "", "", "", "Hz")
+MEASURE_UNITS = tuple(one.unit_of("m") for one in _MEASURED)
 LEAST = 30.0  # s
 _LOGS = np.array([True, True, False, False, False, True])
 _OMEGA = 2.9  # rad/s, of a standing adult as an inverted pendulum: √(mgh/J)
@@ -69,10 +74,8 @@ def measures(summaries: ArrayLike) -> Array:
 
 def _measures(x: Array, rate: float) -> Array:
     series = Series(np.arange(len(x)) / rate, x[:, None], ("cop",), ("m",))
-    of = measure_sway(series).coordinates[0]
-    short, long = of.diffusion.short, of.diffusion.long
-    H = [0.0 if stretch is None else stretch.H for stretch in (short, long)]
-    return np.array([of.rms, of.speed, of.frequencies.slope, *H, of.frequencies.mean])
+    of = sway.measure_sway(series).coordinates[0]
+    return np.array([measure.value(of) for measure in _MEASURED])
 
 
 def _scaled(six: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,66 @@ class Plane:
     diffusion: Diffusion
 
 
+@dataclass(frozen=True)
+class Measure:
+    """One measure of a coordinate, or of a plane.
+
+    Attributes:
+        key: its name in batches of runs, such as ``frequency.median``.
+        words: what it is called.
+        unit: its unit, with ``U`` for that of the coordinate.
+        of: attribute that holds it, by its way from the coordinate or the plane.
+    """
+
+    key: str
+    words: str
+    unit: str
+    of: str
+
+    def value(self, found: Coordinate | Plane) -> float:
+        """The measure; NaN if the record was too short for it."""
+        value: Any = found
+        for name in self.of.split("."):
+            value = value[int(name)] if name.isdecimal() else getattr(value, name)
+            if value is None:
+                return float("nan")
+        return float(value)
+
+    def unit_of(self, unit: str) -> str:
+        """Its unit where that of the coordinate is ``unit``."""
+        return self.unit.replace("U", unit)
+
+
+_OF_BOTH = (
+    Measure("frequency.mean", "mean frequency", "Hz", "frequencies.mean"),
+    Measure("frequency.median", "median frequency", "Hz", "frequencies.median"),
+    Measure("frequency.edge", "95 % frequency", "Hz", "frequencies.edge"),
+    Measure("frequency.slope", "slope of spectrum", "", "frequencies.slope"),
+    Measure("short.H", "H, short times", "", "diffusion.short.H"),
+    Measure("short.D", "D, short times", "U²/s", "diffusion.short.D"),
+    Measure("long.H", "H, long times", "", "diffusion.long.H"),
+    Measure("long.D", "D, long times", "U²/s", "diffusion.long.D"),
+    Measure("critical.lag", "critical lag", "s", "diffusion.critical.0"),
+    Measure("critical.displacement", "critical displacement", "U²", "diffusion.critical.1"),
+)
+_RMS = Measure("rms", "RMS", "U", "rms")
+_DISTANCE = Measure("mean_distance", "mean distance", "U", "mean_distance")
+_SPEED = Measure("speed", "mean speed", "U/s", "speed")
+_ROTATION = Measure("rotation_frequency", "rotation frequency", "Hz", "rotation_frequency")
+MEASURES = (
+    Measure("mean", "mean", "U", "mean"), _RMS, _DISTANCE, Measure("range", "range", "U", "range"),
+    Measure("prediction_range", "prediction range", "U", "prediction_range"), _SPEED, _ROTATION, *_OF_BOTH,
+)  # fmt: skip
+"""The measures of a coordinate: the one list that tables, batches, experiments and fits take them from."""
+OF_PLANE = (
+    _RMS, _DISTANCE, _SPEED, Measure("ellipse.area", "95 % prediction ellipse, area", "U²", "ellipse.area"),
+    Measure("ellipse.major", "ellipse, longer half axis", "U", "ellipse.axes.0"),
+    Measure("ellipse.minor", "ellipse, shorter half axis", "U", "ellipse.axes.1"),
+    Measure("ellipse.angle", "ellipse, angle", "rad", "ellipse.angle"), _ROTATION, *_OF_BOTH,
+)  # fmt: skip
+"""Those of a plane."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sway(Shown):
     """Measures of a swaying point, or of any signals.
@@ -179,6 +240,14 @@ def measure_sway(
     if len(coordinates) == 2 and len(set(series.units)) == 1:
         plane = _plane(series, step, frequencies(found.frequency, found.power.sum(axis=1), band))
     return Sway(series, N * step, 1 / step, band, low_pass, coordinates, plane, found)
+
+
+def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
+    """Measures of sway by signal and key, such as ``trunk.frequency.median``; NaN of a run that was too short."""
+    if len(series) < FEWEST:
+        return {f"{name}.{measure.key}": np.asarray(np.nan) for name in series.names for measure in MEASURES}
+    found = measure_sway(series, low_pass=low_pass).coordinates
+    return {f"{of.name}.{measure.key}": np.asarray(measure.value(of)) for of in found for measure in MEASURES}
 
 
 def from_torque(series: Series, torque: str, weight: float) -> Series:

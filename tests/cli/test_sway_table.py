@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from icmj.cli.sway_table import _of_coordinate, _of_plane, record
-from icmj.measurement.sway import Sway, measure_sway
+from icmj.cli.sway_table import _rows, record
+from icmj.experiments.quiet_standing import quiet_standing
+from icmj.experiments.recording import Recording
+from icmj.fitting.summaries import MEASURE_UNITS, measures, summarise
+from icmj.measurement.sway import MEASURES, OF_PLANE, Sway, measure_sway, sway_numbers
 from icmj.series.series import Series
 
 SETTINGS = {"start", "end", "level", "offset"}  # of a fit, or of a confidence, and no measures
@@ -42,25 +45,47 @@ def changed(value: Any, way: tuple[str, ...]) -> Any:
     return replace(value, **{way[0]: changed(inner, way[1:]) if len(way) > 1 else 1.5 * inner + 1})
 
 
-@pytest.mark.parametrize("part", ["coordinate", "plane"])
-def test_every_measure_is_in_the_table_and_in_the_json(sway: Sway, part: str) -> None:
+LISTS = {"coordinate": MEASURES, "plane": OF_PLANE}
+
+
+@pytest.mark.parametrize("part", LISTS)
+def test_every_measure_is_in_the_one_list_in_the_table_and_in_the_json(sway: Sway, part: str) -> None:
     measures = sway.coordinates[0] if part == "coordinate" else sway.plane
-    shown = _of_coordinate if part == "coordinate" else _of_plane
+    assert measures is not None
     ways = [way for way, _ in leaves(measures) if way[-1] not in SETTINGS]
     assert len(ways) >= 10
+
+    def listed(of: Any) -> list[float]:
+        return [measure.value(of) for measure in LISTS[part]]
+
     for way in ways:
         other = changed(measures, way)
-        assert shown(other) != shown(measures), f"{'.'.join(way)} has no label in icmj/cli/sway_table.py"
+        assert listed(other) != listed(measures), f"{'.'.join(way)} is not in icmj/measurement/sway.py's list"
+        assert _rows(LISTS[part], other) != _rows(LISTS[part], measures)
         swapped = {"coordinates": (other,)} if part == "coordinate" else {"plane": other}
         assert json.dumps(record(replace(sway, **swapped))) != json.dumps(record(sway)), (
             f"{'.'.join(way)} is in no JSON"
         )
 
 
+def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sway) -> None:
+    """Numbers, names and units are those of the list wherever they stand, and so is what is missing."""
+    first, second = sway.coordinates
+    found = sway_numbers(sway.series)
+    assert list(found) == [f"{c.name}.{measure.key}" for c in (first, second) for measure in MEASURES]
+    assert found["ml.short.D"] == second.diffusion.short.D
+    assert all(np.isnan(value) for value in sway_numbers(sway.series.since(59.9)).values())
+    told = quiet_standing([Recording(sway.series)], resamples=9).numbers
+    assert [told[f"ap, {words}"] for words in ("RMS (m)", "mean speed (m/s)", "D, long times (m²/s)")] == [
+        first.rms, first.speed, first.diffusion.long.D,
+    ]  # fmt: skip
+    assert MEASURE_UNITS == ("m", "m/s", "", "", "", "Hz")
+    six = [first.rms, first.speed, first.frequencies.slope, first.diffusion.short.H, first.diffusion.long.H]
+    seen = measures(summarise(sway.series["ap"]))
+    np.testing.assert_allclose(seen, [*six, first.frequencies.mean], rtol=1e-12)
+
+
 def test_every_label_is_in_the_documentation(sway: Sway, root: Path) -> None:
     page = (root / "docs" / "measures.md").read_text(encoding="utf-8").lower().replace("$", "")
-    assert sway.plane is not None
-    for label in {**_of_coordinate(sway.coordinates[0]), **_of_plane(sway.plane)}:
-        words = label.split("(")[0].split(":")[0].split(",")[0].strip().lower()
-        words = words.removesuffix(" about the mean")
-        assert words in page, f"{label!r} is not in docs/measures.md"
+    for measure in (*MEASURES, *OF_PLANE):
+        assert measure.words.split(",")[0].lower() in page, f"{measure.words!r} is not in docs/measures.md"
