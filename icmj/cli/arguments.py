@@ -62,8 +62,6 @@ class Identify(Overrides):
     """
     plant: Literal["linear", "mujoco"] | None = None
     """Plant that made the motion (default: that of the log; mujoco for other files)."""
-    seed: int = 0
-    """Seed of the simulations to which a noisy motion is compared."""
     json: bool = False
     """Print JSON instead of sentences."""
 

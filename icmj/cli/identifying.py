@@ -30,7 +30,7 @@ def carry_out(command: Identify, out: Terminal, err: Terminal) -> None:
             working.tell(f"identifying from {path.name}", i / len(command.motions))
             unknown, observed, plant = _read(command, path)
             observed = observed.with_errors(command.timing, command.reading)
-            result = identify(unknown, observed, plant=plant, seed=command.seed)
+            result = identify(unknown, observed, plant=plant)
             found.append((path, result))
     if command.json:
         out.show([_record(path, result) for path, result in found])

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from icmj.base.array import Array
 from icmj.base.environment import single_threaded
 from icmj.case.case import PlantKind
 from icmj.errors import IdentificationError
-from icmj.identification.agreement import LEVEL, Agreement, agreement, agreement_of_sequence
-from icmj.identification.bank import Bank, bank
+from icmj.identification.agreement import Agreement, agreement, agreement_of_sequence
 from icmj.identification.inverse import Candidate, Inverse, refined
 from icmj.identification.observed import FEWEST, Observed
 from icmj.identification.rhythm import Rhythm, rhythm
 from icmj.identification.sequence import Sequence
 from icmj.identification.unknown import Unknown
 
-Way = Literal["rhythm", "sequence", "noise", "none"]
-_FLAT = 0.85  # of the range: an interval that wide tells nothing
+Way = Literal["rhythm", "sequence", "none"]
 _EDGE = 1e-6  # of the range: what is so near to its end reaches it
 _BAD_FIT = 0.05  # mean intervals: events that the best value does not explain
 
@@ -35,12 +31,11 @@ class Identification:
         value: best value, or ``None`` if the motion does not determine it.
         intervals: the 95 % confidence set: one pair (low, high), or several if branches cannot be distinguished; empty
             if the motion does not determine the value.
-        way: the method: the settled ``rhythm``, the ``sequence`` of events since the start, motions simulated under
-            ``noise``, or ``none``.
+        way: the method: the settled ``rhythm``, the ``sequence`` of events since the start, or ``none``.
         words: a description in words.
-        probability: probability that a motion with the best value, because of errors of times and readings or of
-            noise, would agree less well with its own prediction than the observed motion does; ``None`` if nothing was
-            compared. Below :data:`icmj.identification.agreement.LEVEL` no value fits, and none is determined.
+        probability: probability that a motion with the best value, because of errors of times and readings, would agree
+            less well with its own prediction than the observed motion does; ``None`` if nothing was compared. Below
+            :data:`icmj.identification.agreement.LEVEL` no value fits, and none is determined.
         edge: an end of the range that the intervals reach, beyond which the value may lie; otherwise ``None``.
     """
 
@@ -64,30 +59,27 @@ def identify(
     *,
     plant: PlantKind = "linear",
     refine: bool = True,
-    known: Inverse | Bank | None = None,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
+    known: Inverse | None = None,
 ) -> Identification:
     """Estimate one model error and its uncertainty from a motion, or report that the motion does not determine it.
 
-    Without noise in the run file, the estimate is the value whose cycle has the settled interval and sign; if the
-    motion has not settled and its start is known, it is the value whose simulated events are those observed. With
-    noise, simulated motions are compared (:mod:`icmj.identification.bank`).
+    The estimate is the value whose cycle has the settled interval and sign; if the motion has not settled and its start
+    is known, it is the value whose simulated events are those observed. What moves under noise has no such interval:
+    :func:`icmj.fit` infers its parameters.
 
     Args:
         unknown: the parameter to be identified, and the run file with everything that is known.
         observed: the motion.
         plant: the plant of the motion, which is simulated: ``linear`` or ``mujoco``.
         refine: whether the exact cycle of the nonlinear plant corrects the linear theory; only for ``mujoco``.
-        known: results computed for another motion of the same length: predictions, or simulated motions.
-        seed: seed of simulated motions.
-        progress: called repeatedly with the completed fraction, 0–1.
+        known: predictions computed for another motion.
 
     Raises:
+        IdentificationError: if the run file has noise.
         IcmjError: if the run file does not have the unknown, or no motion can be simulated.
     """
     with unknown.run.at_hand() as run:  # of a log from elsewhere, with the models that it carries
-        return _identified(replace(unknown, run=run), observed, plant, refine, known, seed, progress)
+        return _identified(replace(unknown, run=run), observed, plant, refine, known)
 
 
 def _identified(
@@ -95,14 +87,13 @@ def _identified(
     observed: Observed,
     plant: PlantKind,
     refine: bool,
-    known: Inverse | Bank | None,
-    seed: int,
-    progress: Callable[[float], None] | None,
+    known: Inverse | None,
 ) -> Identification:
     if unknown.run.drawn().simulation.settings().noisy:
-        if not isinstance(known, Bank):
-            known = bank(unknown, observed, plant, seed=seed, progress=progress)
-        return _under_noise(unknown, observed, known)
+        raise IdentificationError(
+            f"{unknown.run.path}: has noise, under which no interval repeats; infer {unknown.name} by icmj fit, with a "
+            "family of this run file"
+        )
     found = None if unknown.run.setpoint else rhythm(observed)  # what is predicted of a rhythm is that of r = 0
     case = unknown.checked()
     least = case.controller.least
@@ -111,9 +102,7 @@ def _identified(
             unknown, f"every interval is the least one, {least:g} s: the event rule does not determine the events"
         )
     if found is not None:
-        inverse = (
-            known if isinstance(known, Inverse) and known.reaches(found.interval) else Inverse.up_to(unknown, found)
-        )
+        inverse = known if known is not None and known.reaches(found.interval) else Inverse.up_to(unknown, found)
         candidates = inverse.candidates(found)
         if plant == "mujoco" and refine:
             candidates = [refined(inverse, each, found) for each in candidates]
@@ -178,46 +167,6 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Id
     words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."
     interval = (fit.value - fit.error, fit.value + fit.error)
     return _found(unknown, fit.value, (interval,), "sequence", words, how.probability)
-
-
-def _under_noise(unknown: Unknown, observed: Observed, compared: Bank) -> Identification:
-    try:
-        grid, density = compared.posterior(observed)
-        probability = compared.probability(observed)
-    except IdentificationError as error:
-        return _cannot(unknown, str(error))
-    intervals = densest(grid, density)
-    width = sum(high - low for low, high in intervals)
-    best = float(grid[density.argmax()])
-    if probability < LEVEL:
-        return _nothing_fits(
-            unknown,
-            f"{unknown.name} = {best:.4g} is nearest, but intervals, sizes or courses are further from what it "
-            "predicts than noise explains",
-            Agreement(probability),
-        )
-    if width > _FLAT * (unknown.high - unknown.low):
-        return _cannot(
-            unknown, f"under this noise, any value between {unknown.low:g} and {unknown.high:g} is as likely"
-        )
-    where = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in intervals)
-    words = f"{unknown.name} = {best:.4g}, with 95 % confidence {where}, from the motion under noise."
-    return _found(unknown, best, intervals, "noise", words, probability)
-
-
-def densest(grid: Array, density: Array, share: float = 0.95) -> tuple[tuple[float, float], ...]:
-    """The smallest set of values that holds ``share`` of the probability, as intervals."""
-    step = grid[1] - grid[0]
-    order = np.argsort(-density)
-    held = np.cumsum(density[order]) / density.sum()
-    inside = np.zeros(len(grid), bool)
-    inside[order[: int(np.searchsorted(held, share)) + 1]] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    low, high = grid[0], grid[-1]
-    return tuple(
-        (float(max(low, grid[a] - step / 2)), float(min(high, grid[b - 1] + step / 2)))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    )
 
 
 def _found(

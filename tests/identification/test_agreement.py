@@ -13,14 +13,11 @@ from terminal_cases import told
 
 import icmj
 from icmj.cli.main import main
-from icmj.controller.trigger import Continuous
 from icmj.errors import IdentificationError
 from icmj.identification.agreement import LEVEL
-from icmj.identification.bank import bank, seen_alike
 from icmj.identification.identification import Identification, identify
 from icmj.identification.inverse import Inverse
 from icmj.identification.observed import Observed
-from icmj.identification.summaries import summaries
 from icmj.identification.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
@@ -31,8 +28,8 @@ NOISY = replace(BLIND, run=BLIND.run.with_(**{"simulation.duration": 60.0, "simu
 T = np.arange(0, 40, 0.04)
 
 
-def motion(b: float, run: icmj.RunFile = PENDULUM, trigger: object = None, **changes: object) -> icmj.Simulation:
-    return icmj.simulate(icmj.prepare(run.with_(**{"actual.gain": b}, **changes)), "linear", trigger=trigger)
+def motion(b: float, run: icmj.RunFile = PENDULUM, **changes: object) -> icmj.Simulation:
+    return icmj.simulate(icmj.prepare(run.with_(**{"actual.gain": b}, **changes)), "linear")
 
 
 def sampled(run: icmj.Simulation, t: np.ndarray = T) -> np.ndarray:
@@ -126,49 +123,21 @@ def test_an_estimate_at_the_edge_of_the_range_says_so() -> None:
         assert ("reaches the edge of the range" in found.words) is (edge is not None)
 
 
+def test_under_noise_the_fit_is_named_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seen = Observed.of_times(np.arange(9.0))
+    with pytest.raises(IdentificationError, match=r"simple-0\.8\.toml: has noise, .* infer b by icmj fit") as caught:
+        identify(NOISY, seen)
+    assert "\n" not in str(caught.value)
+    np.savetxt(tmp_path / "times.csv", seen.times)
+    noise = "simulation.disturbance=[{kind='noise', input='torque', size=0.005, corner=0.5, seed=1}]"
+    assert main(["identify", str(tmp_path / "times.csv"), "--run", str(PENDULUM.path), "--set", noise]) == 2
+    assert "by icmj fit, with a family of this run file" in told(capsys.readouterr().err)[-1]
+
+
 def test_an_accuracy_that_is_none_is_an_error() -> None:
     for timing, reading in ((-1.0, None), (None, float("nan"))):
         with pytest.raises(IdentificationError, match="expected a standard deviation"):
             Observed.of_times(np.arange(9.0)).with_errors(timing, reading)
-
-
-def test_simulated_motions_are_seen_with_the_errors_of_the_one_observed() -> None:
-    run = motion(0.9, NOISY.run, **{"controller.delta_min": 1.5})
-    least = float(run.events.interval.min())
-    times = Observed.of_times(np.round(run.events.t[3:], 3))
-    alike = seen_alike(run, times)
-    np.testing.assert_allclose(alike.times, np.round(run.events.t, 3))
-    # an interval at the least one stays so where times are rounded
-    exact = summaries(replace(Observed.of_simulation(run), outputs=np.zeros((len(run.events), 0))), least, 1.8)
-    np.testing.assert_allclose(summaries(alike, least, 1.8)[2], exact[2])
-    assert 0 < exact[2] < np.pi / 2
-    t = np.arange(0, 50, 0.05)
-    noisy = seen_alike(run, Observed.of_samples(t, sampled(run, t)).with_errors(None, 2e-3), seed=1)
-    assert np.std(noisy.y - sampled(run, t)) == pytest.approx(2e-3, rel=0.1)
-
-
-@pytest.mark.slow
-def test_under_noise_what_is_no_such_motion_is_refused_and_what_is_one_passes() -> None:
-    random, t = np.random.default_rng(0), np.arange(0, 59.9, 0.05)
-    known = bank(NOISY, Observed.of_samples(t, sampled(motion(1.0, NOISY.run), t)))
-
-    def found(y: np.ndarray) -> Identification:
-        return identify(NOISY, Observed.of_samples(t, y), known=known)
-
-    assert refused(found(0.005 * random.standard_normal((len(t), 1))))
-    assert refused(found(0.03 * np.sin(2 * t)[:, None]))
-    for b in (0.9, 1.0, 1.1):
-        for seed in (77, 78):
-            run = motion(b, NOISY.run, Continuous(), **{"simulation.disturbance[0].seed": seed})
-            assert refused(found(sampled(run, t))), (b, seed)
-    true = [
-        found(sampled(motion(float(b), NOISY.run, **{"simulation.disturbance[0].seed": 9000 + i}), t))
-        for i, b in enumerate(random.uniform(0.6, 1.4, 40))
-    ]
-    probabilities = np.array([each.probability for each in true])
-    assert np.sum(probabilities < LEVEL) <= 1
-    assert np.sum(probabilities < 0.2) <= 15
-    assert np.mean(probabilities) == pytest.approx(0.5, abs=0.15)
 
 
 @pytest.mark.slow

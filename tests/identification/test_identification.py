@@ -13,7 +13,7 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import IcmjError
-from icmj.identification.identification import densest, identify
+from icmj.identification.identification import identify
 from icmj.identification.inverse import Inverse
 from icmj.identification.observed import Observed
 from icmj.identification.unknown import Unknown
@@ -110,14 +110,6 @@ def test_a_wrong_unknown_and_a_wrong_record_are_errors() -> None:
     for wrong in ([1.0, 2.0], [1.0, 3.0, 2.0, 4.0], [1.0, 2.0, 3.0, np.nan]):
         with pytest.raises(IcmjError):
             Observed.of_times(np.array(wrong))
-
-
-def test_the_densest_set_holds_its_share_in_as_many_pieces_as_there_are() -> None:
-    grid = np.linspace(-6, 6, 2401)
-    ((low, high),) = densest(grid, np.exp(-(grid**2) / 2))
-    assert (low, high) == pytest.approx((-1.96, 1.96), abs=0.01)
-    two = np.exp(-((grid - 3) ** 2) * 50) + np.exp(-((grid + 3) ** 2) * 50)
-    assert np.array(densest(grid, two)) == pytest.approx(np.array([[-3.196, -2.804], [2.804, 3.196]]), abs=0.01)
 
 
 @pytest.mark.slow

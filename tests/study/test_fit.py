@@ -1,6 +1,7 @@
 """The fit as a whole, of toy families that sway as filtered noise: what is found, resumed, and left in the folder."""
 
 import json
+import re
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import SimpleNamespace
@@ -8,16 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.stats import binomtest
 
 from icmj.errors import FitError
 from icmj.fitting import calibration, choice, network, posterior, predictive
 from icmj.fitting.bank import Bank
+from icmj.fitting.family import load_family
 from icmj.fitting.prior import Distribution, Prior
 from icmj.fitting.seen import Seen
 from icmj.fitting.summaries import SUMMARIES, summarise
 from icmj.study import families as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
+from icmj.study.families import train_family
 from icmj.study.fit import Subject, fit
 from icmj.study.fit_page import write_fit
 
@@ -316,3 +320,18 @@ def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_w
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_model_error_under_noise_is_inferred_as_the_documentation_says(tmp_path, root, monkeypatch):
+    """The family of docs/sweeps.md: b and the noise of people whom it was not trained on, with intervals that hold."""
+    monkeypatch.setattr(families_module, "MEMBERS", 1)  # in a quarter of the time
+    page = (root / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    (text,) = (block for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if 'name = "pendulum"' in block)
+    (tmp_path / "pendulum.toml").write_text(text, encoding="utf-8")
+    trained = train_family(load_family(tmp_path / "pendulum.toml"), tmp_path / "trained", 400, check=100, trials=1)
+    found = trained.calibration
+    assert found.contraction[0] > 0.9
+    assert found.contraction[1] > 0.8
+    for coverage in found.coverage:
+        assert binomtest(round(100 * coverage), 100, 0.9).pvalue > 1e-3
