@@ -171,7 +171,7 @@ def _some(
     progress: Callable[[float], None] | None = None,
 ) -> _Told:
     """Carry out some of the runs, one after the other."""
-    told, base = _Told([], {}), like or replace(_PREPARED.get(run), **parts)
+    told, base = _Told([], {}), like or replace(LAST.get(run), **parts)
     for index, seed in enumerate(seeds):
         case = _varied(base, {key: values[index].item() for key, values in varied.items()})
         case = replace(case, settings=reseeded(case.settings, int(seed)))
@@ -189,21 +189,29 @@ def _some(
     return told
 
 
-class _Prepared:
-    """Cache of the last prepared case, because a worker process gets many parts of the same batch."""
+class LastCase:
+    """The case that a process prepared last: the next one mostly differs in threshold, set-point and simulation alone.
+
+    Nothing that changes a bit: what is taken over is what would be computed again.
+    """
 
     def __init__(self) -> None:
-        self._run: RunFile | None = None
+        self._key: object = None
         self._case: Case | None = None
 
-    def get(self, run: RunFile) -> Case:
-        """The case of a run file."""
-        if self._case is None or self._run != run:
-            self._run, self._case = run, prepare(run)
-        return self._case
+    def get(self, run: RunFile, q_t: float | None = None) -> Case:
+        """The case of a run file; with ``q_t``, theory is asked at this threshold and scaled, whatever came before."""
+        reference = run if q_t is None else run.with_(**{"controller.q_t": q_t})
+        key = (run.path, *(getattr(reference, name) for name in _TABLES))
+        if self._case is None or self._key != key:
+            self._key = None  # should this fail, the case that is kept is of no run file
+            self._case, self._key = prepare(reference, like=self._case), key
+        return revised(self._case, run)
 
 
-_PREPARED = _Prepared()
+_TABLES = ("assumed", "actual", "design", "controller", "analysis")
+LAST = LastCase()
+"""That of this process."""
 
 
 def _parts(case: Case, varies: bool) -> dict[str, Any]:

@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.environment import single_threaded
-from icmj.case.case import Case, PlantKind, expect_prediction, prepare, revised, simulate
+from icmj.case.case import Case, PlantKind, expect_prediction, prepare, simulate
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.errors import DataError, IcmjError, RunFileError
+from icmj.experiments.many import LAST
 from icmj.experiments.recording import Recording
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
@@ -244,31 +245,11 @@ def _trials(
 @single_threaded()
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
-    case = _KEPT.get(kind.stimulated(one.run, seed))
+    case = LAST.get(kind.stimulated(one.run, seed))
     case = replace(case, settings=reseeded(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     return Recording(kind.recorded(case, found), found.events.t.copy(), "completed" if whole else found.outcome.kind)
-
-
-class _Kept:
-    """The case that this process prepared last: the next trial mostly differs in simulation and set-point alone."""
-
-    def __init__(self) -> None:
-        self._key: object = None
-        self._case: Case | None = None
-
-    def get(self, run: RunFile) -> Case:
-        """The case of a run file."""
-        key = (run.path, run.assumed, run.actual, run.design, run.controller, run.analysis)
-        if self._key != key:
-            self._case = None
-        self._case = prepare(run) if self._case is None else revised(self._case, run)
-        self._key = key
-        return self._case
-
-
-_KEPT = _Kept()
 
 
 def _controlled(one: Condition, case: Case) -> Case:

@@ -4,7 +4,6 @@ controller has no prediction.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +22,6 @@ from icmj.case.case import (
     measure_own,
     mode_roots,
     prepare,
-    revised,
     simulate,
 )
 from icmj.case.plants import linear_plant
@@ -31,6 +29,7 @@ from icmj.comparison.comparison import finite
 from icmj.comparison.facts import RUN, Ran
 from icmj.errors import AnalysisError, CycleError, IcmjError, beyond_memory
 from icmj.experiments.attractors import attractors
+from icmj.experiments.many import LastCase
 from icmj.experiments.rounds import rounds_of
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
@@ -66,14 +65,10 @@ class Computed:
 
 @dataclass
 class _Bench:
-    """Data reused between the points of one chunk: the last case, with the threshold of the base run file.
+    """What the points of one chunk share: the last case, and the processor time of simulations [s]."""
 
-    Nothing that changes a bit: a case taken over is what would be computed again.
-    """
-
-    key: str = ""
-    case: Case | None = None
-    simulating: float = field(default=0.0)
+    last: LastCase = field(default_factory=LastCase)
+    simulating: float = 0.0
 
 
 def compute(plan: Plan, indices: range, progress: Tell | None = None) -> Computed:
@@ -110,7 +105,7 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
     try:
         if not plan.file.base.has_events:
             return row | _row_without_prediction(prepare(plan.run(values)), plan.file.ask.motion)
-        case = expect_prediction(_case(plan, plan.run(values), bench), "the prediction")
+        case = expect_prediction(_case(plan, plan.run(values), bench.last), "the prediction")
         row |= columns.row_of("predicted", PREDICTION, case.prediction, _outputs(case))
         for plant in plan.file.ask.motion:
             begin = time.process_time()
@@ -128,21 +123,13 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
     return row
 
 
-def _case(plan: Plan, run: RunFile, bench: _Bench) -> Case:
+def _case(plan: Plan, run: RunFile, last: LastCase) -> Case:
     """The case of a run file; where q_t varies, theory is asked at the base run's, and scaled.
 
     So it has the same bits whichever points were computed before it.
     """
-    base, reference = plan.file.base, run
-    if run.intermittent.rule == base.intermittent.rule == "quadratic":
-        reference = run.with_(**{"controller.q_t": base.intermittent.q_t})
-    tables = {"assumed", "actual", "design", "controller", "analysis"}
-    key = json.dumps(reference.model_dump(include=tables), sort_keys=True, default=str)
-    if bench.case is None or bench.key != key:
-        bench.key = ""  # should this fail, the case that is kept is of no point
-        bench.case = prepare(reference, like=bench.case)
-        bench.key = key
-    return revised(bench.case, run)
+    base = plan.file.base.intermittent
+    return last.get(run, base.q_t if run.intermittent.rule == base.rule == "quadratic" else None)
 
 
 def _motion(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
