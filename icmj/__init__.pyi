@@ -54,8 +54,8 @@ from .engine.accuracy import choose_timestep as choose_timestep
 from .engine.deviation import Deviation as Deviation
 from .engine.plant import MujocoPlant as MujocoPlant
 from .engine.plant import load_plant as load_plant
-from .engine.pressure import centre_of_pressure as centre_of_pressure
 from .engine.reaction import Reaction as Reaction
+from .engine.reaction import centre_of_pressure as centre_of_pressure
 from .engine.reaction import ground_force as ground_force
 from .engine.reaction import reaction as reaction
 from .errors import IcmjError as IcmjError

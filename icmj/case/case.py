@@ -28,7 +28,7 @@ from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pressure import with_pressure
+from icmj.engine.reaction import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, named
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.plant.matching import Match, matched

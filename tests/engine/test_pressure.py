@@ -11,7 +11,7 @@ import pytest
 
 from icmj.case.case import Case, prepare, simulate
 from icmj.engine.plant import load_plant
-from icmj.engine.pressure import Pressure, centre_of_pressure
+from icmj.engine.reaction import Pressure, centre_of_pressure, ground_force
 from icmj.errors import ModelError
 from icmj.plant.person import Person
 from icmj.plant.selection import OperatingRule
@@ -115,6 +115,16 @@ def test_pressure_in_sway_is_what_newton_and_euler_ask_for():
         assert there[0] == pytest.approx(centre, abs=1e-5)
         assert load.sum() == pytest.approx(up, rel=1e-9)
     assert len(found.t_after) == len(run.events) > 1
+
+
+def test_contacts_and_the_motion_of_the_mass_tell_one_centre_of_pressure():
+    case = standing(0.9)
+    for plant in ("mujoco", "linear"):
+        run, found = swaying(case, 0.01, plant, duration=0.4)
+        force = ground_force(case.actual, run)
+        np.testing.assert_allclose(force["force.z"], found.load.sum(axis=1), rtol=1e-9)
+        # the contacts give way, so that they lie a little below the level that the moment is taken about
+        np.testing.assert_allclose(force["cop.x"], found.centre[:, 0], rtol=0, atol=1e-5)
 
 
 @pytest.mark.slow

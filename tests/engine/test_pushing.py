@@ -25,8 +25,8 @@ from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
 from icmj.engine.native.callbacks import callbacks
 from icmj.engine.plant import load_plant
-from icmj.engine.pressure import centre_of_pressure
 from icmj.engine.pushing import effects, forces, places
+from icmj.engine.reaction import centre_of_pressure
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
