@@ -7,6 +7,7 @@ with their unit (:func:`amount`, :func:`relative`).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -46,6 +47,15 @@ def amount(value: float | None, unit: str = "", figures: int = 6) -> str:
     value += 0.0  # not −0
     degrees = f" ({math.degrees(value):.4g}°)" if unit == "rad" else ""
     return (f"{value:.{figures}g} {unit}".rstrip() + degrees).replace("-", "−")
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """The factor on a value in a unit of sway, and the unit in which people read it: mm for m, degrees for rad."""
+    found = re.match(r"(m|rad)(²?)(?=$|/)", unit)
+    if found is None:
+        return 1.0, unit
+    factor, name = (1e3, "mm") if found[1] == "m" else (180 / math.pi, "°")
+    return factor ** (2 if found[2] else 1), f"{name}{unit[len(found[1]) :]}"
 
 
 def amounts(values: Array | None, names: Sequence[str], units: Sequence[str], figures: int = 4) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.numbers import readable
 from icmj.errors import DataError
 from icmj.experiments.recording import Recording, completed
 from icmj.measurement.modality import FEWEST, Modality, modality
@@ -56,6 +57,12 @@ class Standing:
         return found
 
     @property
+    def deviations(self) -> Mapping[str, float]:
+        if len(self.unimodal) < 2:
+            return {}
+        return {name: float(values.std(ddof=1)) for name, values in self._named().items()}
+
+    @property
     def curves(self) -> Mapping[str, Array]:
         tests = np.array([[test.p for test in trial] for trial in self.unimodal])
         found = {"trial": np.arange(len(self.unimodal), dtype=float), **self._named()}
@@ -63,16 +70,20 @@ class Standing:
 
     @property
     def words(self) -> str:
+        count = len(self.unimodal)
         said = []
         for name, unit, share in zip(self.names, self.units, self.several, strict=True):
-            rms = self.measures[f"{name}.rms"]
-            spread = f" ± {rms.std(ddof=1):.2g}" if len(rms) > 1 else ""
-            said.append(f"{name} has an RMS of {rms.mean():.3g}{spread} {unit}".rstrip())
-            said.append(f"more than one mode in {100 * share:.0f} % of the trials")
-        if self.interval_modes is not None:
-            several = "several modes" if self.interval_modes.p <= SURE else "one mode"
-            said.append(f"intervals of {self.intervals.mean():.3g} s on average have {several}")
-        return ", ".join(said) + "."
+            rms, (factor, shown) = self.measures[f"{name}.rms"], readable(unit)
+            spread = f" ± {factor * rms.std(ddof=1):.2g}" if count > 1 else ""
+            modes = "several modes" if count > 1 or share > 0 else "one mode"
+            trials = f" in {round(share * count)} of {count} trials" if count > 1 else ""
+            said.append(f"{name} has an RMS of {factor * rms.mean():.3g}{spread} {shown}, and {modes}{trials}")
+        if len(self.intervals) > 1:
+            modes = ""
+            if self.interval_modes is not None:
+                modes = f", and have {'several modes' if self.interval_modes.p <= SURE else 'one mode'}"
+            said.append(f"intervals last {self.intervals.mean():.3g} s on average{modes}")
+        return f"{'; '.join(said)}."
 
     def _named(self) -> dict[str, Array]:
         """The measures with readable names and units."""

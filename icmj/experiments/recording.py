@@ -32,13 +32,18 @@ class Finding(Protocol):
     """The interface of the result of an analysis.
 
     Attributes:
-        numbers: numbers by name, with the unit in brackets; NaN if a number could not be determined.
+        numbers: numbers by name, with the unit in brackets; NaN if a number could not be determined. The ends of a
+            95 % confidence interval of ``P (N m)`` are ``P, from (N m)`` and ``P, to (N m)``.
+        deviations: standard deviations of numbers over trials, by the same names; empty with one trial.
         curves: columns of the same length by name, with the unit in brackets.
         words: the result in one sentence.
     """
 
     @property
     def numbers(self) -> Mapping[str, float]: ...
+
+    @property
+    def deviations(self) -> Mapping[str, float]: ...
 
     @property
     def curves(self) -> Mapping[str, Array]: ...

@@ -35,8 +35,10 @@ Draw = Callable[[Sequence[CaseRuns], Path], None]
 TITLE = "Limit cycles of event\N{NON-BREAKING HYPHEN}driven intermittent control"
 SUBTITLE = "What the paper reports, what linear theory predicts, and what two simulated plants do"
 
-FOLLOWED = "Cycles of the event-driven loop as a parameter varies: where they exist, attract, change and end."
-SWEPT = "What linear theory predicts and what simulated plants do, over a range of parameters."
+BEYOND = "What linear theory predicts, and what two simulated plants do"
+FOLLOWED = "Cycles of the event-driven loop as a parameter varies: where they exist, attract, change and end"
+SWEPT = "What linear theory predicts and what simulated plants do, over a range of parameters"
+RIVALS = "Standing under several controllers"
 OTHERS = "Standing under other controllers"
 MOVED = "How simulated plants move"
 NOTHING = "These controllers have no event rule and no critical interval: their runs are shown without a prediction."
@@ -121,7 +123,7 @@ def render(
     if cases:
         parts = [
             sections.summary(cases),
-            sections.statements(cases),
+            sections.statements(cases) if any(case.first.run.case.paper.figure for case in cases) else None,
             sections.figures(cases, panels, of_case),
             sections.noise(cases, noisy, first_number=len(cases) + 1),
             sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
@@ -133,12 +135,12 @@ def render(
             sections.designs(cases),
             sections.settings(cases),
         ]
-    only = bool(alone) and not (cases or sweeps or branches)
+    title, subtitle = _headed(cases, sweeps, branches, alone)
     return filled(
         [part for part in parts if part is not None],
-        title=OTHERS if only else TITLE,
-        subtitle=MOVED if only else SUBTITLE,
-        abstract=sections.abstract(cases) if cases else SWEPT if sweeps else FOLLOWED if branches else NOTHING,
+        title=title,
+        subtitle=subtitle,
+        abstract=sections.abstract(cases) if cases else NOTHING if alone and not (sweeps or branches) else "",
         first=_first(cases, alone, folder, of_case | of_other, motions) if cases or alone else None,
         motions=script(motions) if motions else "",
         paper=bool(cases or sweeps or branches),
@@ -149,8 +151,24 @@ def render(
     )
 
 
+def _headed(
+    cases: Sequence[CaseRuns], sweeps: Sequence[Swept], branches: Sequence[Branch], alone: Sequence[Result]
+) -> tuple[str, str]:
+    """Title and subtitle, which say what the page is of."""
+    if alone:
+        return (RIVALS, BEYOND) if cases else (OTHERS, MOVED)
+    many = [case.first.run.case.title for case in cases]
+    if cases:
+        printed = any(case.first.run.case.paper.figure for case in cases)
+        return many[0] if len(cases) == 1 else TITLE, SUBTITLE if printed else BEYOND
+    many = list(dict.fromkeys([swept.title for swept in sweeps] + [branch.run.case.title for branch in branches]))
+    if len(many) == 1:
+        return many[0], SWEPT if sweeps else FOLLOWED
+    return TITLE, f"{'; '.join(many[:3])}{' …' if len(many) > 3 else ''}"
+
+
 def filled(parts: Sequence[Section], **said: Any) -> str:
-    """The page's HTML from its sections, its head (``title``, ``subtitle``, ``abstract`` …) and its foot.
+    """The page's HTML from its sections, its head (``title``, ``subtitle``, ``findings``, ``abstract`` …) and its foot.
 
     The foot says ``source``, what the page was built from, and ``beside``, where its figures lie; it names Gawthrop's
     paper if ``paper``.
@@ -169,7 +187,9 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
     environment.globals["symbols"] = SYMBOLS
     environment.globals["scripts"] = joined
     environment.globals["next_table"] = count(1).__next__
-    usual = {"kicker": "Comparison report", "first": None, "motions": "", "paper": False}
+    usual = {
+        "kicker": "Comparison report", "abstract": "", "findings": (), "first": None, "motions": "", "paper": False,
+    }  # fmt: skip
     return environment.get_template("page.html.j2").render(sections=parts, version=VERSION, **{**usual, **said})
 
 
@@ -261,13 +281,21 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
         groups.setdefault((branch.run.case.name, branch.parameter), []).append(branch)
     found = []
     with style.applied():
-        for (name, parameter), group in groups.items():
+        for (name, parameter), branches_of in groups.items():
+            born = [branch for branch in branches_of if _is_born(branch, branches_of)]
+            group = [*(branch for branch in branches_of if branch not in born), *born]
             beneath = [branch for branch in group if branch.plant == "linear"]
             above = [branch for branch in group if branch.plant != "linear"]
             figure = branch_figure(above or beneath, beneath if above else ())
             alt = f"{group[0].run.case.title}, cycles along {parameter}"
             found.append((group, _drawn(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
     return found
+
+
+def _is_born(branch: Branch, group: Sequence[Branch]) -> bool:
+    """Whether a branch begins at a special point of another one."""
+    points = [special.value for other in group if other is not branch for special in other.specials]
+    return any(np.isclose(branch.value[0], value, rtol=1e-3) for value in points)
 
 
 def _others(runs: Sequence[Result], folder: Path) -> dict[str, Picture]:

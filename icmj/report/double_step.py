@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from icmj.errors import ReportError
 from icmj.experiments.double_step.reconstruction import Reconstruction
 from icmj.experiments.double_step.refractoriness import Refractoriness
 from icmj.report import style
-from icmj.report.findings import Shown, coloured
+from icmj.report.findings import LINE, Shown, coloured, under_legend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ _BEFORE, _AFTER = 0.3, 1.0  # s about a pair
 
 
 def draw_reactions(axes: Axes, found: Refractoriness) -> None:
-    """Mean RT1 and RT2 with twice their standard errors, and what both regressions make of RT2 where they find any."""
+    """Mean RT1 and RT2 with twice their standard errors, and both regressions of RT2 where they find a period."""
     for rt, error, colour, name in (
         (found.rt1, found.rt1_error, _FIRST, "RT1"),
         (found.rt2, found.rt2_error, _SECOND, "RT2"),
@@ -41,7 +41,7 @@ def draw_reactions(axes: Axes, found: Refractoriness) -> None:
             label = f"{name}: {estimate.value:.3f} s ({estimate.low:.3f} to {estimate.high:.3f})"
             axes.plot(isi, course, color="#222222", linewidth=0.9, linestyle=line, label=label)
     axes.axhline(found.rt1_mean, color=_FIRST, linewidth=0.8, linestyle=(0, (1, 1.6)))
-    axes.set(xlabel="inter-step interval (s)", ylabel="reaction time (s)", xlim=(0, None), ylim=(0, None))
+    axes.set(xlabel="interval between the steps (s)", ylabel="reaction time (s)", xlim=(0, None), ylim=(0, None))
 
 
 def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
@@ -74,33 +74,41 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
     axes.set(xlabel="time since the first step (s)", ylabel=f"control{unit}", xlim=(t[0], t[-1]))
 
 
-def double_step_figure(found: Sequence[Shown], seen: Reconstruction | None) -> Figure:
+def double_step_figure(found: Sequence[Shown], example: Reconstruction | None) -> Figure:
     """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed."""
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
-    figure = Figure(figsize=(170 * style.MM, 82 * style.MM), layout="constrained")
-    times, pair = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    drawn: set[str] = set()
-    for one, colour, _ in coloured(found):
+    figure = Figure(figsize=(170 * style.MM, 80 * style.MM))
+    times, pair = (figure.add_axes((left, 0.13, wide, 0.82)) for left, wide in ((0.075, 0.47), (0.635, 0.35)))
+    for one, colour in coloured(found):
         if one.finding is None:
             continue
-        curves, line = one.finding.curves, "--" if one.plant == "mujoco" else "-"
-        look = {"color": colour, "linewidth": 1.0, "linestyle": line, "capsize": 1.5, "elinewidth": 0.6}
-        for name, fill, label in (("RT1", "none", None), ("RT2", "full", None if one.title in drawn else one.title)):
+        curves = one.finding.curves
+        look: dict[str, Any] = {
+            "color": colour,
+            "linewidth": 1.0,
+            "linestyle": LINE[one.plant],
+            "capsize": 1.5,
+            "elinewidth": 0.6,
+        }
+        for name, fill in (("RT1", "none"), ("RT2", "full")):
             error = 2 * curves[f"{name}, error (s)"]
             times.errorbar(
-                curves["ISI (s)"], curves[f"{name} (s)"], error, marker="o", markersize=3.5, fillstyle=fill,
-                label=label, **look,
-            )  # fmt: skip
-        drawn.add(one.title)
-    times.set(xlabel="inter-step interval (s)", ylabel="reaction time (s)", xlim=(0, None))
-    times.set_title("open: first step, filled: second; dashed: MuJoCo", fontsize="medium")
-    times.set_ylim(bottom=0)
-    if seen is not None:
-        turned = np.flatnonzero(~seen.pairs.same & np.isfinite(seen.rt).all(axis=1))
-        shown = turned if len(turned) else np.arange(len(seen.pairs))
-        draw_reconstruction(pair, seen, int(shown[np.argsort(seen.pairs.isi[shown])[len(shown) // 4]]))
-        pair.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
-    if times.get_legend_handles_labels()[0]:
-        times.legend(loc="upper left", bbox_to_anchor=(0, -0.2))
+                curves["ISI (s)"], curves[f"{name} (s)"], error, marker="o", markersize=3.5, fillstyle=fill, **look
+            )
+    times.set(xlabel="interval between the steps (s)", ylabel="reaction time (s)", xlim=(0, None))
+    low, high = times.get_ylim()
+    times.set_ylim(0, high + 0.08 * (high - low))
+    ring: dict[str, Any] = {"color": "#555555", "linestyle": "none", "marker": "o", "markersize": 4}
+    first = Line2D([], [], fillstyle="none", label="first step", **ring)
+    times.legend(handles=[first, Line2D([], [], label="second step", **ring)], loc="upper right", ncols=2)
+    under_legend(figure, [times, pair], found)
+    if example is not None:
+        turned = np.flatnonzero(~example.pairs.same & np.isfinite(example.rt).all(axis=1))
+        shown = turned if len(turned) else np.arange(len(example.pairs))
+        draw_reconstruction(pair, example, int(shown[np.argsort(example.pairs.isi[shown])[len(shown) // 4]]))
+        low, high = pair.get_ylim()
+        pair.set_ylim(low, high + 0.22 * (high - low))
+        pair.legend(loc="upper right", ncols=2)
     return figure

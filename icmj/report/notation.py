@@ -14,7 +14,7 @@ _SUBSCRIPT = re.compile(
 )
 
 # what stands on one line: a symbol, its equals sign and its value; a number and its unit
-_TOGETHER = re.compile(r"(?<=\S) ([=≈≠<>±×−]) (?=\S)|(?<=\d) (?=(?:s|Hz|rad|deg|kg|m|N|Δ)\b)")
+_TOGETHER = re.compile(r"(?<=\S) ([=≈≠<>±×−]) (?=\S)|(?<=\d) (?=(?:s|Hz|rad|deg|kg|mm|m|N|Δ)\b|[%°])")
 _POWER = re.compile(r"(?<![\w.])([−+-]?\d(?:\.\d+)?)e([+-]?)0*(\d+)\b")
 _MINUS = re.compile(r"(?<![\w-])-(?=\d)")
 _MAGNITUDE = re.compile(r"\|(\S{1,12}?)\|")  # lines may be broken after a bar

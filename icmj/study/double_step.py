@@ -58,6 +58,10 @@ class FoundDoubleStep:
         return numbers | {f"BIC, {kind}": self.told.bic[kind] - least for kind in KINDS}
 
     @property
+    def deviations(self) -> Mapping[str, float]:
+        return {}
+
+    @property
     def curves(self) -> Mapping[str, Array]:
         found = self.refractory
         return {
@@ -73,13 +77,13 @@ class FoundDoubleStep:
     def words(self) -> str:
         one = self.refractory.fixed
         refractory = (
-            f"refractory for {one.value:.3g} s ({one.low:.3g} to {one.high:.3g} s)"
+            f"a refractory period of {one.value:.3g} s (95 % interval {one.low:.3g} to {one.high:.3g} s)"
             if one.low > 0 and self.told.kind != "continuous"
             else f"no refractory period above {self.refractory.isi.min():.3g} s"
         )
         kind = {"clock": "clock-driven", "event": "event-driven", "sampling": "event-driven with delayed sampling"}
         pairs = int(self.refractory.count.sum())
-        return f"Classified as {kind.get(self.told.kind, self.told.kind)}; {refractory} ({pairs} pairs of steps)."
+        return f"Classified as {kind.get(self.told.kind, self.told.kind)}; {refractory}, from {pairs} pairs of steps."
 
 
 class DoubleStepKind(Kind):

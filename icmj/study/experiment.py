@@ -136,7 +136,7 @@ def analyse_recordings(
         raise DataError(f"{which}: {error}") from error
     name = Path(recordings[0]).stem
     told = Told(name, name, "recording", finding, len(trials), finding.words)
-    experiment = Experiment(made, (told,))
+    experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings))
     if out is not None:
         with resume_experiment(out, made) as folder:
             write_results(experiment, kind, folder)
@@ -249,7 +249,9 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     case = replace(case, settings=reseeded(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
-    return Recording(kind.recorded(case, found), found.events.t.copy(), "completed" if whole else found.outcome.kind)
+    # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
+    events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
+    return Recording(kind.recorded(case, found), events.copy(), "completed" if whole else found.outcome.kind)
 
 
 def _controlled(one: Condition, case: Case) -> Case:

@@ -35,7 +35,7 @@ from icmj.study.kind import Kind, Told, sampled, timed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TOLD = (0.5, 1.0, 2.0, 4.0, 7.0)  # Hz
+SHOWN = (0.5, 1.0, 2.0, 4.0, 7.0)  # Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,13 @@ class FoundPoint:
         point: the mean.
         deviation: of z over trials [m], shape (F,).
         theory: of the same loop at the same frequencies, or ``None``.
+        each: the trials.
     """
 
     point: IntersectionPoint
     deviation: Array
     theory: IntersectionPoint | None
+    each: tuple[IntersectionPoint, ...] = ()
 
     @property
     def unit(self) -> tuple[float, str]:
@@ -59,12 +61,22 @@ class FoundPoint:
 
     @property
     def numbers(self) -> Mapping[str, float]:
-        f, (by, unit) = self.point.frequency, self.unit
-        told = [at for at in TOLD if between(at, f[0], f[-1])]
-        found = {f"z at {at:g} Hz ({unit})": float(np.interp(at, f, self.point.z / by)) for at in told}
-        if self.point.height is not None:
-            found["crosses the centre of mass at (Hz)"] = self.point.crossing()
-        found["share of variance"] = float(self.point.share.mean())
+        return self._numbers(self.point)
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        if len(self.each) < 2:
+            return {}
+        each = [self._numbers(point) for point in self.each]
+        return {name: float(np.std([one[name] for one in each], ddof=1)) for name in self.numbers}
+
+    def _numbers(self, point: IntersectionPoint) -> dict[str, float]:
+        f, (by, unit) = point.frequency, self.unit
+        shown = [at for at in SHOWN if between(at, f[0], f[-1])]
+        found = {f"z at {at:g} Hz ({unit})": float(np.interp(at, f, point.z / by)) for at in shown}
+        if point.height is not None:
+            found["crosses the centre of mass at (Hz)"] = point.crossing()
+        found["share of variance"] = float(point.share.mean())
         return found
 
     @property
@@ -82,12 +94,16 @@ class FoundPoint:
 
     @property
     def words(self) -> str:
-        point, (by, unit) = self.point, self.unit
+        point, (by, _) = self.point, self.unit
         low, high = point.z[0] / by, point.z[-1] / by
-        said = f"The intersection point falls from {low:.3g} {unit} at {point.frequency[0]:.2g} Hz to {high:.3g} at "
-        said += f"{point.frequency[-1]:.2g} Hz"
+        goes = "falls" if high < low else "rises"
+        one, again = (" m", " m") if point.height is None else (" times the height of the centre of mass", " times")
+        said = f"The intersection point {goes} from {low:.3g}{one} at {point.frequency[0]:.2g} Hz to {high:.3g}{again} "
+        said += f"at {point.frequency[-1]:.2g} Hz"
         crossing = point.crossing() if point.height else np.nan
-        where = f", through the centre of mass at {crossing:.2g} Hz" if np.isfinite(crossing) else ""
+        spread = self.deviations.get("crosses the centre of mass at (Hz)", np.nan)
+        sure = f" ± {spread:.2g}" if np.isfinite(spread) else ""
+        where = f", and crosses the centre of mass at {crossing:.3g}{sure} Hz" if np.isfinite(crossing) else ""
         return f"{said}{where}; the line explains at least {100 * point.share.min():.0f} % of the variance."
 
 
@@ -139,7 +155,7 @@ class IntersectionPointKind(Kind):
         if len({len(point.z) for point in points}) > 1:
             raise DataError("trials of several rates; analyse those of one rate together")
         mean, deviation = averaged(points)
-        return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean))
+        return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean), tuple(points))
 
     def drawn(self, found: Sequence[Told]) -> Figure:
         from icmj.report.findings import intersection_figure

@@ -58,10 +58,12 @@ class Experiment:
     Attributes:
         file: the experiment file.
         found: the results for each case on each plant, in the order of the file, or for recordings.
+        recordings: names of the files of recordings; empty for simulated trials.
     """
 
     file: ExperimentFile
     found: tuple[Told, ...]
+    recordings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Told:
         """The result for a case, or for ``case.plant``."""

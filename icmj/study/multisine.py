@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STIMULUS, RESPONSE = "stimulus", "response"
+LEAST = 0.01  # %: a smaller share of the power is called so
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +37,32 @@ class FoundMultisine:
         measured: over all periods.
         theory: of the linear loop at the excited lines, or that of the continuous controller of the same design, shape
             (L,); ``None`` where there is none.
+        units: of stimulus and response.
+        each: of each trial alone; empty for one trial.
     """
 
     measured: Multisine
     theory: np.ndarray | None
+    units: tuple[str, str]
+    each: tuple[Multisine, ...] = ()
 
     @property
     def numbers(self) -> Mapping[str, float]:
-        found = self.measured
+        return self._numbers(self.measured)
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        each = [self._numbers(one) for one in self.each]
+        return {name: float(np.std([one[name] for one in each], ddof=1)) for name in each[0]} if each else {}
+
+    def _numbers(self, found: Multisine) -> dict[str, float]:
         theory = np.nan if self.theory is None else found.explained(self.theory)
         return {
             "remnant, share of power": found.remnant,
             "explained by the best linear model": found.explained(),
             "explained by continuous control": theory,
             "coherence, mean": float(np.nanmean(found.coherence)) if np.isfinite(found.coherence).any() else np.nan,
-            "RMS": float(np.sqrt(found.power.sum())),
+            f"RMS ({self.units[1]})": float(np.sqrt(found.power.sum())),
         }
 
     @property
@@ -79,8 +91,12 @@ class FoundMultisine:
     @property
     def words(self) -> str:
         found = self.measured
-        said = f"{100 * found.remnant:.3g} % of the power is at frequencies that the stimulus does not contain; the "
-        return f"{said}best linear model explains {100 * found.explained():.3g} %, over {found.periods} periods."
+        spread = 100 * self.deviations.get("remnant, share of power", np.nan)
+        share, sure = 100 * found.remnant, f" ± {spread:.2g}" if spread >= LEAST else ""
+        remnant = f"less than {LEAST:g} %" if share < LEAST else f"{share:.3g}{sure} %"
+        said = f"{remnant} of the power is at frequencies that the stimulus does not contain; the best linear model "
+        said = f"{said}explains {100 * found.explained():.3g} %, over {found.periods} periods."
+        return f"{said[0].upper()}{said[1:]}"
 
 
 class MultisineKind(Kind):
@@ -132,13 +148,16 @@ class MultisineKind(Kind):
         table = self.settings
         if case is not None:  # the last sample begins the next period
             trials = [replace(one, t=one.t[:-1], values=one.values[:-1]) for one in trials]
-        found = multisine(trials, STIMULUS, RESPONSE, period=table.period, lines=table.lines)
-        return FoundMultisine(found, None if case is None else self._theory(case, found.line))
+        how: dict[str, Any] = {"period": table.period, "lines": table.lines}
+        found, each = analyse_trials(trials, STIMULUS, RESPONSE, how)
+        units = (trials[0].units[0], trials[0].units[1])
+        return FoundMultisine(found, None if case is None else self._theory(case, found.line), units, each)
 
     def drawn(self, found: Sequence[Told]) -> Figure:
         from icmj.report.findings import multisine_figure
 
-        return multisine_figure(found)
+        units = (one.finding.units for one in found if isinstance(one.finding, FoundMultisine))
+        return multisine_figure(found, next(units, ("", "")))
 
     def _response(self, inputs: Sequence[str]) -> str:
         return self.settings.response or f"u.{self.settings.input or inputs[0]}"
@@ -167,6 +186,14 @@ class MultisineKind(Kind):
         kind, _, name = self._response(plant.inputs).partition(".")
         names = {"x": plant.states, "y": plant.outputs, "u": law.plant.inputs}.get(kind, ())
         return np.asarray(getattr(found, kind)[:, names.index(name), signal]) if name in names else None
+
+
+def analyse_trials(
+    trials: Sequence[Series], stimulus: str, response: str, how: Mapping[str, Any]
+) -> tuple[Multisine, tuple[Multisine, ...]]:
+    """The result of all trials together, and that of each; none of each where there is one trial."""
+    each = [multisine(one, stimulus, response, **how) for one in trials] if len(trials) > 1 else []
+    return multisine(trials, stimulus, response, **how), tuple(each)
 
 
 def _phases(count: int, seed: int) -> list[float]:

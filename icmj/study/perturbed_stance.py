@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.case.case import Case, PlantKind
-from icmj.experiments.multisine import Multisine, multisine
+from icmj.experiments.multisine import Multisine
 from icmj.experiments.recording import Recording, completed
 from icmj.experiments.stance_channels import StanceChannels, fit_channels
 from icmj.runfile.schema import RunFile
@@ -19,7 +19,7 @@ from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.surface import ternary_lines
 from icmj.study.kind import Kind, Told, sampled, timed
-from icmj.study.multisine import FoundMultisine
+from icmj.study.multisine import FoundMultisine, analyse_trials
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,22 +42,31 @@ class FoundStance(FoundMultisine):
         found = {name: value for name, value in super().numbers.items() if name != "explained by continuous control"}
         if self.channels is None:
             return found
-        fitted = self.channels
-        return found | {
-            "explained by the fitted channels": self.measured.explained(self.theory),
-            "P (N m/rad)": fitted.P,
-            "D (N m s/rad)": fitted.D,
-            "delay (s)": fitted.delay,
-            "weight of the surface": fitted.weight,
-        }
+        found["explained by the fitted channels"] = self.measured.explained(self.theory)
+        for name, unit, value, half in self._fitted():
+            mark = f" ({unit})" if unit else ""
+            found |= {f"{name}{mark}": value, f"{name}, from{mark}": value - half, f"{name}, to{mark}": value + half}
+        return found
+
+    def _fitted(self) -> list[tuple[str, str, float, float]]:
+        """Name, unit, value and half the width of the 95 % confidence interval of each fitted number."""
+        c = self.channels
+        assert c is not None
+        names = (("P", "N m/rad"), ("D", "N m s/rad"), ("delay", "s"), ("weight of the surface", ""))
+        widths = np.full(4, np.nan) if c.half_widths is None else c.half_widths
+        values = (c.P, c.D, c.delay, c.weight)
+        return [(*name, value, float(half)) for name, value, half in zip(names, values, widths, strict=True)]
 
     @property
     def words(self) -> str:
         if self.channels is None:
             return super().words
-        c = self.channels
-        fit = f"stiffness P = {c.P:.4g} N m/rad, damping D = {c.D:.4g} N m s/rad, delay {c.delay:.3f} s, weight of the "
-        return f"{super().words} Fitted channels: {fit}surface {c.weight:.3f}."
+        fitted = []
+        for name, unit, value, half in self._fitted():
+            low, middle, high = (f"{each:.3g}" for each in (value - half, value, value + half))
+            interval = "" if low == high else f" ({low} to {high})"
+            fitted.append(f"{name} {middle}{interval} {unit}".rstrip())
+        return f"{super().words} Fitted channels, with 95 % intervals: {', '.join(fitted)}."
 
 
 class PerturbedStanceKind(Kind):
@@ -94,14 +103,17 @@ class PerturbedStanceKind(Kind):
         table = self.settings
         if case is not None:  # the last sample begins the next period
             trials = [replace(one, t=one.t[:-1], values=one.values[:-1]) for one in trials]
-        found = multisine(trials, TILT, BODY, period=table.period, lines=self._lines()[:, 1] / (2 * np.pi))
+        how = {"period": table.period, "lines": self._lines()[:, 1] / (2 * np.pi)}
+        found, each = analyse_trials(trials, TILT, BODY, how)
         channels = self._channels(found)
-        return FoundStance(found, None if channels is None else channels.response(found.line), channels)
+        theory = None if channels is None else channels.response(found.line)
+        return FoundStance(found, theory, (trials[0].units[0], trials[0].units[1]), each, channels)
 
     def drawn(self, found: Sequence[Told]) -> Figure:
         from icmj.report.findings import multisine_figure
 
-        return multisine_figure(found)
+        units = (one.finding.units for one in found if isinstance(one.finding, FoundMultisine))
+        return multisine_figure(found, next(units, ("", "")))
 
     def _lines(self) -> Array:
         return ternary_lines(self.settings.size, self.settings.interval, self.settings.highest)

@@ -154,7 +154,10 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
             pq.write_table(table(experiment), part)
         write_text(path / SUMMARY, json.dumps(summary(experiment), indent=1, ensure_ascii=False) + "\n")
         svg = _draw(experiment, kind, path)
-        write_text(path / PAGE, experiment_page(_title(experiment), experiment.file.kind, _rows(experiment), svg))
+        file = experiment.file
+        rows = _rows(experiment)
+        page = experiment_page(_title(experiment), file.kind, file.settings, rows, svg, experiment.recordings)
+        write_text(path / PAGE, page)
     except OSError as error:
         raise StudyError(f"{path}: cannot be written to: {error.strerror}; choose another --out") from error
 
@@ -180,5 +183,6 @@ def _rows(experiment: Experiment) -> list[Row]:
 
 
 def _row(told: Told) -> Row:
-    numbers = {} if told.finding is None else dict(told.finding.numbers)
-    return Row(told.title, told.plant, told.trials, numbers, told.words)
+    finding = told.finding
+    numbers, deviations = ({}, {}) if finding is None else (dict(finding.numbers), dict(finding.deviations))
+    return Row(told.title, told.plant, told.trials, numbers, told.words, deviations)

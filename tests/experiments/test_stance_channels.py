@@ -98,3 +98,23 @@ def test_what_cannot_be_is_one_line(old, new, words, tmp_path):
     with pytest.raises(IcmjError, match=words) as told:
         icmj.run_experiment(tmp_path / "tilt.toml", tmp_path / "out", jobs=1)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.slow
+def test_confidence_intervals_of_a_fit_contain_what_was_put_in():
+    """Of 80 noisy responses each, with the weights of four noisy periods; fewer than 68 of 80 happen to one in 10⁴."""
+    put, lines, random = replace(BODY, P=470.0, D=270.0, delay=0.15, weight=0.6), LINES[::2], np.random.default_rng(5)
+    truth, exact = np.array([470.0, 270.0, 0.15, 0.6]), put.response(lines)
+    size, inside = 0.3 * np.abs(exact) * np.linspace(0.3, 1.5, len(lines)), np.zeros(4)
+    for _ in range(80):
+        periods = exact + size * (random.normal(size=(4, len(lines))) + 1j * random.normal(size=(4, len(lines))))
+        scatter = np.sqrt((np.abs(periods - periods.mean(axis=0)) ** 2).sum(axis=0) / 3)
+        found = fit_channels(BODY, lines, periods.mean(axis=0), scatter)
+        inside += np.abs([found.P, found.D, found.delay, found.weight] - truth) <= found.half_widths
+    assert (inside >= 68).all(), inside
+
+
+def test_without_noise_the_confidence_intervals_shrink_to_the_value():
+    put = replace(BODY, P=470.0, D=270.0, delay=0.15, weight=0.6)
+    found = fit_channels(BODY, LINES, put.response(LINES), np.zeros(len(LINES)))
+    assert (found.half_widths < 1e-5 * np.array([470.0, 270.0, 0.15, 0.6])).all()

@@ -37,6 +37,9 @@ set.controller.q_t = 0.004
 """
 
 
+CASES = ("own", "continuous")
+
+
 def file_of(text: str, tmp_path) -> ExperimentFile:
     return ExperimentFile.validated(parse_toml(text, tmp_path / "short.toml"), tmp_path / "short.toml", text)
 
@@ -244,3 +247,11 @@ def test_a_shipped_analysis_refuses_what_it_cannot_tell_in_one_line(name, series
     assert str(refused.value).startswith(f"{tmp_path / 'recording.csv'}: ")
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "out").exists()
+
+
+def test_continuous_control_has_no_events(done):
+    """What stands for it in a simulation, a clock of a few milliseconds, was reported as intervals of 5 ms."""
+    folder, _ = done
+    counts = {case: pq.read_table(folder / "trials" / f"{case}.linear.0000.events.parquet").num_rows for case in CASES}
+    assert counts["own"] > 10
+    assert counts["continuous"] == 0
