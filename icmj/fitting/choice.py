@@ -23,8 +23,8 @@ EPOCHS = 60
 TOLD_APART = 0.75
 """Share of the synthetic people of two families that must be given to the right one of the two."""
 ORIGIN = (
-    "The figures on how far a fit carries are those of a trial of the method: eight people whom the families had not "
-    "seen, and synthetic people of an independent simulator; 48 trials, four families, 4,000 draws"
+    "The figures on how far a fit can be trusted come from a test of the method on eight people whom the families had "
+    "not seen, and on synthetic people of an independent simulator (48 trials, four families, 4,000 draws)"
 )
 """Where the figures of all caveats come from."""
 CAVEAT = (
@@ -133,10 +133,11 @@ class Confusion:
     @property
     def words(self) -> str:
         """One sentence."""
-        told = f"{self.accuracy:.0%} of {int(self.counts.sum())} synthetic people are given to their own family"
+        share = f"{100 * self.accuracy:.0f} % of {int(self.counts.sum())} synthetic people"
         if not self.alike:
-            return told
-        return f"{told}; such data do not tell apart {', nor '.join(' and '.join(pair) for pair in self.alike)}"
+            return f"{share} are assigned to their own family"
+        pairs = ", nor ".join(" from ".join(pair) for pair in self.alike)
+        return f"{share} are assigned to their own family; such data do not distinguish {pairs}"
 
 
 def train_choice(

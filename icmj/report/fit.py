@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array, between, steps_in
 from icmj.report import style
+from icmj.report.notation import symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,6 +18,12 @@ if TYPE_CHECKING:
 
 _POSTERIOR, _PRIOR, _RECORDED, _BAD = "#0072b2", "#b8b2a0", "#222222", "#d55e00"
 _ACROSS = 4
+
+
+def math_name(name: str) -> str:
+    """The name of a parameter for matplotlib: symbols with their subscript, words as they are."""
+    head, _, index = symbol(name).partition("_")
+    return rf"${head}_{{{index}}}$" if index and len(head) == 1 else style.words(symbol(name))
 
 
 def posterior_figure(
@@ -49,7 +57,6 @@ def sway_figure(
     simulated: Sequence[Array],
     rate: float,
     names: Sequence[str],
-    units: Sequence[str],
     predicted: Array,
     observed: Array,
 ) -> Figure:
@@ -58,7 +65,7 @@ def sway_figure(
     Args:
         recorded, simulated: centre of pressure of trials [m].
         rate: of them [Hz].
-        names, units: of m measures.
+        names: of m measures, with their units.
         predicted, observed: what simulated trials (n, m) and recorded ones (k, m) measure.
     """
     from matplotlib.figure import Figure
@@ -67,33 +74,33 @@ def sway_figure(
     figure = Figure(figsize=(170 * style.MM, 120 * style.MM), layout="constrained")
     above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1), squeeze=False))
     path, spectrum = above.subplots(1, 2, width_ratios=(1.7, 1))
-    told: set[str] = set()
+    named: set[str] = set()
     lines = [(x, _RECORDED, "recorded") for x in recorded] + [(x, _POSTERIOR, "simulated") for x in simulated]
     room = 1000 * max(float(np.ptp(x)) for x, _, _ in lines)
     for i, (x, colour, name) in enumerate(lines):
         path.plot(np.arange(len(x)) / rate, 1000 * (x - x.mean()) - 1.05 * i * room, color=colour, linewidth=0.7)
         f, power = welch(x, rate, nperseg=min(len(x), steps_in(20.48 * rate)), detrend="linear")
         kept = (f > 0) & between(f, 0.0, 10.0)
-        label = None if name in told else name
+        label = None if name in named else name
         spectrum.loglog(f[kept], 1e6 * power[kept], color=colour, linewidth=0.8, alpha=0.8, label=label)
-        told.add(name)
+        named.add(name)
     path.set(xlabel="time (s)", ylabel="centre of pressure (mm), shifted", yticks=[])
-    path.plot([0, 0], [0.1 * room, 0.1 * room + 10], color="#8a8a8a", linewidth=2)
-    path.annotate("10 mm", (0, 0.1 * room + 5), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7)
+    foot = 0.62 * room
+    path.plot([0, 0], [foot, foot + 10], color="#8a8a8a", linewidth=2)
+    path.annotate("10 mm", (0, foot + 5), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7)
     spectrum.set(xlabel="frequency (Hz)", ylabel="power (mm²/Hz)")
     spectrum.legend()
     row = np.ravel(below.subplots(1, len(names), squeeze=False))
-    for axes, name, unit, made, seen in zip(row, names, units, predicted.T, observed.T, strict=True):
-        low, high = np.quantile(made, (0.05, 0.95))
+    for axes, name, drawn, trials in zip(row, names, predicted.T, observed.T, strict=True):
+        low, high = np.quantile(drawn, (0.05, 0.95))
         axes.fill_between([-0.3, 0.3], low, high, color=_POSTERIOR, alpha=0.25, linewidth=0)
-        axes.plot([-0.3, 0.3], [np.median(made)] * 2, color=_POSTERIOR, linewidth=1.2)
-        at = np.linspace(-0.15, 0.15, len(seen)) if len(seen) > 1 else np.zeros(1)
-        good = (seen >= low) & (seen <= high)
-        axes.plot(at[good], seen[good], "o", color=_RECORDED, markersize=3.5)
-        axes.plot(at[~good], seen[~good], "o", color=_BAD, markersize=3.5)
-        axes.set(xticks=[], xlim=(-0.6, 0.6), xlabel=name)
-        axes.set_title(unit or "–", fontsize="small", color="#8a8a8a")
-        if low > 0 and min(seen) > 0:
+        axes.plot([-0.3, 0.3], [np.median(drawn)] * 2, color=_POSTERIOR, linewidth=1.2)
+        at = np.linspace(-0.15, 0.15, len(trials)) if len(trials) > 1 else np.zeros(1)
+        good = (trials >= low) & (trials <= high)
+        axes.plot(at[good], trials[good], "o", color=_RECORDED, markersize=3.5)
+        axes.plot(at[~good], trials[~good], "o", color=_BAD, markersize=3.5)
+        axes.set(xticks=[], xlim=(-0.6, 0.6), xlabel=fill(name, 13))
+        if low > 0 and min(trials) > 0:
             axes.set_ylim(0, None)
     return figure
 

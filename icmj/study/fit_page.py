@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Iterator, Sequence
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,36 +14,54 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base.array import Array
 from icmj.base.card import plain
 from icmj.base.files import whole, write_bytes, write_text
-from icmj.base.numbers import amount
+from icmj.base.numbers import MISSING, readable
+from icmj.base.numbers import count as many
+from icmj.base.numbers import number as number_of
 from icmj.base.version import VERSION
 from icmj.errors import FitError
+from icmj.experiments.quiet_standing import WORDS, YOUNG_PEOPLE
 from icmj.fitting.archive import write_archive
 from icmj.fitting.calibration import CAVEAT as VERDICT
 from icmj.fitting.choice import CAVEAT as CHOICE
 from icmj.fitting.choice import ORIGIN, TRIED
 from icmj.fitting.family import DELAY, RATE
+from icmj.fitting.groups import Difference
 from icmj.fitting.predictive import CAVEAT as PREDICTION
-from icmj.fitting.summaries import MEASURE_UNITS, MEASURES
+from icmj.fitting.prior import Prior
+from icmj.fitting.summaries import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.report import style
 from icmj.report.builder import filled
-from icmj.report.fit import calibration_figure, confusion_figure, groups_figure, posterior_figure, sway_figure
+from icmj.report.fit import (
+    calibration_figure,
+    confusion_figure,
+    groups_figure,
+    math_name,
+    posterior_figure,
+    sway_figure,
+)
+from icmj.report.notation import symbol
 from icmj.report.sections import Picture, Section
 from icmj.study.families import Trained
-from icmj.study.fit import PREDICTED, Fit, Fitted, simulated
+from icmj.study.fit import PREDICTED, Fit, Fitted, Subject, simulated
+from icmj.view.quantity import in_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULTS, SUMMARY, PAGE = "results.parquet", "summary.json", "report.html"
-LEAD = (
-    "Parameters of a controller, estimated from recordings of standing people by comparison with simulated people. The "
-    "estimates assume that the family of controllers is right, and that the controller keeps the person standing. They "
-    "are exploratory."
+METHODS = (
+    "Each family of controllers is simulated with parameters drawn from its prior, and a network learns the posterior "
+    "distribution of the parameters, given measures of the centre of pressure from front to back (icmj measure). "
+    "Estimates are medians, and intervals in brackets are 90 % credible intervals. They assume that the family is "
+    "right, and that the controller keeps the person standing. A parameter is identified if its posterior is, for "
+    "synthetic people, at most half as wide in variance as its prior, and its intervals contain the true value as "
+    "often as they should. Results are exploratory."
 )
 _SHOWN = 12  # people with pictures
-_NAMED = 24  # fits whose findings come first
+_NAMED = 6  # fits of which each has a finding of its own
 
 
 def write_fit(found: Fit, out: Path) -> None:
@@ -57,13 +77,13 @@ def write_fit(found: Fit, out: Path) -> None:
         for one in found.fitted:
             _archive(found, one, out / f"{one.person.stem(one.family)}.nc")
         with style.applied():
-            items = _items(found, out)
-        section = Section("fit", "Fit", "fit.html.j2", {"items": items})
+            parts = _sections(found, out)
+        titles = [trained.family.title for trained in found.trained.values()]
         page = filled(
-            [section],
+            parts,
             title=f"Fit of {_whose(found)}",
-            subtitle=f"Under {', '.join(trained.family.title for trained in found.trained.values())}",
-            abstract=LEAD,
+            subtitle=f"Recorded data: {_amount(found)}. Assumed: {', '.join(map(_lower, titles))}",
+            findings=_findings(found),
             kicker="Fit",
             source="recordings and simulated people",
             beside="The figures are also available as SVG and PNG files beside this page.",
@@ -188,41 +208,68 @@ def _archive(found: Fit, one: Fitted, path: Path) -> None:
     )  # fmt: skip
 
 
-def _items(found: Fit, out: Path) -> list[dict[str, Any]]:
+def _sections(found: Fit, out: Path) -> list[Section]:
     """The parts of the page, whose figures are written beside it."""
-    items = [
-        _item("Findings", [_finding(found, one) for one in found.fitted[:_NAMED]], [], []),
-        _item("How far this carries", [f"{PREDICTION}.", f"{VERDICT}.", f"{ORIGIN}."], [], []),
-    ]
-    if found.confusion is not None and found.probabilities is not None:
-        c = found.confusion
-        rows = [
-            (one.label, *(f"{p:.2f}" for p in each))
-            for one, each in zip(found.people, found.probabilities, strict=True)
-        ]
-        words = [
-            f"{CHOICE}.",
-            f"{c.words}. Their mean confidence is {c.confidence:.2f}, their accuracy {c.accuracy:.2f}.",
-        ]
-        picture = _picture(confusion_figure(c.families, c.counts), out, "families")
-        caption = "Synthetic people: the family that they were simulated with and the one they are assigned to."
-        tables = [(("Probability", *c.families), rows), TRIED]
-        items.append(_item("Which family", words, tables, [(picture, caption)]))
-    for name, differences in found.differences.items():
-        if differences:
-            labels = [f"{one.name}: {one.groups[1]} − {one.groups[0]}" for one in differences]
-            value, low, high = (
-                np.array([getattr(one, key) for one in differences]) for key in ("value", "low", "high")
-            )
-            figure = groups_figure(labels, value, low, high, [one.verdict for one in differences])
-            caption = "Differences between groups, with 95 % intervals; a difference that cannot be estimated has none."
-            words = [one.words + "." for one in differences]
-            title = f"Groups, under {found.trained[name].family.title}"
-            items.append(_item(title, words, [], [(_picture(figure, out, f"groups.{name}"), caption)]))
-    items += [
-        _person_item(found, one, out, drawn=i < _SHOWN * len(found.trained)) for i, one in enumerate(found.fitted)
-    ]
-    return items + [_family_item(each, out) for each in found.trained.values()]
+    number = count(1)
+    reliable = [f"{one}." for one in (PREDICTION, VERDICT, ORIGIN)]
+    parts = [("sway", "Sway, and what was inferred", [_overview(found)])]
+    if found.confusion is not None:
+        parts.append(("family", "Which family", [_choice_item(found, out, number)]))
+    groups = [_groups_item(found, name, each, out, number) for name, each in found.differences.items() if each]
+    if groups:
+        parts.append(("groups", "Groups", groups))
+    drawn = _SHOWN * len(found.trained)
+    people = [_person_item(found, one, out, i < drawn, number) for i, one in enumerate(found.fitted)]
+    parts.append(("people", "Each person" if len(found.people) > 1 else "Posterior and prediction", people))
+    families = [_family_item(each, out, number) for each in found.trained.values()]
+    parts.append(("reliability", "How reliable this is", [_item("", reliable, [], []), *families]))
+    words = [METHODS, *(trained.words for trained in found.trained.values())]
+    parts.append(("methods", "Methods", [_item("", words, [], [])]))
+    return [Section(anchor, title, "fit.html.j2", {"items": items}) for anchor, title, items in parts]
+
+
+def _choice_item(found: Fit, out: Path, number: Iterator[int]) -> dict[str, Any]:
+    c, probabilities = found.confusion, found.probabilities
+    assert c is not None
+    assert probabilities is not None
+    rows = [(one.label, *(f"{p:.2f}" for p in each)) for one, each in zip(found.people, probabilities, strict=True)]
+    words = [f"{CHOICE}.", f"{c.words}. Their mean confidence is {c.confidence:.2f}, their accuracy {c.accuracy:.2f}."]
+    picture = _picture(confusion_figure(c.families, c.counts), out, "families")
+    caption = "Synthetic people: the family that they were simulated with, and the one to which they are assigned."
+    titles = ("Probability of each family", "Synthetic people whose noise no family assumes")
+    tables = [(titles[0], ("", *c.families), rows), (titles[1], *TRIED)]
+    return _item("", words, tables, [(next(number), *picture, caption)])
+
+
+def _groups_item(
+    found: Fit, name: str, differences: Sequence[Difference], out: Path, number: Iterator[int]
+) -> dict[str, Any]:
+    tested = [one for one in differences if np.isfinite(one.p)]
+    known = {one.name.partition(", ")[0] for one in tested}
+    names = dict.fromkeys(one.name.partition(", ")[0] for one in differences)
+    rest = [symbol(each) for each in names if each not in known]
+    why = "not identified, or constrained by recordings of fewer than three people of a group"
+    words = [f"There is no conclusion on {', '.join(rest)} ({why})."] if rest else []
+    if not tested:
+        return _item(found.trained[name].family.title, words, [], [])
+    rows = []
+    for one in tested:
+        difference = f"{one.value:+.2f} ({one.low:+.2f} to {one.high:+.2f})".replace("-", "−")
+        of = f"{one.groups[1]} − {one.groups[0]}", f"{one.people[1]}, {one.people[0]}"
+        rows.append((_symbols(one.name), *of, difference, number_of(one.holm, 2), one.verdict))
+    head = ("", "Difference", "People", "Standard deviations of the prior", "p", "Verdict")
+    title = "Differences between groups and between conditions, with 95 % intervals; p is corrected by Holm’s method."
+    labels = [f"{', '.join(map(math_name, one.name.split(', ')))}: {one.groups[1]} − {one.groups[0]}" for one in tested]
+    value, low, high = (np.array([getattr(one, key) for one in tested]) for key in ("value", "low", "high"))
+    figure = groups_figure(labels, value, low, high, [one.verdict for one in tested])
+    caption = "The differences of the table, with 95 % intervals; orange: those that are significant."
+    shown = [(next(number), *_picture(figure, out, f"groups.{name}"), caption)]
+    return _item(found.trained[name].family.title, words, [(title, head, rows)], shown)
+
+
+def _symbols(name: str) -> str:
+    """The name of a parameter, with a condition after a comma, in symbols."""
+    return ", ".join(map(symbol, name.split(", ")))
 
 
 def _whose(found: Fit) -> str:
@@ -230,73 +277,175 @@ def _whose(found: Fit) -> str:
     return ", ".join(names) if len(names) <= 3 else f"{len(names)} people"
 
 
+def _amount(found: Fit) -> str:
+    """How many recordings of how many people, and what was left out of the fit."""
+    people = len({one.name for one in found.people})
+    trials, held = sum(len(one.trials) for one in found.people), sum(one.held for one in found.people)
+    of = f" of {many(people, 'person').replace('persons', 'people')}"
+    conditions = {one.condition for one in found.people if one.condition}
+    where = f" in {many(len(conditions), 'condition')}" if len(conditions) > 1 else ""
+    return f"{many(trials, 'trial')}{of}{where}{f', {held} of them not fitted but predicted' if held else ''}"
+
+
+def _findings(found: Fit) -> list[tuple[str, str]]:
+    """What was inferred, with its uncertainty: of each person where there are few, of groups else."""
+    if len(found.fitted) <= _NAMED:
+        return [(one.person.label, _finding(found, one)) for one in found.fitted]
+    words = []
+    if found.probabilities is not None:
+        most = np.argmax(found.probabilities, axis=1)
+        shares = [f"{int((most == i).sum())} to {name}" for i, name in enumerate(found.trained)]
+        caveat = CHOICE.replace(" (table)", "")
+        words.append(("Family", f"{len(found.people)} cases are assigned, {' and '.join(shares)}. {caveat}."))
+    for name, trained in found.trained.items():
+        pairs = zip(trained.family.prior.names, trained.calibration.verdicts, strict=True)
+        identified = [symbol(each) for each, verdict in pairs if verdict == "identified"]
+        said = f"Identified: {', '.join(identified)}." if identified else "No parameter is identified."
+        tested = [one for one in found.differences.get(name, ()) if np.isfinite(one.p)]
+        differs = [one.words for one in tested if one.verdict == "differs"]
+        if differs:
+            said += f" {'; '.join(differs)}."
+        elif tested:
+            said += f" No difference is found between groups or conditions ({many(len(tested), 'comparison')})."
+        words.append((trained.family.title, said))
+    bad = [one for one in found.fitted if one.misfit]
+    if bad:
+        words.append(("Misfit", f"Do not trust {len(bad)} of {len(found.fitted)} fits, which are named below."))
+    return words
+
+
 def _finding(found: Fit, one: Fitted) -> str:
     """What was inferred of one person under one family, with its uncertainty."""
     trained = found.trained[one.family]
-    prior, low_median_high = trained.family.prior, np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
-    told = [
-        f"{name} is {amount(median, prior.units[i], 3)} ({amount(low, '', 3)} to {amount(high, '', 3)})"
-        for i, (name, low, median, high) in enumerate(zip(prior.names, *low_median_high.tolist(), strict=True))
-        if trained.calibration.verdicts[i] == "identified"
-    ]
-    inferred = "; ".join(told) if told else "these recordings identify no parameter"
+    prior, verdicts = trained.family.prior, trained.calibration.verdicts
+    known = [i for i, verdict in enumerate(verdicts) if verdict == "identified"]
+    estimates = [f"{symbol(prior.names[i])} = {_estimate(one, prior, i)}, {prior.titles[i]}" for i in known]
+    inferred = f"these recordings identify {len(known) or 'none'} of {len(prior)} parameters"
+    inferred += f" ({'; '.join(estimates)})" if known else ""
     chosen = "" if found.probabilities is None else f", whose probability is {_probability(found, one):.2f}"
-    warning = " Do not trust this fit (see below)." if one.misfit else ""
-    return f"{one.person.label}, under {trained.family.title}{chosen}: {inferred}.{warning}"
+    warning = " Do not trust this fit, as stated below." if one.misfit else ""
+    return f"Under {_lower(trained.family.title)}{chosen}, {inferred}.{warning}"
 
 
-def _family_item(trained: Trained, out: Path) -> dict[str, Any]:
+def _estimate(one: Fitted, prior: Prior, i: int, named: bool = True) -> str:
+    """Median and 90 % credible interval, in the unit in which people read it."""
+    factor, unit = readable(prior.units[i])
+    low, median, high = factor * np.quantile(one.theta[:, i], (0.05, 0.5, 0.95))
+    mark = f"{'' if unit == '°' else ' '}{unit}".rstrip() if named else ""
+    return f"{number_of(median, 3)}{mark} ({number_of(low, 3)} to {number_of(high, 3)})"
+
+
+def _label(prior: Prior, i: int) -> str:
+    _, unit = readable(prior.units[i])
+    name = symbol(prior.names[i])
+    title = prior.titles[i] if prior.titles[i] == name else f"{name}: {prior.titles[i]}"
+    return f"{title} ({unit})" if unit else title
+
+
+_MEASURED = dict(zip(MEASURES, ("rms", "speed", "frequency.slope", "short.H", "long.H", "frequency.mean"), strict=True))
+
+
+def _overview(found: Fit) -> dict[str, Any]:
+    """Measures of sway by group and condition, and beneath them the identified parameters of each family."""
+    cells: dict[tuple[str, str], list[Subject]] = {}
+    for one in found.people:
+        cells.setdefault((one.group, one.condition), []).append(one)
+    heads = [", ".join(filter(None, key)) or _whose(found) for key in cells]
+    alone = all(len(people) == 1 for people in cells.values())
+    rows: list[tuple[str, ...]] = [
+        ("people", *(str(len(people)) for people in cells.values()), "8"),
+        ("trials", *(str(sum(len(one.trials) for one in people)) for people in cells.values()), "24"),
+    ]
+    swayed = {one.label: measures(np.array([summarise(trial, RATE) for trial in one.trials])) for one in found.people}
+    for i, name in enumerate(MEASURES):
+        key = _MEASURED[name]
+        factor, unit = readable(MEASURE_UNITS[i])
+        values = [
+            swayed[people[0].label][:, i] if alone else np.array([swayed[one.label][:, i].mean() for one in people])
+            for people in cells.values()
+        ]
+        young = tuple(factor * each for each in YOUNG_PEOPLE[key])
+        own = (_spread(factor * each) for each in values)
+        rows.append((in_unit(WORDS[key], unit), *own, f"{number_of(young[0], 3)} ± {number_of(young[1], 2)}"))
+    for name, trained in found.trained.items():
+        prior = trained.family.prior
+        for i in (i for i, verdict in enumerate(trained.calibration.verdicts) if verdict == "identified"):
+            fits = {one.person.label: one for one in found.fitted if one.family == name}
+            factor, _ = readable(prior.units[i])
+            row = []
+            for people in cells.values():
+                medians = np.array([factor * np.median(fits[one.label].theta[:, i]) for one in people])
+                row.append(_estimate(fits[people[0].label], prior, i, named=False) if alone else _spread(medians))
+            rows.append((f"{_label(prior, i)}, under {name}", *row, MISSING))
+    inferred = "median and 90 % credible interval" if alone else "mean ± standard deviation over people of the medians"
+    words = [
+        "Measures of the centre of pressure from front to back are mean ± standard deviation over "
+        f"{'trials' if alone else 'people'}. Beneath them are the identified parameters ({inferred}). The values of "
+        "young people are those of 24 trials of eight people on firm ground with open eyes (Santos and Duarte 2016, "
+        "doi 10.7717/peerj.2648)."
+    ]
+    return _item("", words, [("Sway and inferred parameters", ("", *heads, "young people"), rows)], [])
+
+
+def _spread(values: Array) -> str:
+    mean = number_of(float(values.mean()), 3)
+    return f"{mean} ± {number_of(float(values.std(ddof=1)), 2)}" if len(values) > 1 else mean
+
+
+def _family_item(trained: Trained, out: Path, number: Iterator[int]) -> dict[str, Any]:
     c, prior = trained.calibration, trained.family.prior
     rows = [
         (
-            f"{name} ({prior.units[i]})" if prior.units[i] else name, c.verdicts[i], f"{c.contraction[i]:.2f}",
-            f"{c.coverage[i]:.0%} ({c.coverage_low[i]:.0%} to {c.coverage_high[i]:.0%})", f"{c.p_values[i]:.2g}",
+            _label(prior, i), c.verdicts[i], number_of(float(c.contraction[i]), 2),
+            f"{c.coverage[i]:.0%} ({c.coverage_low[i]:.0%} to {c.coverage_high[i]:.0%})".replace("%", " %"),
+            number_of(float(c.p_values[i]), 2),
         )
-        for i, name in enumerate(c.names)
+        for i in range(len(c.names))
     ]  # fmt: skip
-    head = ("Parameter", "Verdict", "Contraction", "Coverage of 90 %", "p")
+    head = ("", "Verdict", "Contraction", "Coverage of 90 %", "p")
     words = [
-        trained.words,
-        f"Calibrated on {len(c.ranks)} synthetic people that it was not trained on. Contraction: relative reduction of "
+        f"Calibrated on {len(c.ranks)} synthetic people on whom it was not trained. Contraction: relative reduction of "
         "the variance from the prior to the posterior. Coverage: share of 90 % intervals that contain the true value, "
         "with its 95 % interval. p: p-value of the hypothesis that the posteriors are calibrated.",
         *([f"{DELAY[0].upper()}{DELAY[1:]}."] if trained.family.has_delay else []),
     ]
-    picture = _picture(calibration_figure(c.names, c.ranks, c.verdicts), out, f"calibration.{trained.family.name}")
+    names = [math_name(name) for name in c.names]
+    picture = _picture(calibration_figure(names, c.ranks, c.verdicts), out, f"calibration.{trained.family.name}")
     caption = "Distribution of the ranks of the true parameters minus the uniform one, with the 95 % band at each rank."
-    return _item(f"Reliability: {trained.family.title}", words, [(head, rows)], [(picture, caption)])
+    title = trained.family.title
+    return _item(title, words, [("Calibration", head, rows)], [(next(number), *picture, caption)])
 
 
-def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool) -> dict[str, Any]:
+def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterator[int]) -> dict[str, Any]:
     trained, p = found.trained[one.family], one.predictive
     prior, verdicts = trained.family.prior, trained.calibration.verdicts
-    low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
+    factors, units = zip(*(readable(unit) for unit in prior.units), strict=True)
+    quantiles = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0) * factors
     rows = [
-        (
-            f"{name} ({prior.units[i]})" if prior.units[i] else name,
-            *(amount(of[i], figures=4) for of in (median, low, high)),
-            verdicts[i],
-        )
-        for i, name in enumerate(prior.names)
+        (_label(prior, i), *(number_of(float(quantiles[k, i]), 3) for k in (1, 0, 2)), verdicts[i])
+        for i in range(len(prior))
     ]
-    words = [words_of(one)]
     pictures = []
     if drawn:
-        sample = prior.draw(4000, 1)
-        figure = posterior_figure(prior.names, prior.units, one.theta, sample, verdicts)
-        pictures.append(
-            (_picture(figure, out, f"posterior.{one.person.stem(one.family)}"), "Posterior (blue) and prior (grey).")
-        )
-        made = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
-        shown = [cop for cop in made if cop is not None][: len(one.person.trials)]
-        figure = sway_figure(one.person.trials, shown, RATE, MEASURES, MEASURE_UNITS, p.simulated, p.observed)
+        sample, stem = prior.draw(4000, 1), one.person.stem(one.family)
+        names = [math_name(name) for name in prior.names]
+        figure = posterior_figure(names, units, one.theta * factors, sample * factors, verdicts)
+        caption = "Posterior (blue) and prior (grey) of each parameter; its verdict stands above it."
+        pictures.append((next(number), *_picture(figure, out, f"posterior.{stem}"), caption))
+        runs = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
+        shown = [cop for cop in runs if cop is not None][: len(one.person.trials)]
+        scale, of = zip(*(readable(unit) for unit in MEASURE_UNITS), strict=True)
+        labels = [in_unit(WORDS[_MEASURED[name]], unit) for name, unit in zip(MEASURES, of, strict=True)]
+        figure = sway_figure(one.person.trials, shown, RATE, labels, p.simulated * scale, p.observed * scale)
         caption = (
-            "Recorded and simulated trials; measures of the recordings (dots), and the 90 % predictive intervals, "
-            "which covered only 69 to 84 % of the values of people whom the families had not seen."
+            "Above: recorded and simulated trials, and their power spectra. Beneath: measures of recorded trials "
+            "(dots; orange where outside), and median and 90 % interval of simulated ones, which covered only 69 to "
+            "84 % of the values of people whom the families had not seen."
         )
-        pictures.append((_picture(figure, out, f"sway.{one.person.stem(one.family)}"), caption))
-    head = ("Parameter", "Median", "5 %", "95 %", "Verdict")
-    return _item(f"{one.person.label}: {trained.family.title}", words, [(head, rows)], pictures)
+        pictures.append((next(number), *_picture(figure, out, f"sway.{stem}"), caption))
+    head = ("", "Median", "5 %", "95 %", "Verdict")
+    title = f"{one.person.label}: {trained.family.title}"
+    return _item(title, [words_of(one)], [("Posterior", head, rows)], pictures)
 
 
 def words_of(one: Fitted) -> str:
@@ -307,7 +456,7 @@ def words_of(one: Fitted) -> str:
     rests = (
         f"the posterior rests on an effective number of {one.support:.0f} of the people simulated to train it; {inside}"
     )
-    fell = f"; {p.fell:.0%} of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
+    fell = f"; {100 * p.fell:.0f} % of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
     misfit = f"{one.misfit.words[0].upper()}{one.misfit.words[1:]}. " if one.misfit else ""
     return f"{misfit}{rests[0].upper()}{rests[1:]}{fell}."
 
@@ -321,13 +470,19 @@ def caveats(found: Fit) -> list[str]:
     return [f"{one}." for one in (*said, ORIGIN)]
 
 
+def _lower(title: str) -> str:
+    return title[:1].lower() + title[1:]
+
+
 def _item(title: str, words: list[str], tables: list[Any], pictures: list[Any]) -> dict[str, Any]:
     return {"title": title, "words": words, "tables": tables, "pictures": pictures}
 
 
-def _picture(figure: Figure, out: Path, name: str) -> Picture:
+def _picture(figure: Figure, out: Path, name: str) -> tuple[Picture, str]:
+    """The figure, which is written beside the page, and its largest width there; letters of all figures are alike."""
     svg, png = style.save(figure, "svg"), BytesIO()
     figure.savefig(png, format="png", dpi=160, metadata={"Software": None})
     write_bytes(out / f"{name}.svg", svg)
     write_bytes(out / f"{name}.png", png.getvalue())
-    return Picture(name, f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}", name)
+    uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+    return Picture(name, uri, name), f"{6.9 * figure.get_size_inches()[0]:.1f}rem"

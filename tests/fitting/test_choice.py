@@ -36,7 +36,7 @@ def test_probabilities_are_bayes(choice: Choice, k: int) -> None:
 def test_confusion_and_twins(choice: Choice, tmp_path) -> None:
     found = confusion(choice, {name: people(name, 300, 4) for name in MEANS})
     assert found.alike == (("right", "twin"),)
-    assert "do not tell apart right and twin" in found.words
+    assert "do not distinguish right from twin" in found.words
     assert found.counts.sum() == 900
     assert found.counts[0, 0] > 250
     assert abs(found.confidence - found.accuracy) < 3 * found.error  # calibrated
