@@ -33,6 +33,11 @@ _UNITS = {"delay": "s", "delta_min": "s"}  # that of q_t is the controller's
 ROWS = 4800  # that the longest flight would keep; intervals last a twelfth to a fiftieth of it
 
 
+def unit_of(name: str) -> str:
+    """The unit of a parameter where it has one that is known."""
+    return _UNITS.get(name, "")
+
+
 def with_unit(name: str) -> str:
     """The name of a parameter, with its unit in brackets where it has one that is known."""
     return f"{name} ({_UNITS[name]})" if name in _UNITS else name

@@ -12,7 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.parameter import with_unit
+from icmj.cycle.parameter import unit_of
 from icmj.errors import ReportError
 from icmj.report import style
 
@@ -58,6 +58,30 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
     named = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))  # of lines for two intervals one
     figure.legend(named.values(), named.keys(), loc="upper center", ncols=7, bbox_to_anchor=(0.52, 1.0))
     return figure
+
+
+def parameter_in_words(name: str) -> str:
+    """The parameter of a branch for axes and headings; keys of the run file as they are."""
+    known = {
+        "b": "input gain b", "q_t": "threshold q_t", "delay": "delay", "delta_min": "refractory period Δ_min",
+        "rho": "share ρ of the changes",
+    }  # fmt: skip
+    what, colon, of = name.partition(":")
+    if colon:
+        return f"factor on the {what.replace('_', ' ')}{f' of the {of}' if of else ''}"
+    return known.get(name, name)
+
+
+def _axis_label(name: str, unit: str) -> str:
+    shown = {"b": "input gain $b$", "q_t": "threshold $q_t$", "delta_min": r"refractory period $\Delta_{min}$"}
+    words = shown.get(name, style.words(parameter_in_words(name)))
+    return f"{words} ({unit})" if unit else words
+
+
+def _symbol(name: str) -> str:
+    """The parameter in as few letters as there is room for."""
+    shown = {"b": "$b$", "q_t": "$q_t$", "delta_min": r"$\Delta_{min}$", "rho": r"$\rho$"}
+    return shown.get(name, "factor" if ":" in name else style.words(name.rpartition(".")[2]))
 
 
 def draw_intervals(axes: Axes, branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> None:
@@ -121,8 +145,12 @@ def draw_multipliers(axes: Axes, branch: Branch) -> None:
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     axes.set_xlabel(r"Re $\mu$")
     axes.set_ylabel(r"Im $\mu$")
-    ends = rf"{branch.parameter} = {branch.value[0]:.4g} (yellow) to {branch.value[-1]:.4g} (blue)"
-    axes.set_title(ends, size=7.6, pad=3)
+    first, last = float(branch.value[0]), float(branch.value[-1])
+    turn = max(branch.value, key=lambda value: min(abs(value - first), abs(value - last)))
+    turned = not min(first, last) <= turn <= max(first, last)  # past a fold
+    by = f" via {turn:.4g}" if turned else ""
+    ends = rf"{_symbol(branch.parameter)} from {first:.4g} (yellow){by} to {last:.4g} (blue)"
+    axes.set_title(ends, size=7.2, pad=3, loc="right")
 
 
 def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output: int = 0) -> None:
@@ -157,7 +185,9 @@ def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output
         axes.set_xlabel(f"{name}{f' ({unit})' if unit else ''}")
         axes.set_ylabel(f"rate of {name}{f' ({unit}/s)' if unit else ''}")
     axes.margins(0.06)
-    axes.legend(title=branch.parameter, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=6.4, title_fontsize=6.8)
+    axes.legend(
+        title=_symbol(branch.parameter), loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=6.4, title_fontsize=6.8
+    )
 
 
 def _spread(branch: Branch) -> list[int]:
@@ -187,31 +217,32 @@ def _along(
     for n, of in enumerate(linear):
         for i, (value, curve, _) in enumerate(_parts(of, *quantity(of))):
             axes.plot(value, curve, label="linear" if n == i == 0 else None, **{**style.PREDICTED, "linewidth": 3.2})
-    seen: set[str] = set()
+    named: set[str] = set()
+    stability: dict[bool, dict[str, Any]] = {True: {"linestyle": "-"}, False: {"linestyle": (0, (4, 1.6))}}
+    words, several = {True: "attracting", False: "repelling"}, len(branches) > 1
+    colours = [SHADES[n % len(SHADES)] for n in range(len(branches))]
+    for n, colour in enumerate(colours if several else ()):
+        axes.plot([], [], color=colour, linewidth=2.4, label=f"branch {n + 1}")
+    for attracting, word in words.items() if several else ():
+        if any((of.attracting == attracting).any() for of in branches):
+            axes.plot([], [], color="#555555", linewidth=1.1, label=word, **stability[attracting])
     for n, of in enumerate(branches):
         values, at = quantity(of)
-        colour = SHADES[n % len(SHADES)]
         for value, curve, attracting in _parts(of, values, at):
-            look = {"linestyle": "-"} if attracting else {"linestyle": (0, (4, 1.6))}
-            word = "attracting" if attracting else "repelling"
-            label = word if n == 0 and word not in seen else None
-            seen.add(word if n == 0 else "")
-            if n > 0 and f"branch {n + 1}" not in seen:
-                label = f"branch {n + 1}"
-                seen.add(label)
-            axes.plot(value, curve, color=colour, linewidth=1.1, label=label, **look)
+            label = None if several or words[attracting] in named else words[attracting]
+            named.add(words[attracting])
+            axes.plot(value, curve, color=colours[n], linewidth=1.1, label=label, **stability[attracting])
         for special, height in zip(of.specials, at, strict=True):
             kind = LOOK[special.kind]["label"]
-            # an interval that is infinite there is told by its branch alone
+            # an interval that is infinite there is shown by its branch alone
             for j, one in enumerate(height):
-                label = kind if kind not in seen and j == 0 else None
+                label = kind if kind not in named and j == 0 else None
                 axes.plot(special.value, one, linestyle="none", label=label, zorder=5, **_mark(special))
-            seen.add(kind)
+            named.add(kind)
     if _logarithmic(branches):
         axes.set_xscale("log")
-    axes.set_xlabel(
-        {"b": "input gain $b$", "q_t": "threshold $q_t$ (rad)"}.get(first.parameter, with_unit(first.parameter))
-    )
+    unit = "rad" if first.parameter == "q_t" and "rad" in first.units else unit_of(first.parameter)
+    axes.set_xlabel(_axis_label(first.parameter, unit))
 
 
 def _parts(of: Branch, values: Array, at: Array) -> Iterator[tuple[Array, Array, bool]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,8 @@ class Swept:
         name, title: of the sweep file.
         varies: what varies: the name of its column, and the field of the run file, "" for a change of the model.
         points: how many there are to be.
-        table: the rows that are finished (docs/sweeps.md tells the columns).
+        table: the rows that are finished (docs/sweeps.md describes the columns).
+        units: units of what varies and of the outputs, by name, where they are known.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Swept:
     varies: tuple[tuple[str, str], ...]
     points: int
     table: pa.Table
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def numbers(self, column: str) -> Array:
         """A numeric or Boolean column, NaN where a value is missing; shape (rows,)."""

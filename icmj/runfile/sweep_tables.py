@@ -221,6 +221,7 @@ class Facts(BaseModel):
         fields: of the run file that they are, "" for a change of the model.
         outputs: of the plant.
         measures: names of the numbers of the user's own measures.
+        units: of what varies and of the outputs, by name, where they are known.
         versions: of what computed, by package.
     """
 
@@ -234,6 +235,7 @@ class Facts(BaseModel):
     fields: list[_Word]
     outputs: list[_Word]
     measures: list[_Word] = []
+    units: dict[str, _Word] = {}
     versions: dict[str, _Word]
 
     @model_validator(mode="after")

@@ -149,6 +149,7 @@ def resume_sweep(path: Path | str | None, plan: Plan) -> Iterator[tuple[Dataset,
         "outputs": list(plan.outputs),
         **({"code": dict(plan.code)} if plan.code else {}),
         "measures": list(plan.measures),
+        "units": dict(plan.units),
         "columns": {name: meaning for name, (_, meaning) in meanings(plan).items()},
         "provenance": provenance(file.path.parent),
         "sweep": file.text,
@@ -170,7 +171,7 @@ def read_sweep(folder: Path | str) -> Swept:
     """
     facts = Dataset(folder).facts
     varies = tuple(zip(facts.varies, facts.fields, strict=True))
-    return Swept(facts.name, facts.title or facts.name, varies, facts.points, read_table(folder))
+    return Swept(facts.name, facts.title or facts.name, varies, facts.points, read_table(folder), facts.units)
 
 
 def read_table(folder: Path | str) -> pa.Table:

@@ -33,6 +33,7 @@ class Plan:
         code: digests of the user's own source files, by the ``module:name`` that the files give.
         outputs: names of the plant's outputs; empty before the sweep was tried (:func:`icmj.sweeps.sweep.tried`).
         measures: names of the numbers that the user's own measures return, likewise.
+        units: units of what varies and of the outputs, by name, where they are known, likewise.
     """
 
     file: SweepFile
@@ -41,6 +42,7 @@ class Plan:
     code: Mapping[str, str] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
     measures: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, file: SweepFile) -> Plan:

@@ -18,6 +18,7 @@ from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.sweeps.chunk import Computed, compute, died, parquet
 from icmj.sweeps.dataset import read_table, resume_sweep
 from icmj.sweeps.plan import Plan
+from icmj.view.quantity import rule_unit
 from icmj.work.crew import Crew
 from icmj.work.crew import crew as _crew
 
@@ -38,6 +39,9 @@ class Estimate:
     size: float
 
 
+_SECONDS = ("delay", "delta_min", "sampling_delay", "time_constant", "duration")  # keys in seconds
+
+
 def tried(plan: Plan) -> Plan:
     """The plan, with the names of outputs and of own measures, once one of a few points could be prepared.
 
@@ -49,11 +53,28 @@ def tried(plan: Plan) -> Plan:
         try:
             run = plan.run(plan.points.at(index))
             case = prepare(run)
-            told = _measures(case, plan.file.ask.motion)
-            return replace(plan, outputs=tuple(case.assumed.linearisation.plant.outputs), measures=told)
+            measures, outputs = _measures(case, plan.file.ask.motion), tuple(case.assumed.linearisation.plant.outputs)
+            return replace(plan, outputs=outputs, measures=measures, units=_units(case, plan))
         except IcmjError as error:
             first = first or error
     raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
+
+
+def _units(case: Case, plan: Plan) -> dict[str, str]:
+    """Units of what varies and of the outputs, where they are known."""
+    plant = case.actual.linearisation.plant
+    states = dict(zip(plant.states, plant.state_units, strict=False))
+    found = dict(zip(plant.outputs, plant.output_units, strict=False))
+    for name, vary in zip(plan.points.names, plan.points.vary, strict=True):
+        key = vary.fields[0] if vary.fields else ""
+        where, _, last = key.rpartition(".")
+        if where in ("simulation.initial", "simulation.observer"):
+            found[name] = states.get(last, "")
+        elif key == "controller.q_t":
+            found[name] = rule_unit(case.assumed.linearisation.plant, case.controller)
+        elif last in _SECONDS:
+            found[name] = "s"
+    return {name: unit for name, unit in found.items() if unit}
 
 
 def _measures(case: Case, plants: Sequence[PlantKind]) -> tuple[str, ...]:

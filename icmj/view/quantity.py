@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 from icmj.result.result import Result
 
@@ -52,8 +53,13 @@ def quantities(plant: LinearPlant) -> tuple[Quantity, ...]:
 
 
 def threshold_unit(result: Result) -> str:
-    """Unit of the threshold: that of the outputs where the rule weighs these alone; "" where it has none to tell."""
-    plant, facts = result.assumed, result.controller.facts()
+    """Unit of the threshold of a run; see :func:`rule_unit`."""
+    return rule_unit(result.assumed, result.controller)
+
+
+def rule_unit(plant: LinearPlant, controller: Law) -> str:
+    """Unit of the threshold: that of the assumed outputs where the rule weighs these alone; "" where it has none."""
+    facts = controller.facts()
     weight = facts.get("Q_t")
     of_outputs = facts.get("on") == "output"
     if isinstance(weight, np.ndarray):

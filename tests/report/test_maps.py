@@ -122,7 +122,7 @@ def test_a_report_of_sweeps_alone_has_their_pictures_and_says_how_they_went(tmp_
     build_report([], tmp_path / "report.html", sweeps=[swept()])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "A map" in page
-    assert "136 cycle, 36 growth, 17 too short; 136 on the predicted cycle" in page
+    assert "136 on a cycle (136 on the predicted one), 36 growing, 17 too short to settle" in page
     assert {path.name for path in (tmp_path / "report_figures").iterdir()} == {
         "map_validity_mujoco.svg",
         "map_validity_mujoco.pdf",

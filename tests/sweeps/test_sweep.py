@@ -19,10 +19,14 @@ from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
 
 import icmj
 from icmj.errors import SweepError
+from icmj.report.maps.grid import label
+from icmj.result.swept import Swept
+from icmj.runfile.sweep_tables import load_sweep
 from icmj.sweeps.chunk import Computed, compute
 from icmj.sweeps.dataset import read_table, resume_sweep
-from icmj.sweeps.sweep import carry_out, planned
+from icmj.sweeps.sweep import carry_out, planned, tried
 from icmj.work.folder import Folder
+from icmj.sweeps.plan import Plan
 
 KILLS = 20
 
@@ -210,3 +214,19 @@ def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
     plan = planned(sweep_file(tmp_path, GRID.format(count=2)))
     computed: Computed = compute(plan, range(2))
     assert died(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("basins", {"angle": "rad", "rate": "rad/s"}),
+        ("validity", {"q_t": "rad", "shank": "rad", "thigh": "rad", "trunk": "rad"}),
+    ],
+)
+def test_axes_of_maps_have_the_units_of_what_varies(name: str, units: dict[str, str]) -> None:
+    """Axes were called angle and rate, without a unit."""
+    plan = tried(Plan.of(load_sweep(name)))
+    assert plan.units == units
+    swept = Swept(name, name, (), 0, pa.table({}), plan.units)
+    assert next(label(each, swept) for each in units) in ("angle (rad)", "$q_{t}$ (rad)")
+    assert label("b", swept) == "$b$"

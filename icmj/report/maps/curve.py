@@ -29,11 +29,11 @@ def draw_curve(axes: Axes, swept: Swept, x: str) -> None:
     order = np.argsort(at)
     at, crit, sign = at[order], crit[order], sign[order]
     cycle = swept.numbers("predicted_cycle")[order] > 0
-    for value, (colour, words) in _SIGN.items():
-        for there, line, told in ((cycle, "solid", rf"$\Delta_{{crit}}$, {words}"), (~cycle, (0, (3, 2)), None)):
+    for value, (colour, eigenvalue) in _SIGN.items():
+        for there, line, words in ((cycle, "solid", rf"$\Delta_{{crit}}$, {eigenvalue}"), (~cycle, (0, (3, 2)), None)):
             shown = np.where((sign == value) & there, crit, np.nan)
             if np.isfinite(shown).any():
-                axes.plot(at, shown, color=colour, linestyle=line, linewidth=1.6, label=told, zorder=2)
+                axes.plot(at, shown, color=colour, linestyle=line, linewidth=1.6, label=words, zorder=2)
     for plant in ("linear", "mujoco"):
         if f"{plant}_interval" in swept.table.column_names:
             kind = np.array(swept.texts(f"{plant}_kind"))[order]
@@ -48,5 +48,5 @@ def draw_curve(axes: Axes, swept: Swept, x: str) -> None:
                     at, exact, linestyle="none", marker="o", markersize=4.6, markerfacecolor="none",
                     markeredgecolor="#777777", markeredgewidth=0.7, label=f"{style.NAME[plant]}, repelling", zorder=2.5,
                 )  # fmt: skip
-    axes.set(xlabel=label(x), ylabel=r"$\Delta_{ol}$ (s)", xlim=(at.min(), at.max()))
+    axes.set(xlabel=label(x, swept), ylabel=r"$\Delta_{ol}$ (s)", xlim=(at.min(), at.max()))
     axes.set_ylim(bottom=0)

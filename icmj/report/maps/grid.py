@@ -40,10 +40,10 @@ class Grid:
         """Edges of the cells around x and y, shapes (m + 1,) and (n + 1,)."""
         return edges(self.x, even(self.x)), edges(self.y, even(self.y))
 
-    def frame(self, axes: Axes, x: str, y: str) -> None:
+    def frame(self, axes: Axes, swept: Swept, x: str, y: str) -> None:
         """Fit limits, labels and scales of axes to the cells."""
         (left, *_, right), (low, *_, high) = self.cells
-        axes.set(xlim=(left, right), ylim=(low, high), xlabel=label(x), ylabel=label(y))
+        axes.set(xlim=(left, right), ylim=(low, high), xlabel=label(x, swept), ylabel=label(y, swept))
         for way, values in ((axes.set_xscale, self.x), (axes.set_yscale, self.y)):
             if even(values):
                 way("log")
@@ -85,9 +85,11 @@ def even(values: Array) -> bool:
     return bool(values[0] > 0 and len(values) > 2 and values[-1] / values[0] > 20)
 
 
-def label(name: str) -> str:
-    """A column's name as the paper writes it: single letters, with or without an index, are slanted."""
+def label(name: str, swept: Swept) -> str:
+    """A column's name as the paper writes it, single letters slanted, with its unit where the sweep knows it."""
     letter, _, index = name.partition("_")
-    if len(letter) != 1 or len(index) > 4 or not (letter + index).isalnum():
-        return name.replace("$", r"\$")
-    return f"${letter}_{{{index}}}$" if index else f"${letter}$"
+    words = name.replace("$", r"\$")
+    if len(letter) == 1 and len(index) <= 4 and (letter + index).isalnum():
+        words = f"${letter}_{{{index}}}$" if index else f"${letter}$"
+    unit = swept.units.get(name, "")
+    return f"{words} ({unit})" if unit else words

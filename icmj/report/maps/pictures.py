@@ -42,7 +42,10 @@ def pictures(swept: Swept) -> Iterator[SweptPicture]:
         figure, (axes,) = style.new_figure(70.0, width=_WIDE)
         draw_curve(axes, swept, name)
         style.legend(figure, axes, columns=5)
-        caption = f"Critical interval against {name}; marks: intervals of the cycles on which the runs settled."
+        caption = (
+            f"Critical interval against {name}: solid where a cycle is predicted, dashed where none is. Marks: "
+            f"intervals of the cycles on which the runs settled.{_rings(swept)}"
+        )
         yield SweptPicture("delta_crit", figure, caption)
     if len(numeric) != 2:
         return
@@ -53,7 +56,7 @@ def pictures(swept: Swept) -> Iterator[SweptPicture]:
                 figure, (axes,) = style.new_figure(95.0, width=_WIDE)
                 _below_the_legend(figure)
                 draw_basins(axes, swept, x, y, plant)
-                caption = f"The motion that each start leads to, {style.NAME[plant]} plant."
+                caption = f"The motion to which each initial state leads, {_plant(plant)}."
                 yield SweptPicture(f"basins_{plant}", figure, caption)
             else:
                 yield SweptPicture(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
@@ -77,7 +80,7 @@ def _of_tried(swept: Swept, names: list[str]) -> Iterator[SweptPicture]:
         except ReportError:  # not on a grid, so there is no map of it
             return
         bar.set_label(r"$\log_{10}$ of the first output’s standard deviation")
-        caption = f"Size of the sway in the second half of each run, {style.NAME[plant]} plant. Hatched: it falls."
+        caption = f"Size of the sway in the second half of each run, {_plant(plant)}. Hatched: it falls."
         yield SweptPicture(f"sway_{plant}", figure, caption)
 
 
@@ -97,9 +100,22 @@ def _below_the_legend(figure: Figure) -> None:
     axes.set_position((box.x0, box.y0, box.width, box.height * 0.97))
 
 
+def _plant(plant: str) -> str:
+    return "linear plant" if plant == "linear" else style.NAME[plant]
+
+
+def _rings(swept: Swept) -> str:
+    """What rings are, where there are some."""
+    names = [
+        name for name in ("linear_cycle_attracting", "mujoco_cycle_attracting") if name in swept.table.column_names
+    ]
+    repelling = any((swept.numbers(name) == 0).any() for name in names)
+    return " Rings: cycles that repel, on which no run settles." if repelling else ""
+
+
 def _caption(plant: str) -> str:
     return (
-        f"Relative error of the linear theory’s interval, {style.NAME[plant]} plant, with contours at 0.1, 1 and 10 %. "
+        f"Relative error of the linear theory’s interval, {_plant(plant)}, with contours at 0.1, 1 and 10 %. "
         "Hatched: where the run fell, settled on another motion, or had not settled when it ended."
     )
 

@@ -13,6 +13,7 @@ from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.maps.grid import Grid, edges, grid, label
 from icmj.result.swept import Swept
+from icmj.view.quantity import in_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 LEVELS = (1e-3, 1e-2, 1e-1)
 _COLOURS = "cividis_r"  # dark is far off; the same for eyes that see no red
 _LEAST, _MOST = -8.0, -0.5
-# one column of what each region is, from what to tell by, hatching and legend
+# of each region its name, hatching and legend
 _REGIONS: tuple[tuple[str, str, str], ...] = (
     ("fell", "xxxx", "falls"),
     ("elsewhere", "////", "another motion"),
@@ -56,7 +57,7 @@ def draw_validity(axes: Axes, swept: Swept, x: str, y: str, plant: str = "mujoco
             hatch(axes, cells, inside, pattern)
             handles.append(Patch(facecolor="white", edgecolor="#777777", hatch=pattern, linewidth=0.4, label=words))
     _contours(axes, laid, size)
-    laid.frame(axes, x, y)
+    laid.frame(axes, swept, x, y)
     if handles:
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False)
     return mesh
@@ -66,11 +67,11 @@ def regions(swept: Swept, laid: Grid, plant: str) -> Any:
     """The result at each point: cycle (the predicted one), elsewhere, fell, open; nothing if it is not finished."""
     outcome, kind = swept.texts(f"{plant}_outcome"), swept.texts(f"{plant}_kind")
     predicted = swept.texts(f"{plant}_on_predicted")
-    told = np.array([_told(*each) for each in zip(outcome, kind, predicted, strict=True)] + ["nothing"])
-    return told[laid.row]
+    ends = np.array([_ended(*each) for each in zip(outcome, kind, predicted, strict=True)] + ["nothing"])
+    return ends[laid.row]
 
 
-def _told(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
+def _ended(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
     if outcome is None:
         return "nothing"
     if outcome in ("fell", "diverged"):
@@ -81,7 +82,7 @@ def _told(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
 
 
 def hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, pattern: str) -> None:
-    """One hatched face around all cells that are inside, so that their seams are not seen."""
+    """One hatched face around all cells that are inside, so that their seams do not show."""
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path
 
@@ -102,12 +103,13 @@ def _contours(axes: Axes, laid: Grid, size: Array) -> None:
     inside = np.ma.masked_invalid(size)
     from matplotlib.patheffects import withStroke
 
-    # white edges, because the map is dark where the error is large
+    # with white edges, because the map is dark where the error is large, and labels upright on a white ground
     lines = axes.contour(laid.x, laid.y, inside, levels=levels, colors="#111111", linewidths=0.8, linestyles="solid")
     lines.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
     words = {at: f"{100 * level:g} %" for at, level in zip(levels, LEVELS, strict=True)}
     for text in axes.clabel(lines, fmt=words, fontsize=7.5):
-        text.set_path_effects([withStroke(linewidth=2.4, foreground="white")])
+        text.set_rotation(0)
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
 
 
 def draw_sway(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -> Any:
@@ -136,7 +138,7 @@ def draw_sway(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear") -
     if (root > 0).any() and (root < 0).any():
         axes.contour(laid.x, laid.y, np.ma.masked_invalid(root), levels=[0.0], colors="#d55e00", linewidths=1.4)
         handles.append(Line2D([], [], color="#d55e00", linewidth=1.4, label="limit of stability, feedback always on"))
-    laid.frame(axes, x, y)
+    laid.frame(axes, swept, x, y)
     if handles:
         axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False)
     return mesh
@@ -152,7 +154,9 @@ def draw_sway_curve(axes: Axes, swept: Swept, x: str) -> None:
             size = np.where(stood, swept.numbers(swayed(swept, plant)), np.nan)
             look = {**style.MARK[plant], "linestyle": "none", "markersize": 3.4 if plant == "linear" else 3.0}
             axes.plot(at[order], size[order], label=style.NAME[plant], **look)
-    axes.set(xlabel=label(x), ylabel=f"RMS of {_output(swept)}", xlim=(at.min(), at.max()))
+    output = _output(swept)
+    rms = in_unit(f"RMS of {output}", swept.units.get(output, ""))
+    axes.set(xlabel=label(x, swept), ylabel=rms, xlim=(at.min(), at.max()))
     axes.set_ylim(bottom=0)
 
 
@@ -191,7 +195,7 @@ def draw_basins(axes: Axes, swept: Swept, x: str, y: str, plant: str = "linear")
     handles = [Patch(facecolor=colour, label=name) for name, colour in zip(shown, _MOTIONS, strict=False)]
     if len(frequent) > len(shown):
         handles.append(Patch(facecolor=_OTHERS, label=f"{len(frequent) - len(shown)} others"))
-    axes.set(xlabel=label(x), ylabel=label(y))
+    axes.set(xlabel=label(x, swept), ylabel=label(y, swept))
     axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False)
 
 

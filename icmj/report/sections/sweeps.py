@@ -9,6 +9,7 @@ import numpy as np
 
 from icmj.base import numbers
 from icmj.cycle.branch import Branch
+from icmj.report.branch import parameter_in_words
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.sections.wording import attracted
@@ -17,10 +18,17 @@ from icmj.result.result import Attractor
 from icmj.result.swept import Swept
 from icmj.view.quantity import Quantity, quantities
 
+_KINDS = {
+    "too short": "too short to settle",
+    "no events": "without events",
+    "homoclinic": "with growing intervals",
+    "growth": "growing",
+    "decay": "dying out",
+}
 _BRANCHES = (
-    "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, dashed: "
-    "repelling ones, faint: the linear plant. (c) Multipliers μ of the first branch, the factors on small deviations "
-    "over one turn of the cycle; (d) some of its cycles."
+    "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, "
+    "dashed: repelling ones{}. (c) Multipliers μ of the first branch, the factors on small "
+    " deviations over one turn of the cycle; (d) some of its cycles."
 )
 
 
@@ -49,16 +57,25 @@ def _facts(swept: Swept) -> list[tuple[str, str]]:
     facts = [("Points", f"{done}{f'; {bad}' if bad else ''}")]
     for name, field in swept.varies:
         facts.append((name, f"{_range(swept, name)}{f' ({field})' if field and field != name else ''}"))
-    for plant, word in NAME.items():
+    for plant in NAME:
         if f"{plant}_kind" in swept.table.column_names:
             on = sum(value is True for value in swept.texts(f"{plant}_on_predicted"))
             kinds = Counter(kind for kind in swept.texts(f"{plant}_kind") if kind)
-            told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-            facts.append((f"{word} plant", f"{told}; {on} on the predicted cycle"))
+            words = (
+                f"{count} on a cycle ({on} on the predicted one)"
+                if kind == "cycle"
+                else f"{count} {_KINDS.get(kind, kind)}"
+                for kind, count in kinds.most_common()
+            )
+            facts.append((_plant(plant), ", ".join(words)))
         elif f"{plant}_outcome" in swept.table.column_names:
             ends = Counter(outcome for outcome in swept.texts(f"{plant}_outcome") if outcome)
-            facts.append((f"{word} plant", ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())))
+            facts.append((_plant(plant), ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())))
     return facts
+
+
+def _plant(plant: str) -> str:
+    return "linear plant" if plant == "linear" else NAME[plant]
 
 
 def _range(swept: Swept, name: str) -> str:
@@ -127,9 +144,11 @@ def branches(found: Sequence[tuple[Sequence[Branch], Picture]], first_number: in
     """
     items = []
     for i, (group, picture) in enumerate(found):
-        facts = [fact for branch in group for fact in _branch_facts(branch)]
-        title = f"{group[0].run.case.title}: cycles along {group[0].parameter}"
-        items.append({"title": title, "facts": facts, "pictures": [(first_number + i, picture, _BRANCHES)]})
+        facts = [_branch_fact(branch, n if len(group) > 1 else 0) for n, branch in enumerate(group, 1)]
+        beneath = len({one.plant for one in group}) > 1
+        caption = _BRANCHES.format(", broad and faint: the linear plant" if beneath else "")
+        title = f"{group[0].run.case.title}: cycles along the {parameter_in_words(group[0].parameter)}"
+        items.append({"title": title, "facts": facts, "pictures": [(first_number + i, picture, caption)]})
     return Section("branches", "Branches of cycles", "sweeps.html.j2", {"items": items}) if items else None
 
 
@@ -138,11 +157,12 @@ def numbered(section: Section | None) -> int:
     return 0 if section is None else sum(len(item["pictures"]) for item in section.context["items"])
 
 
-def _branch_facts(branch: Branch) -> list[tuple[str, str]]:
+def _branch_fact(branch: Branch, number: int) -> tuple[str, str]:
     ends = " to ".join(numbers.short(float(branch.value[i])) for i in (0, -1))
     attracting = int(branch.attracting.sum())
-    told = f"{len(branch)} {branch.name}, {branch.parameter} from {ends}, {attracting} of them attracting. "
+    said = f"{len(branch)} {branch.name}, {branch.parameter} from {ends}, {attracting} of them attracting. "
     words = [special.words for special in branch.specials]
     if not words or words[-1] != branch.end:
         words.append(f"The branch {branch.end}.")
-    return [(f"{NAME[branch.plant]} plant", told + " ".join(words))]
+    where = "linear plant" if branch.plant == "linear" else NAME[branch.plant]
+    return f"branch {number}, {where}" if number else where, said + " ".join(words)
