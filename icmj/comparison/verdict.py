@@ -35,20 +35,24 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
         if result.simulation.plant == "mujoco" and measurement.kind == "cycle":
             # odd symmetry makes the departure cubic: the interval grows by 2 ln 10/λ for each decade of the threshold
             ended += (
-                ". No linear model of this nonlinear plant is exact: its nonlinearity acts as a model error that "
-                "limits the growth of the intervals; the smaller the threshold, the longer they become"
+                ". No linear model of this nonlinear plant is exact; its nonlinearity acts as a model error that "
+                "limits the growth of the intervals, and the smaller the threshold, the longer they become"
             )
         if not prediction.crossings and prediction.observer_feedback_stable:
-            return f"No cycle predicted: no eigenvalue reaches the unit circle {_searched(prediction)}; {ended}."
-        return f"No cycle predicted: no eigenvalue leaves the unit circle at ±1 {_searched(prediction)}; {ended}."
+            return (
+                f"No cycle predicted, because no eigenvalue reaches the unit circle {_searched(prediction)}; {ended}."
+            )
+        return (
+            f"No cycle predicted, because no eigenvalue leaves the unit circle at ±1 {_searched(prediction)}; {ended}."
+        )
     if not prediction.cycle:
         why = _why_no_cycle(prediction)
-        return f"No cycle at Δ_crit, as predicted: {why}; {ended}."
+        return f"No cycle at Δ_crit, as predicted, because {why}; {ended}."
     if prediction.verdict == "repelling":
-        return f"Does not settle on the predicted cycle: it is repelling ({_multiplier(prediction)}); {ended}."
+        return f"Does not settle on the predicted cycle, because it is repelling ({_multiplier(prediction)}); {ended}."
     if prediction.verdict == "not admissible":
         reason = prediction.orbit.reason if prediction.orbit is not None else ""
-        return f"Does not settle on the predicted cycle: it is not admissible ({reason.rstrip('.')}); {ended}."
+        return f"Does not settle on the predicted cycle, because it is not admissible ({reason.rstrip('.')}); {ended}."
     return f"Does not settle on the predicted cycle, although it attracts; {ended}."
 
 
@@ -69,13 +73,13 @@ def _searched(prediction: Prediction) -> str:
 
 def _in_distribution(measurement: Measurement, prediction: Prediction) -> str:
     interval = (
-        "no open-loop interval" if measurement.interval is None else f"mean interval {measurement.interval:.3g} s"
+        "no open-loop interval" if measurement.interval is None else f"a mean interval of {measurement.interval:.3g} s"
     )
     if not prediction.cycle:
-        return f"The motion is driven by noise, and no cycle is predicted without it: {interval}"
+        return f"The motion is driven by noise, and no cycle is predicted without it; it has {interval}"
     attracting = "" if prediction.verdict == "attracting" else f" ({prediction.verdict})"
     return (
-        f"The motion is driven by noise: {interval}; the predicted cycle{attracting} without noise has "
+        f"The motion is driven by noise, with {interval}; the predicted cycle{attracting} without noise has "
         f"{prediction.delta_crit:.4g} s"
     )
 
@@ -115,4 +119,4 @@ def _how_it_ended(measurement: Measurement, predicted: bool) -> str:
         case "no events":
             return "no event occurs"
         case _:
-            return "the run is too short to tell"
+            return "the run is too short to settle"

@@ -28,7 +28,7 @@ def histogram_figure(case: CaseRuns) -> Figure:
 
 
 def draw_histogram(axes: Axes, case: CaseRuns) -> None:
-    """Density of the open-loop intervals on each plant; Δ_crit dotted, the least interval dashed."""
+    """Density of the open-loop intervals on each plant; predicted Δ_crit dotted, the least interval dashed."""
     for plant, result in case.runs.items():
         found = result.statistics
         if found is not None and len(found.counts):
@@ -37,7 +37,7 @@ def draw_histogram(axes: Axes, case: CaseRuns) -> None:
     least = case.first.simulation.least
     if least > 0:
         axes.axvline(least, label=rf"least, {least:.3g} s", **style.EXACT)
-    if case.prediction.delta_crit is not None:
+    if case.prediction.cycle and case.prediction.delta_crit is not None:
         name = rf"$\Delta_{{crit}}={case.prediction.delta_crit:.4g}$ s"
         axes.axvline(case.prediction.delta_crit, label=name, **style.CRITICAL)
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel="density (1/s)")

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
 NARROW, TALL, ROOF = 88.0, 9.6, 19.0  # mm: width, height of a row and space above the rows on a telephone
 LONGEST = 44  # characters of a line of a case's title beside its row; above it, 58 have room in its size
+SIZES = (8.0, 6.6)  # points: of a title on one line and on two
 WIDE = 4.0  # largest over smallest interval from which on their axis is logarithmic
 EXACT = 1e-16  # relative error that is drawn of what agrees to the last digit
 COLOUR = {"✓": "#00664b", "○": "#6b5300", "✗": "#a03c00"}
@@ -38,7 +39,7 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     height = above + BELOW + pitch * len(cases)
     figure = Figure(figsize=(width * style.MM, height * style.MM))
     titles = [case.first.run.case.title if narrow else fill(case.first.run.case.title, LONGEST) for case in cases]
-    left = 3.0 if narrow else 3.0 + 1.22 * max(len(line) for title in titles for line in title.split("\n"))
+    left = 3.0 if narrow else 3.0 + max(map(_width, titles))
     middle, right = width - 44.0, width - 24.0
     low, share = BELOW / height, pitch * len(cases) / height
     intervals = figure.add_axes((left / width, low, (middle - 4 - left) / width, share))
@@ -59,7 +60,7 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     else:
         intervals.set_yticks(range(len(cases)), titles, parse_math=False, linespacing=0.95)
         for label in intervals.get_yticklabels():
-            label.set_fontsize(8.0 if "\n" not in label.get_text() else 6.6)
+            label.set_fontsize(SIZES["\n" in label.get_text()])
     for row, case in enumerate(cases):
         mark, words = _verdict(case)
         errors.text(
@@ -76,6 +77,16 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     return figure
 
 
+def _width(title: str) -> float:
+    """The width of a title beside its row [mm]."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    size, font = SIZES["\n" in title], FontProperties(family=style.RC["font.family"])
+    lines = (line.replace("$", r"\$") for line in title.split("\n"))
+    return max(float(TextPath((0, 0), line, size, prop=font).get_extents().width) for line in lines) / 72 / style.MM
+
+
 def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
     """Predicted Δ_crit as a broad bar, measured intervals on it; where nothing settles, a range or nothing."""
     shown: list[float] = []
@@ -89,14 +100,14 @@ def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
             axes.plot(delta, row, linestyle="none", label=label, zorder=1, **_bar(look))
             shown.append(delta)
         for plant, result in case.runs.items():
-            interval, told = case.comparisons[plant].measured.interval, result.statistics
+            interval, noisy = case.comparisons[plant].measured.interval, result.statistics
             if interval is None or not np.isfinite(interval) or interval <= 0:
                 continue
             shown.append(interval)
-            if told is not None and told.interval_deviation is not None:
+            if noisy is not None and noisy.interval_deviation is not None:
                 ends = [
-                    max(interval - told.interval_deviation.value, interval / 10),
-                    interval + told.interval_deviation.value,
+                    max(interval - noisy.interval_deviation.value, interval / 10),
+                    interval + noisy.interval_deviation.value,
                 ]
                 axes.plot(ends, [row, row], **style.RUN[plant], zorder=2)
                 shown += ends

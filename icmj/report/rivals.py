@@ -16,7 +16,7 @@ from icmj.report.sway import COLOURS, LOWEST
 from icmj.result.result import Result, has_prediction
 from icmj.series.series import Series
 from icmj.view.motion import output_rate
-from icmj.view.quantity import in_brackets, quantities, shared_unit
+from icmj.view.quantity import in_unit, quantities, shared_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,9 +65,8 @@ def _rival(run: Result) -> Rival | None:
     columns = zip(simulation.y.T, shown, strict=True)
     values = np.column_stack([unit.factor * np.interp(t, simulation.t, y) for y, unit in columns])
     series = Series(t, values, run.actual.outputs, tuple(unit.unit for unit in shown))
-    kind = run.controller.kind
     try:
-        return Rival(f"{run.run.case.title} ({kind})", run, measure_sway(series))
+        return Rival(run.run.case.title, run, measure_sway(series))
     except DataError:
         return None
 
@@ -83,7 +82,9 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
             drawn = (found.frequency > 0) & between(found.frequency, 0.0, FASTEST)
             power = found.power[drawn, i]
             largest = max(largest, float(power.max(initial=0.0)))
-            axes.loglog(found.frequency[drawn], power, color=COLOURS[n % len(COLOURS)], linewidth=1.2, label=str(n + 1))
+            axes.loglog(
+                found.frequency[drawn], power, color=COLOURS[n % len(COLOURS)], linewidth=1.2, label=_label(group, n)
+            )
         c = coordinates[i]
         axes.set_ylim(bottom=LOWEST * (largest or 1.0))
         axes.set_ylabel(f"{style.words(c.name)}{f' ({c.unit}²/Hz)' if c.unit else ''}")
@@ -102,10 +103,21 @@ def paths_figure(group: Sequence[Rival]) -> Figure:
             late = between(simulation.t, simulation.t[-1] - SHOWN)
             v = output_rate(rival.run, simulation.x[late], simulation.u[late])[:, i]
             y = shown.factor * simulation.y[late, i]
-            axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=str(n + 1))
+            axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=_label(group, n))
         axes.set_ylabel(shown.label(style.words(plant.outputs[i]), "/s"))
 
     return style.each_output(plant.n_y, draw, quantities(plant)[-1].label("value"), 6)
+
+
+def _label(group: Sequence[Rival], n: int) -> str:
+    """The number of a controller, with its kind where there is room."""
+    return f"{n + 1}: {kind_in_words(group[n].run)}" if len(group) <= 3 else str(n + 1)
+
+
+def kind_in_words(run: Result) -> str:
+    """The kind of a controller; switched feedback that never switches is continuous."""
+    facts = run.controller.facts()
+    return "continuous" if facts.get("switches") is False else run.controller.kind
 
 
 def run_figure(runs: Sequence[Result]) -> Figure:
@@ -124,11 +136,11 @@ def run_figure(runs: Sequence[Result]) -> Figure:
     for axes in stack:
         axes.set_xlim(max(0.0, end - LONGEST), end)
         drawn = [np.asarray(line.get_xydata(), dtype=float) for line in axes.get_lines()]
-        seen = np.concatenate([points[between(points[:, 0], end - LONGEST), 1] for points in drawn])
-        low, high = float(seen.min()), float(seen.max())
+        late = np.concatenate([points[between(points[:, 0], end - LONGEST), 1] for points in drawn])
+        low, high = float(late.min()), float(late.max())
         if np.isfinite(high - low) and high > low:
             axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
-    stack[-1].set(xlabel="time (s)", ylabel=f"u{in_brackets(shared_unit(first.actual.input_units))}")
+    stack[-1].set(xlabel="time (s)", ylabel=in_unit("u", shared_unit(first.actual.input_units)))
     figure.align_ylabels(stack)
     style.link("time", *stack)
     style.legend(figure, stack[0])

@@ -102,6 +102,9 @@ class Result(Shown):
         provenance: versions, git state, platform, date.
         notices: notices about plants and run, each once.
         measures: results of the user's own measures, by name.
+        sway: measures of the centre of pressure, back to front [m, s], of a body of a person's size that noise moves,
+            such as ``cop.x.rms``, named as in :func:`icmj.simulate_many`; over the same part of the run as
+            ``statistics``, and empty for other runs.
     """
 
     run: RunFile
@@ -120,6 +123,7 @@ class Result(Shown):
     provenance: Mapping[str, str] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
+    sway: Mapping[str, float] = field(default_factory=dict)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""

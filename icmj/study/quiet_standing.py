@@ -10,8 +10,9 @@ import numpy as np
 from icmj.base.array import between
 from icmj.case.case import Case, PlantKind
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.reaction import ground_force
-from icmj.experiments.quiet_standing import Standing, quiet_standing
+from icmj.engine.reaction import ground_force, reaction
+from icmj.errors import IcmjError
+from icmj.experiments.quiet_standing import Standing, quiet_standing, sway_numbers
 from icmj.experiments.recording import Recording
 from icmj.runfile.schema import RunFile
 from icmj.runfile.stimulus_tables import QuietStandingTable
@@ -22,6 +23,35 @@ from icmj.study.kind import Kind, Told, sampled, timed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+PERSON = {"mass": (30.0, 200.0), "height": (0.5, 1.5)}  # kg, and m of the centre of mass: a body of a person's size
+
+
+def measure_pressure(case: Case, simulation: Simulation, since: float, rate: float = 100.0) -> dict[str, float]:
+    """Measures of the centre of pressure, back to front, of a body of a person's size.
+
+    Args:
+        case: the case.
+        simulation: its run, on either plant.
+        since: what is left out at the start [s].
+        rate: sampling rate [Hz].
+
+    Returns:
+        numbers such as ``cop.x.rms`` [m, s]; none for a body of another size, for one on which other forces than the
+        ground's act, or for a run that is too short.
+    """
+    if not isinstance(case.actual, MujocoPlant):
+        return {}
+    try:
+        body = reaction(case.actual)
+        if any(not low <= getattr(body, name) <= high for name, (low, high) in PERSON.items()):
+            return {}
+        pressure = sampled(ground_force(case.actual, simulation).chosen(["cop.x"]), simulation, rate, since)
+        found = {name: float(value) for name, value in sway_numbers(pressure).items()}
+    except IcmjError:
+        return {}
+    return {name: value for name, value in found.items() if np.isfinite(value)}
 
 
 class QuietStandingKind(Kind):

@@ -18,6 +18,7 @@ from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind, PredictedCase
+    from icmj.measurement.statistics import Statistics
     from icmj.result.result import Attractor, Result
     from icmj.simulation.simulation import Simulation
 
@@ -136,8 +137,16 @@ def run_case(
             provenance=provenance(run.path.parent),
             notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
             measures=measure_own(run, simulation),
+            sway=_sway(case, found.get("statistics"), simulation),
             **found,
         )
+
+
+def _sway(case: Case, found: Statistics | None, simulation: Simulation) -> dict[str, float]:
+    """Measures of the centre of pressure of a person whom noise moves, over what the statistics are of."""
+    from icmj.study.quiet_standing import measure_pressure
+
+    return {} if found is None else measure_pressure(case, simulation, found.start)
 
 
 def _beside(

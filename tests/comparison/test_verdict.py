@@ -25,7 +25,7 @@ def test_another_cycle_than_the_predicted_one_is_called_so():
 
 def test_large_gain_does_not_settle_and_says_why():
     words = verdict_in_words(result("b1.7"), False)
-    assert words.startswith("No cycle at Δ_crit, as predicted: ")
+    assert words.startswith("No cycle at Δ_crit, as predicted, because ")
     assert "repelling" in words
     assert "|λ| = 1.20" in words  # the other eigenvalue at this interval (notes, section 4)
 

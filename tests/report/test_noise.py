@@ -7,6 +7,7 @@ from functools import cache
 
 import pytest
 from log_cases import assert_same
+from matplotlib.figure import Figure
 from report_cases import result
 
 from icmj.comparison.comparison import compare, to_json
@@ -18,11 +19,16 @@ from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
 from icmj.report import build_report, sections
+from icmj.report.noise import draw_histogram
 from icmj.report.pairing import paired
+from icmj.report.panels import PANELS
+from icmj.report.panels.panel import shown_interval
+from icmj.report.sections import Picture
 from icmj.report.sections.noise import estimate
 from icmj.result.result import Result
 from icmj.runfile.reading import parse_run
 
+PICTURE = Picture("a", "data:", "a")
 NOISE = """
 [[simulation.disturbance]]
 kind = "noise"
@@ -45,6 +51,36 @@ def noisy() -> Result:
 
 def test_it_comes_back_from_the_archive_bit_for_bit() -> None:
     assert_same(noisy(), unpack(*pack(noisy())))
+
+
+def test_measures_of_a_person_stand_beside_those_of_young_people() -> None:
+    """In millimetres; a body of another size has none."""
+    swayed = replace(noisy(), sway={"cop.x.rms": 4.12e-3, "cop.x.speed": 7.04e-3, "cop.x.frequency.mean": 0.272})
+    assert unpack(*pack(swayed)).sway == swayed.sway
+    section = sections.noise(paired([swayed]), {"noisy": (PICTURE, PICTURE)}, 1)
+    assert section is not None
+    sway = section.context["items"][0]["sway"]
+    assert sway["heads"] == ["linear plant", "young people"]
+    assert sway["rows"][0] == ("RMS (mm)", "4.12", "4.74 ± 1.6")
+    assert sway["rows"][1] == ("mean speed (mm/s)", "7.04", "7.99 ± 4.6")
+    assert ("mean frequency (Hz)", "0.272", "0.252 ± 0.13") in sway["rows"]
+    section = sections.noise(paired([noisy()]), {"noisy": (PICTURE, PICTURE)}, 1)
+    assert section is not None
+    assert section.context["items"][0]["sway"] is None
+
+
+def test_where_noise_acts_and_no_cycle_is_predicted_no_prediction_is_drawn() -> None:
+    """The panels of quiet standing named Δ_crit, ±γ and a repelling orbit as predictions, beside noise."""
+    free = replace(noisy(), prediction=replace(noisy().prediction, cycle=False, verdict="repelling"))
+    for found, drawn in ((noisy(), True), (free, False)):
+        case = paired([found])[0]
+        assert (shown_interval(case) is not None) == drawn
+        captions = {panel.letter: panel.caption(case) for panel in PANELS}
+        assert ("Δ_crit" in captions["e"]) == drawn
+        assert ("γ" in captions["f"]) == drawn
+        axes = Figure().add_subplot()
+        draw_histogram(axes, case)
+        assert any("crit" in str(line.get_label()) for line in axes.lines) == drawn
 
 
 def test_damaged_statistics_are_refused() -> None:

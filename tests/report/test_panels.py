@@ -16,7 +16,7 @@ from icmj.report.pairing import CaseRuns, paired
 from icmj.report.panels import Panel
 from icmj.report.panels.eigenvalues import shown_locus
 from icmj.simulation.pressure import Pressure
-from icmj.view.motion import reduced
+from icmj.view.motion import latter_part, reduced
 
 DEG = np.rad2deg(1)
 PANELS = {panel.letter: panel for panel in panels.PANELS}
@@ -327,6 +327,20 @@ def test_names_of_several_inputs_stand_clear_of_each_other():
     boxes = [label.get_window_extent() for label in labels]
     for i, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+
+
+def test_d_leaves_a_gap_where_the_rate_of_an_output_jumps_with_the_command():
+    """Rows before and after a jump were joined, at another angle in every cycle: a filled wedge."""
+    found = result("b0.8")
+    rate = replace(found.actual, C=np.array([[1.0, 0.0], [0.0, 1.0]]), outputs=("angle", "rate"), output_units=())
+    y = np.column_stack([found.simulation.y[:, 0], found.simulation.x[:, 1]])
+    alone = replace(found.prediction, orbit=None)
+    both = replace(found, actual=rate, simulation=replace(found.simulation, y=y), prediction=alone)
+    (axes,) = PANELS["d"].drawing(paired([both])[0]).axes
+    position, velocity = (line for line in axes.lines if len(line.get_xdata()) > 50)
+    late = found.simulation.events.t >= latter_part(found.simulation, 8)[0]
+    assert np.isfinite(position.get_ydata()).all()
+    assert late.sum() - 1 <= np.isnan(velocity.get_ydata()).sum() <= late.sum()
 
 
 def test_d_parts_the_outputs_of_a_run_under_noise():

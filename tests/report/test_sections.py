@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from dataclasses import replace
 
@@ -20,6 +21,7 @@ from icmj.report.panels import PANELS
 from icmj.report.rivals import rivals
 from icmj.result.result import Attractor, Result
 from icmj.runfile.reading import parse_run
+from icmj.runfile.stimulus_tables import DoubleStepTable, QuietStandingTable
 from icmj.simulation.settings import Settings
 
 
@@ -37,13 +39,13 @@ def test_summary_has_all_four_columns_side_by_side():
     assert row["runs"]["mujoco"]["mark"] == "✓"
 
 
-def test_what_was_told_of_a_run_stands_below_its_case():
+def test_notices_on_a_run_stand_below_its_case():
     linear, engine = result("b0.8"), result("b0.8", "mujoco")
     both = "kink: <b>the limits</b> of the actuator"
-    told = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
-    verdicts = sections.summary(paired(told)).context["rows"][0]["verdicts"]
-    assert verdicts[-2:] == [f"Note: {both}.", "Note (MuJoCo): large step: 0.1 s is long."]
-    assert not any("Note" in words for row in rows().values() for words in row["verdicts"])
+    runs = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
+    verdicts = sections.summary(paired(runs)).context["rows"][0]["verdicts"]
+    assert verdicts[-2:] == ["Kink. <b>the limits</b> of the actuator.", "Large step (MuJoCo). 0.1 s is long."]
+    assert not any("Kink" in words for row in rows().values() for words in row["verdicts"])
 
 
 @pytest.mark.parametrize(
@@ -80,14 +82,60 @@ def foot(page):
     return re.sub(r"<[^>]+>", "", page.partition("<footer>")[2].partition("</footer>")[0])
 
 
+DOUBLE_STEP = DoubleStepTable(output="angle", size=0.02, isi=[0.1, 0.2, 0.3])
+STANDING = QuietStandingTable()
+
+
+def plain(page):
+    """The words of a page, with single blanks."""
+    body = re.sub(r"<(style|script|nav).*?</\1>", " ", page, flags=re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", body)).split())
+
+
 def test_the_foot_names_what_the_page_was_built_from():
     """Pages of experiments and fits said "from logs", "PDF", and named the paper on limit cycles."""
-    page = experiment_page("Double steps", "double_step", [Row("a", "linear", 2, {}, "words")], b"<svg/>")
+    page = experiment_page("Double steps", "double_step", DOUBLE_STEP, [Row("a", "linear", 2, {}, "words")], b"<svg/>")
     assert "from the trials in the folder of this page. The figure is also available as SVG and PNG files" in foot(page)
-    recorded = foot(experiment_page("Double steps", "double_step", [Row("a", "recording", 2, {}, "words")], None))
-    assert "from recordings." in recorded
-    for said in (foot(page), recorded):
+    row = Row("a", "recording", 2, {}, "words")
+    recorded = experiment_page("Double steps", "double_step", DOUBLE_STEP, [row], None, ("anna.csv",))
+    assert "from recordings." in foot(recorded)
+    assert "Recorded data: 2 trials, from anna.csv" in recorded
+    for said in (foot(page), foot(recorded)):
         assert not any(word in said for word in ("Gawthrop", "logs", "PDF"))
+
+
+def test_the_page_of_an_experiment_says_what_was_found_of_which_data_before_anything_else():
+    """Its title repeated its kind, and its findings came below the methods."""
+    words = {"linear": "It sways by 4.9 mm.", "mujoco": "It sways by 4.8 mm."}
+    rows = [Row("events", plant, 4, {}, said) for plant, said in words.items()]
+    rows += [Row("clock", plant, 4, {}, "Both alike.") for plant in words]
+    page = plain(experiment_page("Quiet standing", "quiet_standing", STANDING, rows, None))
+    head, _, rest = page.partition("1 Results")
+    assert "Simulated data: 2 cases on the linear plant and in MuJoCo, 4 trials each" in head
+    assert "events. On the linear plant, it sways by 4.9 mm. In MuJoCo, it sways by 4.8 mm." in head
+    assert "clock. Both alike." in head
+    assert "60 s are analysed" in rest.partition("2 Methods")[2]
+
+
+def test_measures_of_sway_stand_in_millimetres_with_their_scatter_beside_those_of_young_people():
+    """RMS was given in metres, and nothing beside it said what is usual."""
+    numbers = {"cop.x, RMS (m)": 0.0049, "cop.x, D, short times (m²/s)": 1.16e-5, "cop.x, mean frequency (Hz)": 0.24}
+    row = Row("events", "linear", 4, numbers, "words", {"cop.x, RMS (m)": 0.00051})
+    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [row], None))
+    assert "RMS (mm) 4.90 ± 0.51 4.74 ± 1.6" in page
+    assert "D, short times (mm²/s) 11.6 –" in page
+    assert "mean frequency (Hz) 0.240 0.252 ± 0.13" in page
+    elsewhere = Row("events", "linear", 4, {"trunk, RMS (rad)": 0.01}, "words")
+    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [elsewhere], None))
+    assert "RMS (°) 0.573" in page
+    assert "young people" not in page
+
+
+def test_a_confidence_interval_stands_in_one_cell():
+    numbers = {"delay (s)": 0.2, "delay, from (s)": 0.19, "delay, to (s)": 0.21, "remnant, share of power": 0.232}
+    page = plain(experiment_page("a", "double_step", DOUBLE_STEP, [Row("a", "linear", 1, numbers, "words")], None))
+    assert "delay (s) 0.200 (0.190 to 0.210)" in page
+    assert "remnant, share of power (%) 23.2" in page
 
 
 def test_no_caption_speaks_of_light_and_dark():
@@ -100,7 +148,7 @@ def test_no_caption_speaks_of_light_and_dark():
 def test_a_missing_plant_has_dashes():
     row = sections.summary(paired([result("b0.8")])).context["rows"][0]
     assert (row["runs"]["mujoco"]["interval"], row["runs"]["mujoco"]["mark"]) == ("–", "–")
-    assert row["verdicts"] == ["Linear: settles on the predicted cycle (period is one interval)."]
+    assert row["verdicts"] == ["Linear plant: settles on the predicted cycle (period is one interval)."]
 
 
 def test_errors_name_every_output():
@@ -118,12 +166,15 @@ def test_abstract_counts():
 
 
 def test_the_headline_counts_the_cases_in_which_no_cycle_is_predicted():
-    """It ended "prediction and measurement agree" and left them out."""
+    """It ended "prediction and measurement agree" and left them out; then it did not say which cycles they are."""
     text = sections.headline(paired(everything()))
     assert "predicts a limit cycle in 5 of 7 cases" in text
-    assert text.endswith("In 1 of the 2 cases in which it predicts none, a cycle occurs all the same.")
+    found = result("b1.7")
+    every = f"with events every {found.measurement.interval:.3f} s on average for “{found.run.case.title}”"
+    assert f"settles on another cycle, {every}" in text
+    assert text.endswith("; in 1 other case it settles on none.")
     text = sections.headline(paired([result("b0.8"), result("exact")]))
-    assert text.endswith("prediction and measurement agree.")  # the intervals grow, as predicted
+    assert text.endswith("Where it predicts none, none is reached.")  # the intervals grow, as predicted
 
 
 def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():

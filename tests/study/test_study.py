@@ -126,6 +126,11 @@ def test_quiet_standing_sways_as_people_do_and_is_told_by_statistics(summary, fo
     # centre of pressure in front of the ankle: torque over weight; people: RMS 4.7 ± 1.6 mm (Santos and Duarte 2016)
     pressure = result.simulation.x[late, 6] / (77.68 * 9.81)  # the ankle's activation
     assert 2.3e-3 < pressure.std() < 6.7e-3
+    # that of the ground's force, which knows inertia and damping, too
+    assert result.sway["cop.x.rms"] == pytest.approx(pressure.std(), rel=0.2)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert f">{1e3 * result.sway['cop.x.rms']:.2f}<" in page
+    assert ">4.74 ± 1.6<" in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
 @pytest.mark.slow

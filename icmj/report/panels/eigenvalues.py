@@ -53,6 +53,7 @@ def draw_modulus(axes: Axes, case: CaseRuns) -> None:
             textcoords="offset points",
             ha="right",
             va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
         )
     top = max(1.15, min(1.6, 1.1 * float(actual.largest.max())))
     axes.set(xlim=(0, actual.delta[-1]), ylim=(0, top))

@@ -12,7 +12,7 @@ from icmj.base.array import Array, between
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.panel import Panel
+from icmj.report.panels.panel import Panel, compares
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import latter_part, modes, reduced
 
@@ -59,7 +59,7 @@ def draw_critical(axes: Axes, case: CaseRuns) -> None:
         ReportError: if χ is undefined, because there is no Δ_crit.
     """
     _draw_modes(axes, case, lambda chi: chi[:, 0].real)
-    if case.prediction.gamma is not None:
+    if case.prediction.gamma is not None and compares(case):
         for n, sign in enumerate((1, -1)):
             axes.axhline(sign * case.prediction.gamma, label=r"$\pm\gamma$" if n == 0 else None, **style.CRITICAL)
     axes.set_ylabel(r"$\chi_{k_1}$")
@@ -137,9 +137,13 @@ def _caption(case: CaseRuns) -> str:
     beneath = ""
     if case.prediction.cycle and not case.first.simulation.noisy:
         beneath = " Beneath: relative error of the magnitude of χ_k1 at events with respect to γ."
+    orbit = "" if case.prediction.cycle else f" on the {case.prediction.verdict} orbit of Δ_crit"
+    gamma = (
+        f", and ±γ, the {'predicted ' if not orbit else ''}values of χ_k1 at events{orbit}" if compares(case) else ""
+    )
     return (
         "Critical mode χ_k1, the coordinate of the state along the eigenvector of λ_crit, and norm of the other modes "
-        f"in the last part of the run; dotted: events, and ±γ, the predicted values of χ_k1 at events.{beneath}"
+        f"in the last part of the run; dotted: events{gamma}.{beneath}"
     )
 
 

@@ -34,3 +34,13 @@ class Panel:
         figure = self.drawing(case)
         style.letter(figure, f"({self.letter})")
         return figure
+
+
+def compares(case: CaseRuns) -> bool:
+    """Whether runs are compared with the orbit and the interval of Δ_crit: not under noise where none is predicted."""
+    return case.prediction.cycle or not case.first.simulation.noisy
+
+
+def shown_interval(case: CaseRuns) -> float | None:
+    """Δ_crit [s] where the intervals of the runs are compared with it."""
+    return case.prediction.delta_crit if compares(case) else None

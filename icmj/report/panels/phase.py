@@ -10,7 +10,7 @@ import numpy as np
 from icmj.base.array import between
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.panel import Panel
+from icmj.report.panels.panel import Panel, compares
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.motion import event_rows, latter_part, output_rate
 from icmj.view.quantity import Quantity, quantities
@@ -49,7 +49,7 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
     """(d) Velocity against position of every output, or of those chosen, with the states at events marked."""
     outputs = case.last.actual.outputs
     chosen = chosen or range(len(outputs))
-    prediction, laid = case.prediction, laid_orbit(case.last)
+    prediction, laid = case.prediction, laid_orbit(case.last) if compares(case) else None
     units = quantities(case.last.actual)
     for i in chosen:
         name, shown, first = outputs[i], units[i], i == chosen[0]
@@ -65,9 +65,13 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
             late = between(simulation.t, start, end)
             v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * shown.factor
             y = simulation.y[late, i] * shown.factor
+            if np.abs(result.actual.C[i] @ result.actual.B).max() > 0:  # its rate jumps with the command
+                jumps = simulation.events.t + simulation.delay
+                gaps = np.unique(np.searchsorted(simulation.t[late], jumps[between(jumps, start, end)], side="right"))
+                y, v = np.insert(y, gaps, np.nan), np.insert(v, gaps, np.nan)
             axes.plot(y, v, label=style.NAME[plant] if first else None, **style.RUN[plant])
             if result is case.last and len(chosen) > 1 and len(y):
-                _label(axes, style.words(name), float(y[np.argmax(v)]), float(v.max()))
+                _label(axes, style.words(name), float(y[np.nanargmax(v)]), float(np.nanmax(v)))
         _mark_events(axes, case.last, i, shown, first)
     axes.set(xlabel=_label_of("position $x_2$", units), ylabel=_label_of("velocity $x_1$", units, "/s"))
     if len(outputs) > 1:

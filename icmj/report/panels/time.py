@@ -9,7 +9,7 @@ import numpy as np
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.pairing import CaseRuns
-from icmj.report.panels.panel import Panel
+from icmj.report.panels.panel import Panel, shown_interval
 from icmj.view.laid_orbit import laid_orbit
 from icmj.view.quantity import quantities
 
@@ -82,8 +82,8 @@ def _settles(case: CaseRuns) -> bool:
 
 
 def draw_intervals(axes: Axes, case: CaseRuns) -> None:
-    """(e) Open-loop interval at each event against time, Δ_crit dotted."""
-    delta_crit = case.prediction.delta_crit
+    """(e) Open-loop interval at each event against time, Δ_crit dotted where it is to be compared with."""
+    delta_crit = shown_interval(case)
     largest = 0.0 if delta_crit is None else delta_crit
     for plant, result in case.runs.items():
         events = result.simulation.events
@@ -129,7 +129,10 @@ def _output_caption(case: CaseRuns) -> str:
 
 
 def _interval_caption(case: CaseRuns) -> str:
-    dotted = "" if case.prediction.delta_crit is None else "; dotted: predicted interval Δ_crit"
+    dotted = ""
+    if shown_interval(case) is not None:
+        predicted = "predicted interval Δ_crit" if case.prediction.cycle else "Δ_crit, at which no cycle is predicted"
+        dotted = f"; dotted: {predicted}"
     beneath = ". Beneath: magnitude of the relative error, |Δ_ol/Δ_crit − 1|" if _settles(case) else ""
     return f"Open-loop interval Δ_ol that ends at each event{dotted}{beneath}."
 

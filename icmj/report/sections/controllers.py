@@ -10,15 +10,16 @@ import numpy as np
 
 from icmj.base import numbers
 from icmj.base.array import between
-from icmj.report.rivals import Rival
+from icmj.report.rivals import Rival, kind_in_words
 from icmj.report.sections.section import Picture, Section
+from icmj.report.sections.wording import notice_in_words
 from icmj.report.style import NAME
 from icmj.result.result import Result
 from icmj.view.quantity import quantities
 
 _RIVALS = (
     "Left: power spectra of the outputs over the second half of each run; right: rate of each output against its value "
-    "over the last 20 s. The numbers are those of the table."
+    "over the last 20 s. Numbers are those of the table."
 )
 
 
@@ -48,7 +49,7 @@ def others(
             "facts": _facts(same[0]),
             "outputs": _outputs(same[0]),
             "rows": [_row(run) for run in same],
-            "notices": list(dict.fromkeys(notice for run in same for notice in run.notices)),
+            "notices": list(map(notice_in_words, dict.fromkeys(notice for run in same for notice in run.notices))),
         }
         for number, (name, same) in enumerate(cases.items(), first_number)
     ]
@@ -76,7 +77,7 @@ def _row(run: Result) -> dict[str, Any]:
         rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
     return {
         "plant": NAME[simulation.plant],
-        "kind": run.controller.kind,
+        "kind": kind_in_words(run),
         "end": simulation.outcome.message,
         "switches": len(simulation.events),
         "rms": [numbers.number(float(value), 3) for value in rms * scale],
@@ -96,7 +97,7 @@ def rivals(found: Sequence[tuple[Sequence[Rival], tuple[Picture, Picture]]], fir
     """
     items = [
         {
-            "title": f"One body, {len(group)} controllers, {NAME[group[0].run.simulation.plant]} plant",
+            "title": _of_group(group),
             "number": number,
             "pictures": pictures,
             "outputs": [f"{c.name} ({c.unit})".replace("deg", "°") for c in group[0].sway.coordinates],
@@ -106,6 +107,13 @@ def rivals(found: Sequence[tuple[Sequence[Rival], tuple[Picture, Picture]]], fir
         for number, (group, pictures) in enumerate(found, first_number)
     ]
     return Section("controllers", "Controllers side by side", "rivals.html.j2", {"items": items}) if items else None
+
+
+def _of_group(group: Sequence[Rival]) -> str:
+    """Which controllers of one body these are, and on which plant."""
+    kinds = [kind_in_words(rival.run) for rival in group]
+    plant = "linear plant" if group[0].run.simulation.plant == "linear" else NAME[group[0].run.simulation.plant]
+    return f"One body under {', '.join(kinds[:-1])} and {kinds[-1]} control, {plant}"
 
 
 def _rival_row(number: int, rival: Rival) -> dict[str, Any]:

@@ -18,6 +18,7 @@ CAPTION = (
 )
 ARROW = "Arrow: the intervals grow without bound. "
 NOISE = "Line: mean and standard deviation of the intervals under noise. "
+NAMED = 3  # cases without a predicted cycle that the first sentence names
 WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
 
 
@@ -46,15 +47,33 @@ def headline(cases: Sequence[CaseRuns], others: Sequence[Result] = ()) -> str:
     subject = who[plants.pop()] if len(plants) == 1 else "the simulated plants settle"
     many = "all of them" if len(settled) == len(found) else f"{len(settled)} of them"
     close = f", at intervals within {_percent(worst)} of the predicted ones" if settled else ""
-    told = f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}"
-    rest = [case.comparisons[case.last.simulation.plant] for case in quiet if not case.prediction.cycle]
-    cycles = sum(comparison.measured.kind == "cycle" for comparison in rest)
-    if not cycles:
+    first = f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}"
+    rest = [case for case in quiet if not case.prediction.cycle]
+    if not rest:
         agree = "prediction and measurement agree"
-        return f"{told}: {agree if len(settled) == len(found) else f'{len(found) - len(settled)} do not agree'}."
-    some = "each" if cycles == len(rest) else cycles
-    which = "the case" if len(rest) == 1 else f"{some} of the {len(rest)} cases"
-    return f"{told}. In {which} in which it predicts none, a cycle occurs all the same."
+        return f"{first}: {agree if len(settled) == len(found) else f'{len(found) - len(settled)} do not agree'}."
+    return f"{first}. {_without_prediction(rest)}"
+
+
+def _without_prediction(cases: Sequence[CaseRuns]) -> str:
+    """What the plant drawn last does where no cycle is predicted."""
+    last = {case: case.comparisons[case.last.simulation.plant].measured for case in cases}
+    on_cycle = [case for case, measured in last.items() if measured.kind == "cycle"]
+    if not on_cycle:
+        return "Where it predicts none, none is reached."
+    subject = (
+        "the body in MuJoCo settles" if on_cycle[0].last.simulation.plant == "mujoco" else "the linear plant settles"
+    )
+    if len(on_cycle) > NAMED:
+        what = f"on a cycle in {len(on_cycle)} of {count(len(cases), 'case')}"
+        return f"Where it predicts none, {subject} {what}."
+    each = [
+        f"every {numbers.number(last[case].interval, 3)} s on average for “{case.first.run.case.title}”"
+        for case in on_cycle
+    ]
+    others = len(cases) - len(on_cycle)
+    more = f"; in {count(others, 'other case')} it settles on none" if others else ""
+    return f"Where it predicts none, {subject} on another cycle, with events {' and '.join(each)}{more}."
 
 
 def _single(case: CaseRuns) -> str:
@@ -62,15 +81,15 @@ def _single(case: CaseRuns) -> str:
     if not prediction.cycle or is_noisy(case):
         return " ".join(verdicts(case))
     delta, plant = numbers.number(prediction.delta_crit), comparison.plant
-    told = (
+    said = (
         f"Linear theory predicts a limit cycle with an open-loop interval of {delta} s; "
         f"the run {'in MuJoCo' if plant == 'mujoco' else 'of the linear plant'} "
     )
     if comparison.measured.converged:
         close = _percent(abs(comparison.relative_error.interval or 0.0))
-        told += f"settles on it, with an interval within {close} of the predicted one"
-        return f"{told}: prediction and measurement agree."
-    return f"{told}does not settle on it. {' '.join(verdicts(case))}"
+        said += f"settles on it, with an interval within {close} of the predicted one"
+        return f"{said}: prediction and measurement agree."
+    return f"{said}does not settle on it. {' '.join(verdicts(case))}"
 
 
 def _held(others: Sequence[Result]) -> str:

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
+from icmj.experiments.quiet_standing import WORDS, YOUNG_PEOPLE
 from icmj.measurement.statistics import Estimate
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
-from icmj.view.quantity import quantities
+from icmj.view.quantity import in_unit, quantities
+
+UNITS = {"rms": "m", "speed": "m/s", "frequency.mean": "Hz"}  # of measures of the centre of pressure
 
 
 def is_noisy(case: CaseRuns) -> bool:
@@ -42,6 +45,7 @@ def noise(
             ],
             "rows": _rows(case),
             "cycle": _cycle(case),
+            "sway": _sway(case),
         }
         for number, case in enumerate(shown, first_number)
     ]
@@ -75,6 +79,23 @@ def _rows(case: CaseRuns) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _sway(case: CaseRuns) -> dict[str, Any] | None:
+    """Measures of the centre of pressure on each plant beside those of young people; ``None`` if there are none."""
+    swayed = {plant: result for plant, result in case.runs.items() if result.sway}
+    if not swayed:
+        return None
+    rows = []
+    for key, (mean, spread) in YOUNG_PEOPLE.items():
+        factor, unit = numbers.readable(UNITS.get(key, ""))
+        values = (result.sway.get(f"cop.x.{key}") for result in swayed.values())
+        own = [numbers.number(None if value is None else factor * value, 3) for value in values]
+        young = f"{numbers.number(factor * mean, 3)} ± {numbers.number(factor * spread, 2)}"
+        rows.append((in_unit(WORDS[key], unit), *own, young))
+    found = next(result.statistics for result in swayed.values() if result.statistics is not None)
+    heads = ["linear plant" if plant == "linear" else NAME[plant] for plant in swayed]
+    return {"heads": [*heads, "young people"], "rows": rows, "seconds": f"{found.end - found.start:.3g}"}
 
 
 def _cycle(case: CaseRuns) -> str:

@@ -19,6 +19,7 @@ from icmj.report.sections.section import Section
 from icmj.report.style import NAME
 from icmj.result.result import Result
 
+WIDE = 9  # facts of the integration that have a column each
 MANY = 3  # number of runs from which shared facts are listed once
 
 
@@ -135,7 +136,7 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
         said = {key: {_fact(simulation.precision.get(key)) for _, simulation in runs} for key in keys}
         shared = {key: facts.pop() for key, facts in said.items() if len(runs) >= MANY and len(facts) == 1}
         keys = [key for key in keys if key not in shared]
-        rows = [
+        rows: list[dict[str, Any]] = [
             {
                 "title": case.first.run.case.title,
                 "outcome": simulation.outcome.kind,
@@ -146,6 +147,11 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
         if rows:
             words = ", ".join(f"{key.replace('_', ' ')} {fact}" for key, fact in shared.items())
             plain = [key.replace("_", " ") for key in keys]
+            if len(plain) > WIDE:  # what a page is not wide enough for, in words
+                for row in rows:
+                    pairs = zip(plain, row["facts"], strict=True)
+                    row["facts"] = ["; ".join(f"{key} {fact}" for key, fact in pairs if fact != numbers.MISSING)]
+                plain = ["integration"]
             tables.append({"plant": name, "keys": plain, "rows": rows, "shared": words})
     return tables
 

@@ -13,7 +13,7 @@ from icmj.report.pairing import CaseRuns
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.section import Section
 from icmj.report.sections.statements import STATEMENTS, verdicts_on_results
-from icmj.report.sections.wording import reached, verdicts
+from icmj.report.sections.wording import notice_in_words, reached, verdicts
 from icmj.report.style import NAME
 
 
@@ -33,9 +33,14 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     driven = [case for case in cases if is_noisy(case)]
     parts = [
         "Under event-driven intermittent control, a plant can settle on a limit cycle if the controller’s model of the "
-        f"plant is wrong. Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, "
-        f"linear theory predicts a limit cycle for {len(expected)}."
+        "plant is wrong."
     ]
+    if len(cases) == 1:
+        return " ".join([*parts, *_tested(cases)])
+    parts.append(
+        f"Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, linear theory "
+        f"predicts a limit cycle for {len(expected)}."
+    )
     for plant in ("linear", "mujoco"):
         found = [case.comparisons[plant] for case in expected if plant in case.comparisons]
         settled = [comparison for comparison in found if comparison.measured.converged]
@@ -53,17 +58,22 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     if unpredicted:
         where = count(unpredicted, "other case")
         parts.append(f"In {where} a run settles on a cycle although linear theory predicts none.")
+    return " ".join([*parts, *_tested(cases)])
+
+
+def _tested(cases: Sequence[CaseRuns]) -> list[str]:
+    """How many of the paper's results these cases test, and how many hold; nothing if they test none."""
     answers = verdicts_on_results(cases)
-    if answers:
-        results = sum(statement.result for statement in STATEMENTS)
-        of = "all of them" if len(answers) == results else f"{len(answers)} of them"
-        kept, reserved, failed = (answers.count(verdict) for verdict in get_args(Verdict))
-        parts.append(
-            f"Gawthrop (2017) lists {len(STATEMENTS)} statements, {results} of which are results; the others name the "
-            f"system, or what a panel shows. These runs test {of}: {kept} are reproduced without and {reserved} with a "
-            f"reservation, {failed} not."
-        )
-    return " ".join(parts)
+    if not answers:
+        return []
+    results = sum(statement.result for statement in STATEMENTS)
+    of = "all of them" if len(answers) == results else f"{len(answers)} of them"
+    kept, reserved, failed = (answers.count(verdict) for verdict in get_args(Verdict))
+    return [
+        f"Gawthrop (2017) lists {len(STATEMENTS)} statements, {results} of which are results; the others name the "
+        f"system, or what a panel shows. These runs test {of}: {kept} are reproduced without and {reserved} with a "
+        f"reservation, {failed} not."
+    ]
 
 
 def critical(case: CaseRuns, figures: int = 5) -> str:
@@ -131,12 +141,12 @@ def _departures(case: CaseRuns) -> list[str]:
 
 def _notices(case: CaseRuns) -> list[str]:
     """Notices on plants and runs without repetition, with the plant where a notice does not hold for every run."""
-    told = {plant: comparison.notices for plant, comparison in case.comparisons.items()}
-    every = list(dict.fromkeys(notice for notices in told.values() for notice in notices))
+    of = {plant: comparison.notices for plant, comparison in case.comparisons.items()}
+    every = list(dict.fromkeys(notice for notices in of.values() for notice in notices))
     words = []
     for notice in every:
-        where = [plant for plant, notices in told.items() if notice in notices]
-        words.append(f"Note{'' if len(where) == len(told) else f' ({NAME[where[0]]})'}: {notice}.")
+        where = [plant for plant, notices in of.items() if notice in notices]
+        words.append(notice_in_words(notice, "" if len(where) == len(of) else NAME[where[0]]))
     return words
 
 

@@ -56,11 +56,17 @@ def verdicts(case: CaseRuns) -> list[str]:
     words = {plant: comparison.words for plant, comparison in case.comparisons.items()}
     if len(words) == 2 and len(set(words.values())) == 1:
         return [f"Both plants: {_lower(next(iter(words.values())))}"]
-    return [
-        f"{NAME[plant].capitalize() if plant == 'linear' else NAME[plant]}: {_lower(text)}"
-        for plant, text in words.items()
-    ]
+    where = {"linear": "Linear plant", "mujoco": NAME["mujoco"]}
+    return [f"{where[plant]}: {_lower(text)}" for plant, text in words.items()]
 
 
 def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
+
+
+def notice_in_words(notice: str, where: str = "") -> str:
+    """A notice as a sentence under its name, with the plant that it is about if it is not about all."""
+    name, colon, words = notice.partition(": ")
+    if not colon:
+        name, words = "note", notice
+    return f"{name[:1].upper()}{name[1:]}{f' ({where})' if where else ''}. {words[:1].upper()}{words[1:]}."
