@@ -4,8 +4,9 @@ page.on = false;
 const go = (seconds) => {
   const end = loop.t + seconds;
   while (loop.t < end && !loop.ended) L.step();
-  const { kind, number, seen, theory } = L.words();
-  return { kind, number, seen, theory, last: loop.t - loop.last, interval: page.intervals.at(-1)?.interval, predicted: L.theory()?.delta ?? null };
+  L.say();
+  const { kind, number, seen, theory } = L.words(), period = document.getElementById("period").textContent;
+  return { kind, number, period, seen, theory, last: loop.t - loop.last, interval: page.intervals.at(-1)?.interval, predicted: L.theory()?.delta ?? null };
 };
 const start = (settings, seconds, orbit = false) => {
   for (const [name, value] of Object.entries(settings)) L.change(name, value);

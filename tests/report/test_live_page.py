@@ -82,6 +82,11 @@ def test_the_standing_person(tmp_path):
     assert found["named"] == 0
     assert found["turned"] is True
     assert "predicted interval" in found["text"]
+    # a reader did not know what φ(Δ) and Δ were, whether the period is meant, nor what the bar is
+    assert "period: one interval" in found["first"]["period"]
+    assert "period: two intervals" in found["mirrored"]["period"]
+    for explained in ("φ(Δ) maps the state at one event to the state at the next", "bar: the time since the last event"):
+        assert explained in " ".join(found["text"].split())
 
 
 def test_a_controller_without_an_internal_model(tmp_path):
@@ -92,6 +97,8 @@ def test_a_controller_without_an_internal_model(tmp_path):
     assert "Feedback is o" in found["first"]["seen"]
     assert "no critical interval" in found["first"]["theory"]
     assert found["named"] == 0
+    assert "Gawthrop" not in found["text"]
+    assert "starts on the orbit" not in found["text"]
 
 
 def test_no_title_becomes_script_and_a_plant_of_matrices_says_that_it_is_linear(tmp_path, monkeypatch, root):

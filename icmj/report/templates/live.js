@@ -335,19 +335,19 @@ function drawCircle() {
   }
   if (predicted()) dot(pen, cx + theory.lambda * scale, cy, 9, colour("theory"), true);
   pen.restore();
-  byId("grown").textContent = since < 99 ? `Δ = ${since.toFixed(2)} s` : "";
+  byId("grown").textContent = since < 99 ? `${since.toFixed(2)} s` : "";
 }
 
 function drawIntervals() {
   const [pen, wide, high] = cleared(byId("intervals"), 300, 262), box = { left: 36, right: wide - 8, top: 20, bottom: high - 32 };
   const shown = page.intervals.slice(-MOST), open = loop.t - loop.last, delta = predicted() ? theory.delta : 0;
   const y = reach("interval", Math.max(0.05, 1.25 * delta, ...shown.map(({ interval }) => interval), Math.min(open, 3 * Math.max(delta, 1)))), first = loop.fired - shown.length;
-  const [X, Y] = axes(pen, box, [first + 0.2, first + MOST + 1.8], [0, y], { x: ruled ? "number of the event" : "number of the switch", y: "s" });
+  const [X, Y] = axes(pen, box, [first + 0.2, first + MOST + 1.8], [0, y], { x: ruled ? "number of the event" : "number of the switch", y: "interval (s)" });
   if (delta) {
     line(pen, [[box.left, Y(delta)], [box.right, Y(delta)]], colour("theory"), 2, [6, 4]);
     pen.fillStyle = colour("theory");
     pen.textAlign = "right";
-    pen.fillText(`Δcrit = ${seconds(delta, 3)}`, box.right, Y(delta) - 6);
+    pen.fillText(`predicted ${seconds(delta, 3)}`, box.right, Y(delta) - 6);
   }
   if (ruled && loop.wait > 0.02) line(pen, [[box.left, Y(loop.wait)], [box.right, Y(loop.wait)]], colour("soft"), 1, [1, 3]);
   const top = Y(Math.min(open, y));
@@ -365,7 +365,7 @@ function drawCourse() {
   const u = reach("u", Math.max(1e-9, ...rows.flatMap((row) => row.u.map(Math.abs))));
   const alike = inputs.every(([, unit]) => unit === inputs[0][1]);
   const [X, U] = axes(pen, above, [from, to], [-u, u], { x: null, y: `command${alike && inputs[0][1] ? ` (${inputs[0][1]})` : ""}` });
-  const top = ruled ? 1.15 : 1.3, [, E] = axes(pen, below, [from, to], [0, top], { x: "s", y: ruled ? "model minus body, as a share of the threshold" : "feedback on", down: ruled });
+  const top = ruled ? 1.15 : 1.3, [, E] = axes(pen, below, [from, to], [0, top], { x: "time (s)", y: ruled ? "model minus body, as a share of the threshold" : "feedback on", down: ruled });
   for (const row of rows) if (row.event) line(pen, [[X(row.t), above.top], [X(row.t), below.bottom]], colour("rule"), 1, [1, 3]);
   inputs.forEach((_, k) => line(pen, rows.map((row) => [X(row.t), U(row.u[k])]), colour(`l${k % 6}`), 1.5));
   if (inputs.length > 1) {
@@ -425,22 +425,22 @@ function describeMotion() {
     said.number = p === 1 ? seconds(last) : values.map((value) => value.toFixed(3)).join(", ") + " s";
     said.kind = `settled ${p}`;
     said.seen = p > 1 ? `The motion repeats after ${p} events.` :
-      loop.wait > 0 && last < loop.wait * 1.0001 ? "Events come as fast as the least interval allows: the threshold is passed at once, every time." :
+      loop.wait > 0 && last < loop.wait * 1.0001 ? "Events come as fast as the least interval allows, because the threshold is passed at once every time." :
       `Settled on a cycle: an event every ${seconds(last)}, each the ${mirrored() ? "mirror image of the one before" : "same as the one before"}.`;
   } else if (!all.length || open > 3 * Math.max(last ?? 0, theory.delta ?? 0, 1)) {
     said.kind = "quiet";
-    said.seen = open > 2 ? `No event for ${open.toFixed(1)} s: body and model agree so well that nobody has to look.` : "Open loop: until body and model differ by the threshold, the model alone commands the muscles.";
+    said.seen = open > 2 ? `No event for ${open.toFixed(1)} s, because body and model agree.` : "Open loop: until body and model differ by the threshold, the model alone commands the muscles.";
   } else {
     said.kind = "settling";
     said.number = seconds(last);
     said.seen = `${p ? "" : "Not settled yet: "}the last interval was ${seconds(last, 3)}.`;
   }
   if (!ruled) {
-    said.theory = `This controller has no internal model and no event rule, and so no critical interval. It acts on what was felt ${delay.toFixed(2)} s ago.`;
+    said.theory = `This controller has no internal model and no event rule, and so no critical interval. It acts on what was sensed ${delay.toFixed(2)} s ago.`;
     return said;
   }
   const { delta, lambda, cycle, largest, early, exact } = theory, percent = `${+Math.abs(100 * (b - 1)).toPrecision(2)} %`;
-  const wrong = exact ? "" : `The muscles do ${percent} ${b < 1 ? "less" : "more"} than the model believes. `;
+  const wrong = exact ? "" : `The muscles are ${percent} ${b < 1 ? "weaker" : "stronger"} than the model assumes. `;
   const settled = said.kind === "settled 1" && delta !== null && Math.abs(last / delta - 1) < NEAR && mirrored() === lambda < 0;
   const other = said.kind.startsWith("settled") && !settled && loop.ended === "";
   if (exact) {
@@ -449,16 +449,16 @@ function describeMotion() {
         loop.settings.linear || !model.plant.chain ? " Events that still come stem from the start or the last push, and grow rare." :
         " Events that still come stem from the start, the last push, or what the model does not know of the nonlinear body; on the linear plant they grow rare.");
   } else if (delta === null) said.theory = `${wrong}No eigenvalue reaches +1 or −1 within ${model.table.last} s, so no cycle is predicted.`;
-  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but another one has left the circle before: no cycle is predicted.`;
+  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but another one has left the circle before, so no cycle is predicted.`;
   else {
-    const why = `${wrong}After Δ = ${seconds(delta)} without a look, an eigenvalue reaches ${lambda > 0 ? "+1: every event repeats the one before" : "−1: every event mirrors the one before"}.`;
+    const why = `${wrong}If events are Δ = ${seconds(delta)} apart, an eigenvalue reaches ${lambda > 0 ? "+1: every event repeats the one before, and the period is one interval" : `−1: every event mirrors the one before, and the period is two intervals, ${seconds(2 * delta, 3)}`}.`;
     if (loop.wait >= delta) said.theory = `${why} But no event is allowed before ${seconds(loop.wait, 2)}, so this cycle is ruled out.`;
     else if (early !== null) said.theory = `${why} But on that orbit the threshold would be reached earlier, after ${seconds(early, 2)}, so there is no such cycle.`;
     else if (noise > 0) said.theory = `${why} The orbit that is drawn, and its interval, are those without noise.`;
-    else if (settled) said.theory = `${why} That is the cycle that you see: predicted ${seconds(delta)}, measured ${seconds(last)}.`;
+    else if (settled) said.theory = `${why} The body has settled on this cycle: interval predicted ${seconds(delta)}, measured ${seconds(last)}.`;
     else if (other && mirrored() === lambda < 0 && Math.abs(last / delta - 1) < 0.25 && !loop.settings.linear)
-      said.theory = `${why} The motion is near that cycle and not on it: linear theory is for small sway. Lower the threshold, or take the linear plant.`;
-    else if (other) said.theory = `${why} ${largest !== null && largest >= 1 ? "But that orbit repels, and the motion has settled on another one" : "The motion has reached another cycle, which exists beside it; start on the predicted orbit to see the one that theory names"}.`;
+      said.theory = `${why} The motion is near that cycle and not on it, because linear theory is for small sway. Lower the threshold, or take the linear plant.`;
+    else if (other) said.theory = `${why} ${largest !== null && largest >= 1 ? "But that orbit repels, and the motion has settled on another one" : "The motion has reached another cycle, which exists beside it; start on the predicted orbit to reach the predicted one"}.`;
     else said.theory = `${why}${largest !== null && largest >= 1 ? " But the orbit repels: small departures from it grow." : ""}`;
   }
   said.settled = settled;
@@ -473,8 +473,9 @@ function say() {
   byId("said").textContent = said.theory;
   byId("measured").textContent = said.number;
   if (ruled) {
-    byId("measuring").textContent = model.noise.noisy && loop.settings.noise > 0 ? "measured, mean ± deviation" : said.kind.startsWith("settled") ? "measured interval" : "last interval";
+    byId("measuring").textContent = model.noise.noisy && loop.settings.noise > 0 ? "measured interval, mean ± SD" : said.kind.startsWith("settled") ? "measured interval" : "last interval";
     byId("predicted").textContent = predicted() ? seconds(theory.delta) : "none";
+    byId("period").textContent = predicted() ? (theory.lambda > 0 ? "period: one interval" : `period: two intervals, ${seconds(2 * theory.delta, 3)}`) : "";
   }
   // a reader of the screen hears of what has changed in kind, and not of every number
   const now = performance.now(), heard = `${said.kind} ${Boolean(theory?.cycle)}`;
@@ -508,7 +509,7 @@ function seen(fired) {
   if (page.intervals.length > 400) [page.intervals, page.since] = [page.intervals.slice(200), Math.max(page.since - 200, 0)];
   if (ruled) sample();
 }
-// what was measured before a change tells nothing of what comes after it
+// what was measured before a change says nothing about what comes after it
 function restart() {
   page.since = page.intervals.length;
 }
@@ -520,7 +521,7 @@ function begin(start) {
   play(true);
 }
 
-let before, frames = 0, told = 0;
+let before, frames = 0, described = 0;
 function frame(now) {
   const passed = before === undefined ? 0 : Math.min((now - before) / 1000, 0.1);
   before = now;
@@ -535,8 +536,8 @@ function frame(now) {
   // the figures take turns: each is drawn in every other frame
   if (frames % 2) (drawPlane(), ruled && drawCircle());
   else (drawIntervals(), drawCourse());
-  if (now - told > 200) {
-    told = now;
+  if (now - described > 200) {
+    described = now;
     say();
     trace();
   }
@@ -578,17 +579,17 @@ function change(name, value) {
 
 function build() {
   byId("lead").innerHTML = ruled ?
-    "An internal model of the body commands the muscles, blindly. Only when body and model differ by a threshold does an <b>event</b> occur: " +
-    "the controller looks, and corrects the model. <b>b</b> is how strong the muscles really are, as a multiple of what the model believes. Move it: " +
-    "<b>a wrong model can make the body sway in a cycle, and eigenvalues tell its period beforehand.</b>" :
-    "This controller has no internal model: it feeds back what the body felt a delay ago" + (model.controller.modes.length > 1 ?
+    "An internal model of the body commands the muscles in open loop. Only when body and model differ by a threshold does an <b>event</b> occur: " +
+    "feedback corrects the model. <b>b</b> is the actual strength of the muscles, as a multiple of what the model assumes. Move it: " +
+    "<b>a wrong model can make the body sway in a cycle, and eigenvalues predict the interval between its events.</b>" :
+    "This controller has no internal model: it feeds back what was sensed a delay ago" + (model.controller.modes.length > 1 ?
       ", and is switched <b>on</b> where the body falls away and <b>off</b> where it comes back by itself." : ", all the time.") +
     " Move the delay and the strength of the muscles, b, and compare with the page of another controller.";
   byId("touch").textContent = model.body ? (chain ? "Tap the body to push it; drag beside it to turn the view." : "Drag to turn the view.") : "";
   const first = byId("first"), rest = byId("rest"), { noise } = model;
   const gains = ruled ? model.table.gains : Array.from({ length: 101 }, (_, k) => (50 + k) / 100), last = gains.length - 1;
   // of places in a list: the b of the run file need not be a round number
-  const b = slider(first, { name: "b", label: "b", note: `strength of the muscles, actual / ${ruled ? "believed" : "of the run file"}`, min: 0, max: last, step: 1,
+  const b = slider(first, { name: "b", label: "b", note: `strength of the muscles, actual / ${ruled ? "assumed" : "of the run file"}`, min: 0, max: last, step: 1,
     value: gains.reduce((best, each, k) => (Math.abs(each - model.b) < Math.abs(gains[best] - model.b) ? k : best), 0),
     show: (at) => (gains[at] * 100) % 1 > 1e-6 && (gains[at] * 100) % 1 < 1 - 1e-6 ? gains[at].toFixed(3) : gains[at].toFixed(2),
     set: (at) => (change("b", gains[at]), at), ends: ["weaker", "", "stronger"] });
@@ -607,7 +608,7 @@ function build() {
       show: (value) => seconds(value, 2), set: (value) => (change("least", value)), ends: ["between two events: a refractory period"] });
   } else {
     slider(rest, { name: "delay", label: "delay", min: model.delays[0], max: model.delays[1], step: 0.01, value: model.delay,
-      show: (value) => seconds(value, 2), set: (value) => change("delay", value), ends: ["of what is felt, from the body to the command"] });
+      show: (value) => seconds(value, 2), set: (value) => change("delay", value), ends: ["from what is sensed to the command"] });
   }
   slider(rest, { name: "noise", label: noise.noisy ? "noise" : "disturbance", min: 0, max: noise.most, step: noise.most / 50, value: noise.start,
     show: (value) => (noise.own ? `× ${value.toFixed(2)}` : `${figures(value, 2)}${noise.unit ? ` ${noise.unit}` : ""}`), set: (value) => change("noise", value), ends: [noise.own ? "that of the run file, times this" : `of the torque${model.inputs.length > 1 ? `s, ${model.inputs[0][0].replace(/_torque$/, "")} first` : ""}: standard deviation`] });
@@ -631,6 +632,9 @@ function build() {
     byId("measuring").textContent = "mean time between switches";
     byId("named").textContent = "Times between switches";
     byId("coursed").innerHTML = "<b>Command</b> and <b>mode</b>, the last seconds";
+    byId("key-intervals").textContent = "Dots: times between switches; bar: the time since the last one.";
+    byId("key-course").textContent = "Dotted: switches.";
+    byId("key-plane").textContent = "Large dot: now; small dots: switches.";
     if (model.controller.modes.length < 2) byId("panel-intervals").hidden = byId("numbers").hidden = true;
   }
   byId("plain").textContent = model.plant.chain ?
@@ -685,4 +689,4 @@ predict();
 begin();
 if (matchMedia("(prefers-reduced-motion: reduce)").matches) play(false);
 requestAnimationFrame(frame);
-window.icmjLive = { model, loop, page, Loop, locus, frames: () => frames, theory: () => theory, words: describeMotion, begin, change, push, step: () => seen(loop.step()) };
+window.icmjLive = { model, loop, page, Loop, locus, frames: () => frames, theory: () => theory, words: describeMotion, say, begin, change, push, step: () => seen(loop.step()) };
