@@ -13,6 +13,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 
+from figure_style import apply_style  # noqa: E402
+
 from icmj.base.version import VERSION  # noqa: E402
 
 project, author, release = "icmj", "The icmj developers", VERSION
@@ -88,6 +90,7 @@ for example, lacking in NOT_RUN.items():
 
 sphinx_gallery_conf = {
     "reset_argv": _tell_where,
+    "reset_modules": ("matplotlib", apply_style),
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": rf"/(?!(?:{'|'.join(name for name, lacking in NOT_RUN.items() if lacking)})\.py)\w+\.py",

@@ -29,9 +29,10 @@ DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 SHOWN, WORK = DOCS / "pictures", DOCS / "build" / "pictures"
 MANIFEST = SHOWN / "manifest.json"
-sys.path[:0] = [str(ROOT), str(DOCS)]
+sys.path[:0] = [str(ROOT), str(DOCS), str(DOCS / "_ext")]
 
 import concept  # noqa: E402
+from figure_style import figure_style  # noqa: E402
 
 import icmj  # noqa: E402
 from icmj.cli import main as command_line  # noqa: E402
@@ -69,14 +70,15 @@ def example(name: str, *words: str) -> Picture:
 
         script, before = ROOT / "examples" / f"{name}.py", sys.argv
         sys.argv = [str(script), *words]
-        try:
-            runpy.run_path(str(script), run_name="__main__")
-        finally:
-            sys.argv = before
-        plt.gcf().savefig(to, dpi=130, metadata={"Software": None})
-        plt.close("all")
+        with mpl.rc_context(figure_style()):
+            try:
+                runpy.run_path(str(script), run_name="__main__")
+            finally:
+                sys.argv = before
+            plt.gcf().savefig(to, dpi=130, metadata={"Software": None})
+            plt.close("all")
 
-    return Picture(draw, (f"examples/{name}.py",))
+    return Picture(draw, (f"examples/{name}.py", "docs/_ext/figure_style.py", "icmj/report/style.py"))
 
 
 def experiment(name: str) -> Picture:

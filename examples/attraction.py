@@ -59,6 +59,6 @@ axes.plot(0.25, 10, "ko", mfc="w", label="switched, as printed")
 axes.plot(0.8, 270, "ks", mfc="w", label="continuous, as printed")
 axes.set(xlabel="P / mgh", ylabel="D (N m s/rad)", xlim=(P[0] / mgh, P[-1] / mgh), ylim=(D[0], D[-1]))
 axes.legend(loc="lower right")
-figure.colorbar(image, label="log₁₀ of the factor per round")
+figure.colorbar(image, label=r"$\log_{10}$ of the factor per round")
 if given.picture:
     figure.savefig(given.picture, dpi=130)

@@ -18,7 +18,7 @@ import numpy as np
 
 import icmj
 
-parser = argparse.ArgumentParser(description="Power of double steps and multi-sines to tell controllers apart.")
+parser = argparse.ArgumentParser(description="Power of double steps and multi-sines to distinguish controllers.")
 parser.add_argument("--people", type=int, default=4, help="under each controller")
 parser.add_argument("--trials", type=int, default=2, help="of each person and experiment, a power of two")
 parser.add_argument("--picture", default="", help="file to write the figure to")
@@ -91,8 +91,8 @@ def double_step(name: str, seed: int) -> np.ndarray:
     t = 0.02 * np.arange(len(rows))
     target = np.sum(pairs.sizes.ravel() * (t[:, None] >= pairs.t.ravel() - 1e-9), axis=1)
     series = icmj.Series(t, np.column_stack([target, rows]), ("target", "torque"), ("rad", "N m"))
-    seen = icmj.reconstruct_steps(series, "torque", pairs)
-    return np.column_stack([pairs.isi, seen.rt])
+    steps = icmj.reconstruct_steps(series, "torque", pairs)
+    return np.column_stack([pairs.isi, steps.rt])
 
 
 def of_steps(trials: list[np.ndarray]) -> list[float]:
@@ -152,13 +152,13 @@ def rightly(one: np.ndarray, other: np.ndarray) -> float:
 
 EXPERIMENTS = {"double step": (double_step, of_steps), "multi-sine": (multi_sine, of_sines)}
 found = {}
-for experiment, (trial, told) in EXPERIMENTS.items():
+for experiment, (trial, summarise) in EXPERIMENTS.items():
     for place, name in enumerate(CONTROLLERS):  # every person has other seeds
         rows = []
         for number in range(given.people):
             seeds = 1000 * (100 * place + number) + np.arange(given.trials)
             trials = [trial(name, int(seed)) for seed in seeds]
-            rows.append([told(trials[:n]) for n in counts])
+            rows.append([summarise(trials[:n]) for n in counts])
         found[experiment, name] = np.array(rows)  # (people, counts, features)
 
 # %%

@@ -66,8 +66,8 @@ phase.semilogx(omega / 2 / np.pi, np.degrees(lagging), "k:", label="half an inte
 for (name, found), marker in zip(responses.items(), "o^x", strict=True):
     gain.loglog(lines, np.abs(found), marker, mfc="none", label=name)
     phase.semilogx(lines, np.degrees(np.unwrap(np.angle(found))), marker, mfc="none")
-gain.set(ylabel="gain angle / set-point")
-phase.set(ylabel="phase [°]", xlabel="frequency [Hz]")
+gain.set(ylabel="gain, angle/set-point (rad/rad)")
+phase.set(ylabel="phase (°)", xlabel="frequency (Hz)")
 gain.legend(frameon=False)
 phase.legend(frameon=False)
 if picture:

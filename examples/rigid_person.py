@@ -63,6 +63,7 @@ def mechanics(frequency: np.ndarray) -> np.ndarray:
 figure, (curve, error) = plt.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")
 f = np.geomspace(0.1, 8, 200)
 curve.loglog(f, mechanics(f), "k-", lw=1, label="mechanics")
+curve.legend(frameon=False)
 for (name, law), colour in zip(CONTROLLERS.items(), ("#0072b2", "#d55e00"), strict=True):
     for which, of in PLANTS.items():
         run = icmj.simulate_plant(of, law, settings)
@@ -83,8 +84,8 @@ for (name, law), colour in zip(CONTROLLERS.items(), ("#0072b2", "#d55e00"), stri
                 curve.loglog(found.frequency, found.ratio, **marks)
                 error.semilogx(found.frequency, off, **marks, label=f"{name}, {which}, {window:g} s")
 error.axhspan(-1, 1, color="0.9", zorder=0)
-curve.set(ylabel="z / h")
-error.set(ylabel="error of the estimate [%]", xlabel="frequency [Hz]", ylim=(-30, 30))
+curve.set(ylabel="intersection point, $z/h$")
+error.set(ylabel="error of the estimate (%)", xlabel="frequency (Hz)", ylim=(-30, 30))
 error.legend(frameon=False, fontsize="small", ncols=2)
 if picture:
     figure.savefig(picture, dpi=130)

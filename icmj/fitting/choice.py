@@ -23,8 +23,9 @@ EPOCHS = 60
 TOLD_APART = 0.75
 """Share of the synthetic people of two families that must be given to the right one of the two."""
 ORIGIN = (
-    "The figures on how far a fit can be trusted come from a test of the method on eight people whom the families had "
-    "not seen, and on synthetic people of an independent simulator (48 trials, four families, 4,000 draws)"
+    "The figures on how far a fit can be trusted come from a test of the method on eight people who had no part in "
+    "setting up the families, and on synthetic people of an independent simulator (48 trials, four families, 4,000 "
+    "draws)"
 )
 """Where the figures of all caveats come from."""
 CAVEAT = (

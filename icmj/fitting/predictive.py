@@ -14,8 +14,8 @@ from icmj.errors import FitError
 MASS = 0.9
 CAVEAT = (
     "The 90 % prediction of a third trial covered 82 % (event), 78 % (clock), 84 % (switching) and 69 % (delayed-pd) "
-    "of the values of eight people whom the families had not seen, and was no sharper than the mean of the other two "
-    "trials"
+    "of the values of eight people who had no part in setting up the families, and was no sharper than the mean of the "
+    "other two trials"
 )
 """What must be known beside a prediction (:data:`icmj.fitting.choice.ORIGIN`)."""
 

@@ -156,7 +156,8 @@ def _headed(
 ) -> tuple[str, str]:
     """Title and subtitle, which say what the page is of."""
     if alone:
-        return (RIVALS, BEYOND) if cases else (OTHERS, MOVED)
+        titles = list(dict.fromkeys(run.run.case.title for run in alone))
+        return (RIVALS, BEYOND) if cases else (titles[0] if len(titles) == 1 else OTHERS, MOVED)
     many = [case.first.run.case.title for case in cases]
     if cases:
         printed = any(case.first.run.case.paper.figure for case in cases)

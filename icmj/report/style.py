@@ -91,6 +91,7 @@ RC: Any = {
     "xtick.major.pad": 2.0,
     "ytick.major.pad": 2.0,
     "lines.solid_joinstyle": "round",
+    "axes.prop_cycle": "cycler('color', ['0072b2', 'd55e00', '007a55', 'cc79a7', '56b4e9', 'e69f00'])",  # Okabe–Ito
     "legend.frameon": False,
     "legend.handlelength": 1.9,
     "legend.handletextpad": 0.5,

@@ -440,7 +440,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterat
         caption = (
             "Above: recorded and simulated trials, and their power spectra. Beneath: measures of recorded trials "
             "(dots; orange where outside), and median and 90 % interval of simulated ones, which covered only 69 to "
-            "84 % of the values of people whom the families had not seen."
+            "84 % of the values of people who had no part in setting up the families."
         )
         pictures.append((next(number), *_picture(figure, out, f"sway.{stem}"), caption))
     head = ("", "Median", "5 %", "95 %", "Verdict")

@@ -85,7 +85,10 @@ def test_the_standing_person(tmp_path):
     # a reader did not know what φ(Δ) and Δ were, whether the period is meant, nor what the bar is
     assert "period: one interval" in found["first"]["period"]
     assert "period: two intervals" in found["mirrored"]["period"]
-    for explained in ("φ(Δ) maps the state at one event to the state at the next", "bar: the time since the last event"):
+    for explained in (
+        "φ(Δ) maps the state at one event to the state at the next",
+        "bar: the time since the last event",
+    ):
         assert explained in " ".join(found["text"].split())
 
 

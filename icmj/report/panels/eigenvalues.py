@@ -149,8 +149,8 @@ def draw_scale(bar: Axes, case: CaseRuns) -> None:
 def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks: list[NDArray[Any]]) -> None:
     """An arrowhead half-way along the visible part of the branch, pointing to growing Δ."""
     step = np.abs(np.diff(branch))
-    seen = (np.abs(branch.imag[:-1]) < REACH) & (np.abs(branch.real[:-1]) < 1.3 * REACH) & (step < 0.3)
-    travelled = np.cumsum(np.where(seen, step, 0))
+    near = (np.abs(branch.imag[:-1]) < REACH) & (np.abs(branch.real[:-1]) < 1.3 * REACH) & (step < 0.3)
+    travelled = np.cumsum(np.where(near, step, 0))
     if travelled[-1] < 0.25:
         return
     i = int(np.searchsorted(travelled, 0.5 * travelled[-1]))

@@ -20,7 +20,7 @@ class Panel:
     Attributes:
         letter: (a) to (f) are the paper's.
         drawing: draws it from the runs of a case, without its letter.
-        caption: says in words what is to be seen.
+        caption: describes it in words.
         there: whether a case has it; the paper's six are drawn of every case.
     """
 

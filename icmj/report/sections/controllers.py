@@ -67,6 +67,15 @@ def _outputs(run: Result) -> list[str]:
     ]
 
 
+def rms_in_words(run: Result) -> str:
+    """RMS of every output over the second half of the run, with its unit."""
+    units = (shown.unit.replace("deg", "°") for shown in quantities(run.actual))
+    each = zip(run.actual.outputs, _row(run)["rms"], units, strict=True)
+    return ", ".join(
+        f"{name} {value}{'' if unit.startswith('°') else ' '}{unit}".rstrip() for name, value, unit in each
+    )
+
+
 def _row(run: Result) -> dict[str, Any]:
     """RMS of every output over the second half of the run, weighted by time, and the outcome."""
     simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])

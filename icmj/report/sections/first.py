@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from icmj.base import numbers
 from icmj.base.numbers import count
 from icmj.report.pairing import CaseRuns
+from icmj.report.rivals import kind_in_words
+from icmj.report.sections.controllers import rms_in_words
 from icmj.report.sections.noise import is_noisy
 from icmj.report.sections.wording import verdicts
 from icmj.result.result import Result
@@ -93,11 +95,15 @@ def _single(case: CaseRuns) -> str:
 
 
 def _held(others: Sequence[Result]) -> str:
+    """How runs without a prediction ended, and how large the sway of the last one of each case was."""
     stood = sum(run.simulation.outcome.kind == "completed" for run in others)
-    kinds = ", ".join(dict.fromkeys(run.controller.kind for run in others))
-    return (
-        f"{count(len(others), 'run')} under {kinds} control: {stood} ran to the end. There is no prediction for them."
-    )
+    kinds = ", ".join(dict.fromkeys(map(kind_in_words, others)))
+    last = {run.run.case.name: run for run in others}
+    sizes = "; ".join(f"{f'{run.run.case.title}, ' * (len(last) > 1)}{rms_in_words(run)}" for run in last.values())
+    many = f"{stood} of {len(others)} runs"
+    if stood == len(others):
+        many = "Both runs" if stood == 2 else f"All {stood} runs"
+    return f"{many} under {kinds} control ran to the end, with these RMS values in the second half: {sizes}."
 
 
 def _percent(error: float) -> str:
