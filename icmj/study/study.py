@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -159,13 +159,14 @@ def _beside(
     from icmj.experiments.growth import measure_growth
 
     study, found = case.run.study, dict[str, Any]()
-    found["continuous"] = simulate(
+    continuous = simulate(
         case,
         plant,
         trigger=continuous_limit(case.controller, case.settings.share_interval),
         duration=_continuous_duration(case, simulation),
         progress=lambda done: report(0.5 + 0.1 * done),
     )
+    found["continuous"] = at_multiples(continuous, case.settings.record_interval)
     if simulation.outcome.kind not in ("interrupted", "stalled"):
         found["growth"] = measure_growth(case, plant, study.growth_points)
         report(0.75)
@@ -174,6 +175,32 @@ def _beside(
         else:
             found["law"] = measure_law(case, study.law_q_t)
     return found
+
+
+def at_multiples(simulation: Simulation, interval: float) -> Simulation:
+    """The rows of a run at the multiples of an interval [s], and its last row, without its events.
+
+    With a delay, continuous control is a clock that ticks every few milliseconds, whose rows and states would be
+    half of a log.
+    """
+    import numpy as np
+
+    from icmj.base.array import instants
+    from icmj.series.pieces import NEAR
+
+    t, none, run = simulation.t, slice(0, 0), simulation
+    due = np.append(np.searchsorted(t, instants(interval, float(t[-1])) - NEAR), len(t) - 1)
+    rows = np.unique(np.minimum(due, len(t) - 1))
+    thin: dict[str, Any] = {name: getattr(run, name)[rows] for name in ("t", "x", "y", "u", "x_o", "x_h", "E")}
+    # what a run without them leaves empty
+    for name in ("qpos", "applied", "pushed", "mode"):
+        thin[name] = getattr(run, name)[rows if len(getattr(run, name)) else none]
+    if (ground := run.pressure) is not None:
+        here = {name: getattr(ground, name)[rows] for name in ("t", "centre", "load")}
+        after = {name: getattr(ground, name)[none] for name in ("t_after", "centre_after", "load_after")}
+        thin["pressure"] = replace(ground, **here | after)
+    events = type(run.events)(*(getattr(run.events, each.name)[none] for each in fields(run.events)))
+    return replace(run, **thin, events=events)
 
 
 def _continuous_duration(case: Case, simulation: Simulation) -> float | None:

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from kernel_cases import computed, kernels
 
+from icmj.case.case import prepare, simulate
 from icmj.comparison.comparison import compare
+from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
 from icmj.log import read_log, write_log
-from icmj.runfile.reading import parse_run
+from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs, run_case, run_study
 
 DELAYED = ("three-link-0.9-delay", "three-link-1.1-delay")
@@ -37,8 +39,7 @@ def test_every_case_is_there_on_both_plants_and_nothing_half_made(folder, summar
     assert len(summary) == 22
     logs = {f"{case}.{plant}.rrd" for case, plant in summary}
     assert {path.name for path in folder.iterdir()} == logs | {"report.html", "report_figures", "summary.json"}
-    # rows at the multiples of record_interval beside those of events: 6.4 MB
-    assert sum((folder / log).stat().st_size for log in logs) / len(logs) < 6.6e6
+    assert sum((folder / log).stat().st_size for log in logs) / len(logs) < 100e6 / 16
 
 
 @pytest.mark.slow
@@ -165,6 +166,28 @@ def test_progress_rises_to_its_end(root, tmp_path):
     assert told[-1] == 1.0
     assert [log.name for log in outputs.logs] == [f"simple-0.8.{plant}.rrd" for plant in ("linear", "mujoco")]
     assert all(path.exists() for path in (*outputs.logs, outputs.report, outputs.summary))
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+@pytest.mark.parametrize("timestep", [None, 0.003])
+def test_continuous_control_is_kept_at_the_multiples_alone(root, plant, timestep):
+    """With a delay it is a clock of 5 ms, whose rows and states were half of a log."""
+    without = {"study.growth_points": 0, "study.attractor_starts": 0, "study.law_q_t": [], "simulation.duration": 1.5}
+    run = load_run(root / "runs" / "three-link-0.9-delay.toml").with_(**without, **{"simulation.timestep": timestep})
+    kept, case = run_case(run, plant).continuous, prepare(run)
+    ticks = continuous_limit(case.controller)
+    whole = simulate(case, plant, trigger=ticks)
+    assert len(whole.events) == 300
+    assert len(kept.events) == 0
+    behind = kept.t - 0.008 * np.arange(len(kept.t))
+    assert len(kept.t) == 189  # and the end
+    assert behind[:-1].min() > -1e-9
+    assert behind[:-1].max() < (1e-9 if timestep is None or plant == "linear" else timestep)
+    assert kept.t[-1] == whole.t[-1]
+    rows = np.searchsorted(whole.t, kept.t)
+    for name in ("t", "x", "y", "u", "x_o", "x_h", "E", "qpos", "applied"):
+        there = getattr(whole, name)
+        np.testing.assert_array_equal(getattr(kept, name), there[rows] if len(there) else there)
 
 
 def test_two_runs_of_one_name_are_refused(root, tmp_path):
