@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from icmj.base.numbers import MISSING, count, number, readable
-from icmj.experiments.quiet_standing import WORDS, YOUNG_PEOPLE
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE
+from icmj.measurement.sway import MEASURES
 from icmj.report import style
 from icmj.report.builder import filled
 from icmj.report.sections import Picture, Section
@@ -177,7 +178,7 @@ def _number(value: float) -> str:
 
 def _of_people(name: str, factor: float) -> str:
     signal, _, words = name.partition(", ")
-    key = next((key for key, each in WORDS.items() if words.partition(" (")[0] == each), "")
+    key = next((each.key for each in MEASURES if words.partition(" (")[0] == each.words), "")
     if signal != PRESSURE or key not in YOUNG_PEOPLE:
         return MISSING
     mean, spread = YOUNG_PEOPLE[key]

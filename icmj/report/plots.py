@@ -108,7 +108,10 @@ def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = T
 
 
 def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
-    """(d) Velocity against position of every output, last part of the run, and the predicted orbit; circles: events."""
+    """(d) Velocity against position of every output, last part of the run, and the predicted orbit; circles: events.
+
+    Between recorded rows the curve is interpolated; rows every 10 ms would be a polygon after each event.
+    """
     return _panel(draw_phase, axes, results, legend)
 
 

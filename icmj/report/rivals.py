@@ -15,7 +15,7 @@ from icmj.report import style
 from icmj.report.sway import COLOURS, LOWEST
 from icmj.result.result import Result, has_prediction
 from icmj.series.series import Series
-from icmj.view.motion import output_rate
+from icmj.view.motion import curve
 from icmj.view.quantity import in_unit, quantities, shared_unit
 
 if TYPE_CHECKING:
@@ -95,15 +95,14 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
 def paths_figure(group: Sequence[Rival]) -> Figure:
     """Rate against value of every output under each controller, over the last seconds."""
     plant = group[0].run.actual
+    ends = [float(rival.run.simulation.t[-1]) for rival in group]
+    paths = [curve(rival.run, end - SHOWN, end) for rival, end in zip(group, ends, strict=True)]
 
     def draw(axes: Axes, i: int) -> None:
         shown = quantities(plant)[i]
-        for n, rival in enumerate(group):
-            simulation = rival.run.simulation
-            late = between(simulation.t, simulation.t[-1] - SHOWN)
-            v = output_rate(rival.run, simulation.x[late], simulation.u[late])[:, i]
-            y = shown.factor * simulation.y[late, i]
-            axes.plot(y, shown.factor * v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=_label(group, n))
+        for n, path in enumerate(paths):
+            y, v = (shown.factor * signal[:, i] for signal in path)
+            axes.plot(y, v, color=COLOURS[n % len(COLOURS)], linewidth=0.9, label=_label(group, n))
         axes.set_ylabel(shown.label(style.words(plant.outputs[i]), "/s"))
 
     return style.each_output(plant.n_y, draw, quantities(plant)[-1].label("value"), 6)

@@ -22,7 +22,7 @@ from icmj.base.numbers import count as many
 from icmj.base.numbers import number as number_of
 from icmj.base.version import VERSION
 from icmj.errors import FitError
-from icmj.experiments.quiet_standing import WORDS, YOUNG_PEOPLE
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.fitting.archive import write_archive
 from icmj.fitting.calibration import CAVEAT as VERDICT
 from icmj.fitting.choice import CAVEAT as CHOICE
@@ -32,6 +32,7 @@ from icmj.fitting.groups import Difference
 from icmj.fitting.predictive import CAVEAT as PREDICTION
 from icmj.fitting.prior import Prior
 from icmj.fitting.summaries import MEASURE_UNITS, MEASURES, measures, summarise
+from icmj.measurement.sway import MEASURES as OF_SWAY
 from icmj.report import style
 from icmj.report.builder import filled
 from icmj.report.fit import (
@@ -342,6 +343,7 @@ def _label(prior: Prior, i: int) -> str:
     return f"{title} ({unit})" if unit else title
 
 
+_WORDS = {measure.key: measure.words for measure in OF_SWAY}
 _MEASURED = dict(zip(MEASURES, ("rms", "speed", "frequency.slope", "short.H", "long.H", "frequency.mean"), strict=True))
 
 
@@ -366,7 +368,7 @@ def _overview(found: Fit) -> dict[str, Any]:
         ]
         young = tuple(factor * each for each in YOUNG_PEOPLE[key])
         own = (_spread(factor * each) for each in values)
-        rows.append((in_unit(WORDS[key], unit), *own, f"{number_of(young[0], 3)} ± {number_of(young[1], 2)}"))
+        rows.append((in_unit(_WORDS[key], unit), *own, f"{number_of(young[0], 3)} ± {number_of(young[1], 2)}"))
     for name, trained in found.trained.items():
         prior = trained.family.prior
         for i in (i for i, verdict in enumerate(trained.calibration.verdicts) if verdict == "identified"):
@@ -435,7 +437,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterat
         runs = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in runs if cop is not None][: len(one.person.trials)]
         scale, of = zip(*(readable(unit) for unit in MEASURE_UNITS), strict=True)
-        labels = [in_unit(WORDS[_MEASURED[name]], unit) for name, unit in zip(MEASURES, of, strict=True)]
+        labels = [in_unit(_WORDS[_MEASURED[name]], unit) for name, unit in zip(MEASURES, of, strict=True)]
         figure = sway_figure(one.person.trials, shown, RATE, labels, p.simulated * scale, p.observed * scale)
         caption = (
             "Above: recorded and simulated trials, and their power spectra. Beneath: measures of recorded trials "

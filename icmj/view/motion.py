@@ -7,17 +7,68 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.measurement.measurement import reduced_states
 from icmj.plant.linear_plant import transformation
 from icmj.result.result import Result
+from icmj.series.pieces import NEAR, piecewise
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.simulation import Simulation
+
+SMOOTH = 1 / 4000  # of the range: so far a line between points may be off the curve, a tenth of a pixel in 400
+MOST = 32  # points between two rows
 
 
 def output_rate(result: Result, x: Array, u: Array) -> Array:
     """ẏ = C(Ax + Bu) of the linearised actual plant; shapes (..., n), (..., n_u) → (..., n_y)."""
     plant = result.actual
     return x @ (plant.C @ plant.A).T + u @ (plant.C @ plant.B).T
+
+
+def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
+    """Outputs and their rates from ``start`` to ``end`` [s], so dense that a line through the points is a smooth curve.
+
+    Between rows they are interpolated by splines of the pieces between events, actions and pushes, of fourth order in
+    the distance of the rows. Two rows have as many points between them as the bend there needs.
+
+    Returns:
+        y and ẏ, shapes (M, n_y); those of the rows alone where a value is not finite.
+    """
+    run, n_y = result.simulation, result.actual.n_y
+    began = run.events.t[run.events.t < start - NEAR]
+    rows = between(run.t, began[-1] if len(began) else run.t[0], end)
+    t, values = run.t[rows], np.hstack([run.y, output_rate(result, run.x, run.u)])[rows]
+    if len(t) > 1 and np.isfinite(values).all():
+        t, values = _refined(result, t, values)
+    late = between(t, start, end)
+    return values[late, :n_y], values[late, n_y:]
+
+
+def _refined(result: Result, t: Array, values: Array) -> tuple[Array, Array]:
+    """Rows of outputs and rates with what is between them, in as many points as a smooth curve needs."""
+    plant, n_y = result.actual, result.actual.n_y
+    pushed = acting_on(plant, result.run.simulation.settings()).edges
+    bends = np.unique(np.concatenate(result.simulation.breaks))
+    bends = bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]
+    # an action on the linear plant has no row of its own; what it bends is continuous there, and known from before
+    row = np.searchsorted(t, bends - NEAR)
+    alone = t[row] > bends + NEAR
+    before = piecewise(t, values, bends[alone] - 2 * NEAR, breaks=np.concatenate([bends, pushed]))
+    t, values = np.insert(t, row[alone], bends[alone]), np.insert(values, row[alone], before, axis=0)
+    after = values[np.searchsorted(t, bends - NEAR)]
+    if (plant.C @ plant.B).any():  # where an input acts on an output's rate at once, that jumps with it
+        after[:, n_y:] = np.nan
+
+    def at(times: Array) -> Array:
+        return piecewise(t, values, times, jumps=bends, after=after, breaks=pushed)
+
+    middle, extent = at((t[1:] + t[:-1]) / 2), np.ptp(values, axis=0)
+    off = np.abs(middle - (values[1:] + values[:-1]) / 2) / np.where(extent > 0, extent, 1)
+    # the distance from a chord falls with the square of its length
+    count = np.clip(np.ceil(np.sqrt(off.max(axis=1) / SMOOTH)), 1, MOST).astype(int)
+    part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    times = np.append(np.repeat(t[:-1], count) + np.repeat(np.diff(t) / count, count) * part, t[-1])
+    return times, at(times)
 
 
 def reduced(result: Result, x: Array, x_o: Array, x_h: Array) -> Array:

@@ -11,13 +11,16 @@ from matplotlib.figure import Figure
 from report_cases import result
 
 import icmj
+from icmj.controller.delay import Delay
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
+from icmj.report import style
 from icmj.report.pairing import paired
 from icmj.report.panels import PANELS
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.sources import Noise
+from icmj.view.motion import output_rate
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")
@@ -74,6 +77,42 @@ def test_it_draws_what_the_report_shows_and_nowhere_else(function, name):
     assert right.get_xlabel()
     assert right.get_ylabel() == expected.get_ylabel()
     assert right.get_legend() is not None
+
+
+def off(points, line):
+    """Distances of points from a line through others, shape (M,)."""
+    a, b = line[:-1], line[1:]
+    d = b - a
+    part = ((points[:, None] - a) * d).sum(axis=2) / np.maximum((d**2).sum(axis=1), 1e-300)
+    return np.linalg.norm(a + np.clip(part, 0, 1)[..., None] * d - points[:, None], axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("t_d", [0.0, 0.1])
+def test_the_phase_plane_is_a_curve_at_rows_of_10_ms(t_d):
+    """It was a polygon: after each event the three-link body runs through its curve in two rows."""
+    found = result("three-link")
+    law, prediction = replace(found.controller, delay=Delay(t_d)), replace(found.prediction, orbit=None)
+    sizes = {"duration": 8.0, "record_interval": 0.01}
+    runs = [
+        simulate(found.actual, law, replace(found.run.simulation.settings(), **sizes | changes))
+        for changes in ({}, {"record_interval": 2e-4})
+    ]
+    axes = Figure().subplots()
+    PLOTS.phase(axes, replace(found, controller=law, prediction=prediction, simulation=runs[0]))
+    drawn = [line.get_xydata() for line in axes.get_lines() if line.get_color() == style.RUN["linear"]["color"]]
+    assert len(drawn) == 3
+    start = runs[0].events.t[-9]
+    for output, line in enumerate(drawn):
+        rows, dense = (
+            np.degrees(np.column_stack([run.y[late, output], output_rate(found, run.x, run.u)[late, output]]))
+            for run in runs
+            for late in [run.t >= start]
+        )
+        pixels = 400 / np.ptp(dense, axis=0)
+        assert off(pixels * dense, pixels * line).max() < 0.5
+        assert off(pixels * rows, pixels * line).max() < 1e-6
+        assert off(pixels * dense, pixels * rows).max() > 0.5 or output
+        assert len(line) < 4 * len(rows)
 
 
 @pytest.mark.parametrize("function", ["interval_histogram", "spectrum"])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from report_cases import result
 from scipy.linalg import expm
 
+from icmj.linear.run import simulate
 from icmj.theory.error_system import error_system
-from icmj.view.motion import modes, output_rate, reduced
+from icmj.view.motion import curve, modes, output_rate, reduced
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]
 
@@ -23,6 +26,39 @@ def test_the_rate_is_the_derivative_of_the_output(name: str) -> None:
     rate = output_rate(found, s.x[middle], s.u[middle])
     between_events = np.min(np.abs(t[:, None] - s.events.t), axis=1) > 0.05
     assert rate[between_events][1:-1] == pytest.approx(slope[between_events][1:-1], abs=0.02 * np.abs(rate).max())
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.05])
+def test_a_curve_goes_through_the_rows_and_is_what_denser_rows_show(gain: float) -> None:
+    """Also where an input acts on the rate of an output at once, which jumps with it."""
+    found = result("three-link")
+    actual = replace(found.actual, C=found.actual.C + gain * np.eye(3, 6, 3))
+    settings = replace(found.run.simulation.settings(), duration=6.0, record_interval=0.005)
+    coarse, fine = (
+        simulate(found.actual, found.controller, replace(settings, record_interval=each)) for each in (0.005, 2.5e-4)
+    )
+    there = [replace(found, actual=actual, simulation=replace(run, y=run.x @ actual.C.T)) for run in (coarse, fine)]
+    start, end = (float(t) for t in coarse.events.t[-3:-1])
+    y, v = curve(there[0], start, end)
+    late = (fine.t >= start) & (fine.t <= end)
+    exact = np.hstack([there[1].simulation.y, output_rate(there[1], fine.x, fine.u)])[late]
+    extent = np.ptp(exact, axis=0)
+    off = np.abs(np.hstack([y, v])[:, None] - exact)
+    # each point of the curve is where a denser row is, which are apart by 1/20 of the rows
+    assert (off / extent).max(axis=2).min(axis=1).max() < 0.02
+    rows = np.hstack([there[0].simulation.y, output_rate(there[0], coarse.x, coarse.u)])
+    for row in rows[(coarse.t >= start) & (coarse.t <= end)]:
+        assert (np.hstack([y, v]) == row).all(axis=1).any()
+
+
+def test_a_curve_of_a_run_that_diverged_is_its_rows() -> None:
+    found = result("b0.8")
+    run = found.simulation
+    x = run.x.copy()
+    x[-1] = np.nan
+    y, v = curve(replace(found, simulation=replace(run, x=x)), run.t[-5], run.t[-1])
+    np.testing.assert_array_equal(y, run.y[-5:])
+    np.testing.assert_array_equal(v, output_rate(found, x, run.u)[-5:])
 
 
 @pytest.mark.parametrize("name", CYCLES)

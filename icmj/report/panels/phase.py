@@ -12,7 +12,7 @@ from icmj.report import style
 from icmj.report.pairing import CaseRuns
 from icmj.report.panels.panel import Panel, compares
 from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import event_rows, latter_part, output_rate
+from icmj.view.motion import curve, event_rows, latter_part, output_rate
 from icmj.view.quantity import Quantity, quantities
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
     chosen = chosen or range(len(outputs))
     prediction, laid = case.prediction, laid_orbit(case.last) if compares(case) else None
     units = quantities(case.last.actual)
+    drawn = {plant: curve(result, *latter_part(result.simulation, SHOWN)) for plant, result in case.runs.items()}
     for i in chosen:
         name, shown, first = outputs[i], units[i], i == chosen[0]
         if laid is not None:
@@ -60,15 +61,7 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
             )
             axes.plot(y, v, label=label if first else None, **style.PREDICTED)
         for plant, result in case.runs.items():
-            simulation = result.simulation
-            start, end = latter_part(simulation, SHOWN)
-            late = between(simulation.t, start, end)
-            v = output_rate(result, simulation.x[late], simulation.u[late])[:, i] * shown.factor
-            y = simulation.y[late, i] * shown.factor
-            if np.abs(result.actual.C[i] @ result.actual.B).max() > 0:  # its rate jumps with the command
-                jumps = simulation.events.t + simulation.delay
-                gaps = np.unique(np.searchsorted(simulation.t[late], jumps[between(jumps, start, end)], side="right"))
-                y, v = np.insert(y, gaps, np.nan), np.insert(v, gaps, np.nan)
+            y, v = (signal[:, i] * shown.factor for signal in drawn[plant])
             axes.plot(y, v, label=style.NAME[plant] if first else None, **style.RUN[plant])
             if result is case.last and len(chosen) > 1 and len(y):
                 _label(axes, style.words(name), float(y[np.nanargmax(v)]), float(np.nanmax(v)))
