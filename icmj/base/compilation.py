@@ -95,8 +95,11 @@ def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 # what only compiled code calls is left without the wrappers by which Python and C would call it: they take as long to
-# compile as the function itself
-WITHIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# compile as the function itself; and it is put into its callers where it says so itself, not because its caller is put
+# into others: copies of copies made a third of the linear plant's time to compile
+WITHIN: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": False
+}  # fmt: skip
 # numba's inside is not promised to stay; without this, compiling and loading take longer
 _kept: Callable[[Any], Any] = lambda made: made  # noqa: E731
 _c_function: Callable[..., Any] = lambda *given, **options: numba.cfunc(*given, **options)  # noqa: E731

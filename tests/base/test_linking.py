@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numba.core.compiler_lock import global_compiler_lock
 
-from icmj.base.compilation import WITHIN
+from icmj.base.compilation import WITHIN, compiled, inlined
 
 SCRIPT = """
 import numba
@@ -87,6 +87,26 @@ def test_what_is_linked_has_no_machine_code_of_its_own() -> None:
             found.append(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
     assert found[0] == 0
     assert found[1] != 0
+
+
+def test_only_what_says_so_is_put_into_its_callers() -> None:
+    """numba hands an option that is not said on to whatever is called: copies of all that an inlined function calls."""
+
+    @compiled
+    def half(x):  # type: ignore[no-untyped-def]
+        return 0.5 * x
+
+    @inlined
+    def quarter(x):  # type: ignore[no-untyped-def]
+        return half(half(x))
+
+    @numba.njit
+    def door(x):  # type: ignore[no-untyped-def]
+        return quarter(x)
+
+    assert door(1.0) == 0.25
+    forced = [next(iter(each.overloads.values())).fndesc.inline for each in (half, quarter)]
+    assert forced == [False, True]
 
 
 @pytest.mark.slow
