@@ -24,9 +24,9 @@ from icmj.result.swept import Swept
 from icmj.runfile.sweep_tables import load_sweep
 from icmj.sweeps.chunk import Computed, compute
 from icmj.sweeps.dataset import read_table, resume_sweep
+from icmj.sweeps.plan import Plan
 from icmj.sweeps.sweep import carry_out, planned, tried
 from icmj.work.folder import Folder
-from icmj.sweeps.plan import Plan
 
 KILLS = 20
 

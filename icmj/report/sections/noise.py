@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
-from icmj.experiments.quiet_standing import WORDS, YOUNG_PEOPLE
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.measurement.statistics import Estimate
+from icmj.measurement.sway import MEASURES
 from icmj.report.pairing import CaseRuns
 from icmj.report.sections.section import Picture, Section
 from icmj.report.style import NAME
@@ -87,12 +88,13 @@ def _sway(case: CaseRuns) -> dict[str, Any] | None:
     if not swayed:
         return None
     rows = []
+    called = {measure.key: measure.words for measure in MEASURES}
     for key, (mean, spread) in YOUNG_PEOPLE.items():
         factor, unit = numbers.readable(UNITS.get(key, ""))
         values = (result.sway.get(f"cop.x.{key}") for result in swayed.values())
         own = [numbers.number(None if value is None else factor * value, 3) for value in values]
         young = f"{numbers.number(factor * mean, 3)} ± {numbers.number(factor * spread, 2)}"
-        rows.append((in_unit(WORDS[key], unit), *own, young))
+        rows.append((in_unit(called[key], unit), *own, young))
     found = next(result.statistics for result in swayed.values() if result.statistics is not None)
     heads = ["linear plant" if plant == "linear" else NAME[plant] for plant in swayed]
     return {"heads": [*heads, "young people"], "rows": rows, "seconds": f"{found.end - found.start:.3g}"}
