@@ -1,7 +1,11 @@
 """What the project costs, as ratios to something else measured in the same run; see ``python -m benchmarks --help``."""
 
+import os
+
 from icmj.base.environment import one_thread, seldom_collected
 
+SHELL = dict(os.environ)
+"""The environment that the benchmarks were started in, for what is measured as anybody starts it."""
 # as the command line does; BLAS reads it when numpy comes
 one_thread()
 seldom_collected()

@@ -5,40 +5,91 @@ This applies to the command line only: a program that imports icmj gets all libr
 
 from __future__ import annotations
 
+import ast
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 from typing import Any, get_origin
 
-_IDLE = (
-    *("numpy.f2py", "numpy.testing", "rerun.catalog", "rerun.experimental", "rerun.server", "rerun.urdf"),
-    *("yaml", "PIL.Image"),
-)
+_IDLE = ("numpy.f2py", "numpy.ma", "numpy.random", "numpy.testing", "yaml", "PIL.Image")
 """What libraries import at their start and use, if at all, when asked to: a tenth of what a run imports."""
+_SHOPS = (
+    *(f"rerun{part}" for part in ("", ".archetypes", ".components", ".encodings", ".catalog", ".chunk", ".blueprint")),
+    *(f"rerun.blueprint.{part}" for part in ("archetypes", "components", "encodings", "views")),
+)
+"""Packages that import each of their many modules to offer its names, of which a log needs one in four."""
 
 
 class _Later:
-    """Finds modules that are loaded when something is taken from them, and not before."""
+    """Finds modules that are loaded when something is taken from them, and packages whose names are."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = frozenset(names)
+    def __init__(self, names: Sequence[str], shops: Sequence[str]) -> None:
+        self._names, self._shops = frozenset(names), frozenset(shops)
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """The module's own specification, with a loader that waits."""
-        if fullname not in self._names:
+        if fullname not in self._names | self._shops:
             return None
-        from importlib.util import LazyLoader
-
         spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and spec.loader is not None:
+        if spec is None or spec.loader is None:
+            return spec
+        if fullname in self._names:
+            from importlib.util import LazyLoader
+
             spec.loader = LazyLoader(spec.loader)
+        elif type(spec.loader) is SourceFileLoader:
+            spec.loader = _Shop(spec.loader.name, spec.loader.path)
         return spec
+
+
+class _Shop(SourceFileLoader):
+    """Loads a package without what it imports from its own modules only to offer it: that is imported when asked for.
+
+    What the package's code uses itself is imported with it, as ever.
+    """
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Execute the package's code without those imports; ``__getattr__`` of the module makes up for them."""
+        tree = ast.parse(self.get_data(self.path))
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} | {"*"}
+        offered: dict[str, tuple[str, str]] = {}
+        for node in [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.level == 1]:
+            here = [alias for alias in node.names if (alias.asname or alias.name) in used]
+            for alias in node.names:
+                if alias not in here:
+                    of, name = (f".{node.module}", alias.name) if node.module else (f".{alias.name}", "")
+                    offered[alias.asname or alias.name] = of, name
+                    if node.module:  # which importing from it leaves there, too, if nothing else has this name
+                        module_name = node.module.partition(".")[0]
+                        offered.setdefault(module_name, (f".{module_name}", ""))
+            node.names = here
+            if not here:
+                tree.body.remove(node)
+        own: list[Any] = []
+
+        def ask(name: str) -> Any:
+            if name not in offered:
+                if own:
+                    return own[0](name)
+                raise AttributeError(f"module {module.__name__!r} has no attribute {name!r}", name=name, obj=module)
+            of, attribute = offered[name]
+            found = import_module(of, module.__name__)
+            value = getattr(found, attribute) if attribute else found
+            setattr(module, name, value)
+            return value
+
+        space = module.__dict__
+        space["__getattr__"] = ask  # before: its modules may import each other by way of it
+        exec(compile(tree, self.path, "exec", dont_inherit=True), space)
+        if space["__getattr__"] is not ask:
+            own.append(space["__getattr__"])
+            space["__getattr__"] = ask
 
 
 class _Without:
@@ -86,7 +137,7 @@ def _expect_kind(value: object, kind: Any) -> None:
 def unhurried() -> None:
     """Defer modules that libraries import when they are loaded and that icmj does not need."""
     if not any(isinstance(finder, _Later) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Later(_IDLE))
+        sys.meta_path.insert(0, _Later(_IDLE, _SHOPS))
 
 
 def arrow_alone() -> None:

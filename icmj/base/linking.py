@@ -9,13 +9,17 @@ A third of the time to compile goes with it, and what comes out is no slower.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from numba import _dynfunc  # type: ignore[attr-defined]
+from numba.core import environment
 from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
@@ -73,9 +77,37 @@ class _Disk(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
+        with self._guard_against_spurious_io_errors(), _modules_of_numba_left_alone():
             return self._load_overload(sig, target_context)
         return None  # what numba's own makes of an error that it swallows
+
+
+@contextmanager
+def _modules_of_numba_left_alone() -> Iterator[None]:
+    """Load code from the disk without the modules of numba that the functions in it were written in.
+
+    A function that is linked keeps the name of its module, whose globals code that runs in Python would look into. What
+    is compiled here does not; importing the modules that implement arrays takes as long as loading the code.
+    """
+
+    def rebuild(module: str, consts: Any, name: str) -> Any:
+        if not module.startswith("numba."):
+            return original(module, consts, name)
+        if (known := environment.lookup_environment(name)) is not None:
+            return known
+        made = environment.Environment({"__name__": module})
+        made.consts[:] = consts
+        made.env_name = name
+        environment.Environment._memo[name] = made
+        return made
+
+    with global_compiler_lock:  # held by whoever loads already: no other thread meets the function in between
+        original = environment._rebuild_env
+        environment._rebuild_env = rebuild
+        try:
+            yield
+        finally:
+            environment._rebuild_env = original
 
 
 def kept(made: Any) -> Any:

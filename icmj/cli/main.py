@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("RUST_LOG", "off")  # rerun's own words, in colour; what they mean comes as an error
     # no pictures are drawn by MuJoCo here; else it loads a window library, in a process that a signal finds talking
     os.environ.setdefault("MUJOCO_GL", "disable")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # for which all that is installed would be searched
     one_thread()
     sparing()
     unhurried()

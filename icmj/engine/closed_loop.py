@@ -151,11 +151,14 @@ class ComposedLoop:
 
     def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedLoop:
         """A stepper of the model from event to event, from the state in ``data``; within :meth:`ready`."""
-        from icmj.engine.native.adaptive_loop import AdaptiveLoop
+        qpos = self.plant.linearisation.point.qpos
+        if schedule.tolerance > 0:
+            from icmj.engine.native.adaptive_loop import AdaptiveLoop
+
+            return AdaptiveLoop(self.model, data, schedule, qpos)
         from icmj.engine.native.loop import FixedLoop
 
-        kind = AdaptiveLoop if schedule.tolerance > 0 else FixedLoop
-        return kind(self.model, data, schedule, self.plant.linearisation.point.qpos)
+        return FixedLoop(self.model, data, schedule, qpos)
 
     def tracker(self, data: mujoco.MjData, schedule: Schedule) -> ExtremesTracker:
         """The object that finds the extremes of the outputs of a run from ``data``."""

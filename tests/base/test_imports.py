@@ -27,6 +27,31 @@ def test_modules_that_nobody_asks_for_wait_until_somebody_does() -> None:
     assert told(code) == ["False", "True"]
 
 
+def test_a_package_that_offers_much_loads_what_is_asked_for_and_offers_it_all() -> None:
+    """Every public name of rerun and of its blueprints is the same thing as without any of this."""
+    show = """
+    print(package.__name__, name, *(getattr(value, key, "") for key in ("__module__", "__qualname__")), sep="/")
+"""
+    plain = told(f"""
+import rerun, rerun.blueprint
+for package, name in [(p, n) for p in (rerun, rerun.blueprint, rerun.components) for n in vars(p) if n[0] != "_"]:
+    value = getattr(package, name){show}""")
+    late = told(f"""
+import sys
+from icmj.base.imports import unhurried
+unhurried()
+import rerun, rerun.blueprint
+def count(): print(len([name for name in sys.modules if name.startswith("rerun.")]))
+count()
+for package, name in [line.split("/")[:2] for line in {plain!r}]:
+    package = sys.modules[package]
+    value = getattr(package, name){show}
+count()""")
+    assert late[1:-1] == plain
+    assert len(plain) > 300
+    assert int(late[0]) < 100 < 400 < int(late[-1])
+
+
 @pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
 def test_arrow_does_not_load_pandas_and_others_still_can() -> None:
     code = (
