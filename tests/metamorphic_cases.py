@@ -297,7 +297,7 @@ def _rows(drawn: Drawn, rng: random.Random, plant: str) -> str:
     size = max(np.abs(a.y_max).max(initial=0.0), np.abs(a.y_min).max(initial=0.0))
     for name in ("y_max", "y_min"):
         one, other = getattr(a, name), getattr(b, name)
-        close = 0.0 if plant == "linear" else 1e-8 * size
+        close = 0.0 if plant == "linear" else 1e-5 * size
         if not np.allclose(one, other, rtol=0, atol=close):
             return f"rows at another interval change {name} of events by {np.abs(one - other).max():.1e}"
     return ""
