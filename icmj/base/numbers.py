@@ -50,11 +50,11 @@ def amount(value: float | None, unit: str = "", figures: int = 6) -> str:
 
 
 def readable(unit: str) -> tuple[float, str]:
-    """The factor on a value in a unit of sway, and the unit in which people read it: mm for m, degrees for rad."""
-    found = re.match(r"(m|rad)(²?)(?=$|/)", unit)
+    """The factor on a value in a unit of sway, and the unit in which people read it: mm for lengths, degrees for angles."""
+    found = re.match(r"(m|cm|rad)(²?)(?=$|/)", unit)
     if found is None:
         return 1.0, unit
-    factor, name = (1e3, "mm") if found[1] == "m" else (180 / math.pi, "°")
+    factor, name = {"m": (1e3, "mm"), "cm": (10.0, "mm"), "rad": (180 / math.pi, "°")}[found[1]]
     return factor ** (2 if found[2] else 1), f"{name}{unit[len(found[1]) :]}"
 
 

@@ -60,7 +60,7 @@ def experiment_page(
     recorded = all(row.plant == "recording" for row in rows)
     results: dict[str, Any] = {
         "picture": Picture("figure", uri, f"{title}, figure") if uri else None,
-        "caption": f"{CAPTIONS[kind]}",
+        "caption": CAPTIONS[kind] if kind != "quiet_standing" else _caption_of_standing(rows),
         **_table(kind, rows),
     }
     methods = {"words": [*METHODS[kind](settings, recorded), *((_YOUNG,) if results["people"] else ())]}
@@ -207,12 +207,24 @@ CAPTIONS = {
         "standard deviation over trials on either side of the mean. Thin line: linear theory of continuous control. "
         "Dotted: height of the centre of mass."
     ),
-    "quiet_standing": (
-        "Left: distribution of the position, divided by its standard deviation; dotted: normal distribution. Right: "
-        "distribution of the intervals between events; intervals that do not vary, as those of a clock, are not drawn."
-    ),
 }
 """What the lines and markers of each kind's figure are; cases and plants are in its legend."""
+
+
+def _caption_of_standing(rows: Sequence[Row]) -> str:
+    """As above, without a panel of intervals where there are none."""
+    names = [name for row in rows for name in row.numbers]
+    signal = next((name.partition(", RMS")[0] for name in names if ", RMS" in name), "the first signal")
+    place = (
+        f"distribution of {SIGNALS.get(signal, signal)}, divided by its standard deviation; dotted: normal distribution"
+    )
+    if not any(name.startswith("interval, ") for name in names):
+        return f"{place[0].upper()}{place[1:]}."
+    return (
+        f"Left: {place}. Right: distribution of the intervals between events; intervals that do not vary, as those of "
+        "a clock, are not drawn."
+    )
+
 
 _SAME = "Recordings of people are analysed in the same way."
 

@@ -138,6 +138,7 @@ def standing_figure(found: Sequence[Shown]) -> Figure:
     times.set(xlabel=r"interval $\Delta_{ol}$ (s)", ylabel="density (1/s)")
     if not times.patches:
         times.set_visible(False)
+        place.set_position((0.09, 0.14, 0.89, 0.82))
     under_legend(figure, [place, times], found)
     return figure
 

@@ -129,6 +129,11 @@ def test_measures_of_sway_stand_in_millimetres_with_their_scatter_beside_those_o
     page = plain(experiment_page("Standing", "quiet_standing", STANDING, [elsewhere], None))
     assert "RMS (°) 0.573" in page
     assert "young people" not in page
+    measured = Row("anna", "recording", 1, {"ap, RMS (cm)": 0.296}, "words")
+    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [measured], b"<svg/>", ("anna.csv",)))
+    assert "RMS (mm) 2.96" in page
+    assert "Figure 1. Distribution of ap, divided by its standard deviation" in page
+    assert "Right:" not in page
 
 
 def test_a_confidence_interval_stands_in_one_cell():
