@@ -371,8 +371,10 @@ def put(job: Job) -> tuple[str, str]:
 
 
 def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
+    from icmj.cli import working
     from icmj.cli.main import main
 
+    working.SHARE = 0.0  # a line every five seconds: silence is a hang
     folder = Path(tempfile.mkdtemp(prefix="icmj-mutant-"))
     try:
         os.chdir(folder)
@@ -402,7 +404,7 @@ def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
 
 
 _PROGRESS = re.compile(
-    r"(?<! s) after \d+ s$|^icmj: about .* of work$"
+    r"(?<! s),? after \d+ s(, about .* left)?$|^icmj: about .* of work$"
     r"|^icmj: \d+ of \d+ chunks are finished in .*; the same command goes on$"
 )
 

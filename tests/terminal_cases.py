@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-_SIGN = re.compile(r"^icmj: ([^;]* after \d+ s|about .* of work)$")
+_SIGN = re.compile(r"^icmj: ([^;]* after \d+ s(, about .* left)?|about .* of work)$")
 
 
 def told(err: str) -> list[str]:

@@ -1,15 +1,19 @@
-"""Whether something is compiled for the first time, in this process or in one that works for it.
+"""Whether something is compiled for the first time, in this process or in one that works for it, and for how long.
 
-Compiling takes ten to twenty seconds after installation. Whoever shows what is under way asks :func:`compiling`; a
-worker process passes on what it hears by :func:`listen`.
+Compiling takes about ten seconds after installation. Whoever shows what is under way asks :func:`compiling`, and of
+the time that passes how much of it is :func:`spent` so; a worker process passes its own state on by :func:`listen`.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Hashable
+
+USUAL = 10.0  # s that a loop takes to compile on a processor that does nothing else
 
 _under_way: dict[Hashable, int] = {}
 _listeners: list[Callable[[bool], None]] = []
+_since, _before = 0.0, 0.0  # when the present compilation began, and what all before it took [s]
 
 
 def compiling() -> bool:
@@ -17,20 +21,32 @@ def compiling() -> bool:
     return bool(_under_way)
 
 
+def spent() -> float:
+    """Seconds since the start of this process during which something was compiled."""
+    return _before + (time.monotonic() - _since if _under_way else 0.0)
+
+
 def begin(who: Hashable = "here") -> None:
     """``who`` compiles; every beginning needs its :func:`end`."""
+    global _since
+    if not _under_way:
+        _since = time.monotonic()
     _under_way[who] = _under_way.get(who, 0) + 1
-    _tell()
+    _report()
 
 
 def end(who: Hashable = "here", *, altogether: bool = False) -> None:
     """``who`` has finished compiling once, or does not compile any more at all."""
+    global _before
+    before = spent()
     left = 0 if altogether else _under_way.get(who, 0) - 1
     if left > 0:
         _under_way[who] = left
     else:
         _under_way.pop(who, None)
-    _tell()
+    if not _under_way:
+        _before = before
+    _report()
 
 
 def listen(listener: Callable[[bool], None]) -> None:
@@ -38,6 +54,6 @@ def listen(listener: Callable[[bool], None]) -> None:
     _listeners.append(listener)
 
 
-def _tell() -> None:
+def _report() -> None:
     for listener in _listeners:
         listener(compiling())

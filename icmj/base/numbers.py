@@ -50,12 +50,20 @@ def amount(value: float | None, unit: str = "", figures: int = 6) -> str:
 
 
 def readable(unit: str) -> tuple[float, str]:
-    """The factor on a value in a unit of sway, and the unit in which people read it: mm for lengths, degrees for angles."""
+    """The factor on a value in a unit of sway, and the unit that people read: mm of lengths, degrees of angles."""
     found = re.match(r"(m|cm|rad)(²?)(?=$|/)", unit)
     if found is None:
         return 1.0, unit
     factor, name = {"m": (1e3, "mm"), "cm": (10.0, "mm"), "rad": (180 / math.pi, "°")}[found[1]]
     return factor ** (2 if found[2] else 1), f"{name}{unit[len(found[1]) :]}"
+
+
+def lapse(seconds: float, figures: int = 3) -> str:
+    """A length of time, from two minutes on in the unit of which there are two at least."""
+    for unit, size in (("years", 365.25 * 86400), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.{figures}g} {unit}"
+    return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.2g} s"
 
 
 def amounts(values: Array | None, names: Sequence[str], units: Sequence[str], figures: int = 4) -> str:

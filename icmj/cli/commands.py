@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from icmj.base.card import plain
 from icmj.base.files import emptied, replaceable, write_text
 from icmj.base.imports import meanwhile
-from icmj.base.numbers import amount, count, number, root
+from icmj.base.numbers import amount, count, lapse, number, root
 from icmj.base.signals import heard_once
 from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
 from icmj.cli.comparison_table import show_comparisons
@@ -125,7 +125,7 @@ def run(command: arguments.Run) -> None:
     from icmj.case.case import prepare
     from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
-    from icmj.study.estimate import LONGEST, in_words
+    from icmj.study.estimate import LONGEST
     from icmj.study.study import admit, open_folder, plants_of, run_case
 
     run_file = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
@@ -134,7 +134,7 @@ def run(command: arguments.Run) -> None:
         case = prepare(run_file)
         seconds = admit(case, plant, None if command.yes else LONGEST, study=command.study)
         if seconds > TOLD:
-            ERR.say(f"icmj: about {in_words(seconds)} of work")
+            ERR.say(f"icmj: about {lapse(seconds)} of work")
         log = command.out / f"{name}.{plant}.rrd"
         meanwhile("icmj.log.writer")
         with emptied(command.out), heard_once() as heard:
@@ -227,7 +227,7 @@ def report(command: arguments.Report) -> None:
     from icmj.work.workers import Workers, processors
 
     replaceable(command.out)
-    with Working("building the report", ERR), Workers(processors()) as workers:
+    with Working(label := "building the report", ERR) as working, Workers(processors()) as workers:
         folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
         if folders:
@@ -235,7 +235,10 @@ def report(command: arguments.Report) -> None:
 
             sweeps = [read_sweep(folder) for folder in folders]
         branches, logs = branches_among([path for path in command.logs if path not in folders])
-        page = build(logs, command.out, sweeps=sweeps, branches=branches, workers=workers)
+        page = build(
+            logs, command.out, sweeps=sweeps, branches=branches, workers=workers,
+            progress=lambda done: working.tell(label, done),
+        )  # fmt: skip
     if command.json:
         OUT.show(plain_runs((*page.comparisons, *page.others), report=command.out))
         return

@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from icmj.base.numbers import lapse
 from icmj.cli.working import Working
 from icmj.errors import SweepError
 
@@ -53,7 +54,7 @@ def _cost(plan: Plan, out: Terminal) -> None:
     cost = estimate(plan)
     out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")
     out.say(
-        f"about {_time(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
+        f"about {lapse(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
         f"{cost.size / 1e6:.3g} MB"
     )
 
@@ -76,12 +77,5 @@ def _show(folder: Path, done: Progress, out: Terminal) -> None:
 
 
 def _words(progress: Progress) -> str:
-    left = f", {_time(progress.left)} left" if 0 < progress.left < float("inf") else ""
     failed = f", {progress.failed} failed" if progress.failed else ""
-    return f"{progress.done} of {progress.points} points, {progress.rate:.3g}/s{left}{failed}"
-
-
-def _time(seconds: float) -> str:
-    from icmj.study.estimate import in_words
-
-    return in_words(seconds)
+    return f"{progress.done} of {progress.points} points, {progress.rate:.3g}/s{failed}"

@@ -27,11 +27,13 @@ class Terminal(Console):
     Attributes:
         brief: leave out notes, as ``--quiet`` asks.
         began: when the present command began, by ``time.monotonic``.
+        progressed: when its last line of progress was printed; ``None`` before the first.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **options)
         self.brief, self.began = False, time.monotonic()
+        self.progressed: float | None = None
 
     @property  # type: ignore[misc]  # nobody sets it
     def size(self) -> ConsoleDimensions:
@@ -78,6 +80,7 @@ def talking(quiet: bool, verbose: bool) -> Iterator[None]:
     level = log.level
     OUT.brief = ERR.brief = quiet
     OUT.began = ERR.began = time.monotonic()
+    OUT.progressed = ERR.progressed = None
     if verbose:
         log.addHandler(handler)
         log.setLevel(logging.DEBUG)

@@ -1,4 +1,8 @@
-"""Progress of commands that take longer than two seconds: a bar on a terminal, otherwise a line every five seconds."""
+"""Progress of commands that take longer than two seconds, with the time that remains.
+
+On a terminal it is one line that changes in place. Elsewhere it is a line on standard error after 2 s, and another
+each time that the time which has passed has doubled: after 7, 14, 28, 56 s, so that ten minutes have eight lines.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,14 @@ import time
 from contextlib import suppress
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
-from icmj.base.compiling import compiling
+from icmj.base import compiling
 from icmj.cli.terminal import Terminal
 
 FIRST, LEAST = 2.0, 0.7  # s of silence before the first word: since the command began, and since the work did
-PAUSE = 5.0  # s between two lines, where there is no terminal to draw a bar on
-COMPILING = "compiling, once"
+PAUSE, SHARE, LONGEST = 5.0, 1.0, 600.0  # s between two lines without a terminal; as a share of the time until then
+ENOUGH, PART, LONG = 2.0, 0.03, 30.0  # s of work with this part done, or s of work, from which an estimate is made
 LOG = logging.getLogger("icmj")
 
 
@@ -25,7 +30,8 @@ class Working:
     """
 
     def __init__(self, label: str, console: Terminal) -> None:
-        self._label, self._done, self._console = label, 0.0, console
+        self._label, self._console = label, console
+        self._remaining = Remaining()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, daemon=True)
 
@@ -34,7 +40,8 @@ class Working:
         if label != self._label:
             LOG.info(label)
         self._label = label
-        self._done = self._done if done is None else done
+        if done is not None:
+            self._remaining.note(done)
 
     def __enter__(self) -> Working:
         LOG.info(self._label)
@@ -49,7 +56,12 @@ class Working:
 
     def _silence(self) -> float:
         """The time [s] after which progress is first shown; importing libraries has already taken a part of it."""
-        return max(min(LEAST, FIRST), FIRST - (time.monotonic() - self._console.began))
+        return max(min(LEAST, FIRST), self._due() - time.monotonic())
+
+    def _due(self) -> float:
+        """When the next line is due, by ``time.monotonic``: the works of one command share its lines."""
+        began, last = self._console.began, self._console.progressed
+        return began + FIRST if last is None else last + min(max(PAUSE, SHARE * (last - began)), LONGEST)
 
     def _show(self) -> None:
         if self._console.is_terminal:
@@ -60,18 +72,85 @@ class Working:
     def _bar(self) -> None:
         if self._ended.wait(self._silence()):
             return
-        columns = TextColumn("{task.description:<24}", markup=False), BarColumn(), TimeElapsedColumn()
-        # nobody may listen any more
+        label = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, ratio=1))
+        columns = label, BarColumn(20), TimeElapsedColumn(), TextColumn("{task.fields[left]}")
+        # nobody may read any more
         with suppress(OSError, ValueError), Progress(*columns, console=self._console, transient=True) as bar:
-            task = bar.add_task(self._label, total=None)
+            task = bar.add_task(self._label, total=None, left="")
             while not self._ended.wait(0.1):
-                label = f"{self._label}: {COMPILING}" if compiling() else self._label
-                bar.update(task, description=label, completed=self._done, total=1.0 if self._done > 0 else None)
+                done, parts = self._remaining.done, [self._label, _compilation()]
+                total = 1.0 if done > 0 else None
+                words = ", ".join(part for part in parts if part)
+                bar.update(task, description=words, completed=done, total=total, left=self._remaining.words())
 
     def _lines(self) -> None:
-        start, pause = self._console.began, self._silence()
-        while not self._ended.wait(pause):
-            part = f", {100 * self._done:.0f} %" if self._done > 0 else ""
-            what = f": {COMPILING}," if compiling() else ""
-            self._console.say(f"icmj: {self._label}{part}{what} after {time.monotonic() - start:.0f} s", wrap=False)
-            pause = PAUSE
+        while not self._ended.wait(self._silence()):
+            done = self._remaining.done
+            now = self._console.progressed = time.monotonic()
+            parts = [
+                self._label,
+                f"{100 * done:.0f} %" if done > 0 else "",
+                _compilation(),
+                f"after {now - self._console.began:.0f} s",
+                self._remaining.words(),
+            ]
+            self._console.say(f"icmj: {', '.join(part for part in parts if part)}", wrap=False)
+
+
+class Remaining:
+    """The time that work will still take, from the fraction that was completed since it was first stated.
+
+    What passes while loops are compiled does not count. Where the fraction falls, other work has begun.
+    """
+
+    def __init__(self) -> None:
+        self.done = 0.0
+        self._first: float | None = None
+        self._begin = self._at = self._clock()
+
+    @staticmethod
+    def _clock() -> float:
+        return time.monotonic() - compiling.spent()
+
+    def note(self, done: float) -> None:
+        """The completed fraction, now."""
+        now = self._clock()
+        if self._first is None or done < self.done:
+            self._begin, self._first = now, done
+        if done != self.done:
+            self._at = now
+        self.done = done
+
+    def seconds(self) -> float | None:
+        """An estimate; ``None`` where there is none, or it has passed already."""
+        gained, worked = self.done - (self._first or 0.0), self._at - self._begin
+        if gained <= 0 or worked < (ENOUGH if gained >= PART else LONG):
+            return None
+        left = worked * (1 - self.done) / gained - (self._clock() - self._at)
+        return left + _compiled() if left > 0 else None
+
+    def words(self) -> str:
+        """The estimate; empty where there is none."""
+        seconds = self.seconds()
+        return f"about {_rounded(seconds)} left" if seconds is not None and seconds >= 1 else ""
+
+
+def _compiled() -> float:
+    """The time that a loop which is compiled now will still take, or 0 [s]."""
+    return max(compiling.USUAL - compiling.spent(), 0.0) if compiling.compiling() else 0.0
+
+
+def _compilation() -> str:
+    """What is said of a loop that is compiled now; empty where none is."""
+    if not compiling.compiling():
+        return ""
+    left = _compiled()
+    return f"compiling (first run only{f', about {_rounded(left)}' if left >= 1 else ''})"
+
+
+def _rounded(seconds: float) -> str:
+    """To whole seconds, or to five of them or two digits where there are many."""
+    from icmj.base.numbers import lapse
+
+    step = 1 if seconds < 10 else 5
+    return lapse(step * round(seconds / step), 2)

@@ -41,7 +41,7 @@ SWEPT = "What linear theory predicts and what simulated plants do, over a range 
 RIVALS = "Standing under several controllers"
 OTHERS = "Standing under other controllers"
 MOVED = "How simulated plants move"
-NOTHING = "These controllers have no event rule and no critical interval: their runs are shown without a prediction."
+NOTHING = "Of these controllers no critical interval is predicted: their runs are shown without a prediction."
 
 
 def build_report(

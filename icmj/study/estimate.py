@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.numbers import lapse
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
@@ -125,7 +126,7 @@ def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | N
         what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
     asked = f" ({', '.join(what)})" if what else ""
     raise StudyError(
-        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {in_words(seconds)}{asked}; shorten it "
+        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {lapse(seconds)}{asked}; shorten it "
         f"(simulation.duration, timestep, record_interval{', study' if study else ''}), or start it with --yes"
     )
 
@@ -140,7 +141,7 @@ def refuse_trials(path: Path, work: Sequence[tuple[Case, PlantKind, int]], jobs:
     one = max(_PER_NUMBER * n * _columns(case) for n, (case, _, _) in zip(rows, work, strict=True))
     kept = sum(_KEPT * n * count for n, (_, _, count) in zip(rows, work, strict=True))
     seconds, taken = sum(estimate_trials(*each) for each in work) / jobs, _OWN + max(one, kept)
-    asked = [in_words(seconds) + (f" of {jobs} processes" if jobs > 1 else "")] if seconds > longest else []
+    asked = [lapse(seconds) + (f" of {jobs} processes" if jobs > 1 else "")] if seconds > longest else []
     asked += [f"{taken / 1e9:.2g} GB of memory"] if taken > MEMORY else []
     if asked:
         raise StudyError(
@@ -155,14 +156,6 @@ def _columns(case: Case, study: bool = False) -> float:
     plant, runs = case.actual.linearisation.plant, 2 if study and case.prediction is not None else 1
     states = 2 * case.controller.plant.n if has_trigger(case.controller) else 0
     return runs * (1 + plant.n + plant.n_y + plant.n_u) + states
-
-
-def in_words(seconds: float) -> str:
-    """A length of time for people."""
-    for unit, size in (("years", 365.25 * 86400), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.2g} s"
 
 
 def _acting(case: Case) -> Array:

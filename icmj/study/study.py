@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
 HERE = Path("runs")
+_CHECKS = 0.02  # of the whole, about
+_LEAST, _PAGE = {"linear": 0.3, "mujoco": 0.8}, 1.4  # s of a run that is plainly quick, and of a case on the page
 AFTER_INTERRUPT = 30.0  # [s] of continuous control beside a run that was interrupted: enough to see it settle
 
 
@@ -249,13 +251,16 @@ def admit(case: Case, plant: PlantKind, longest: float | None, *, study: bool = 
     return seconds
 
 
-def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> None:
-    """Prepare a case and throw it away: bad input, and work without end, show before anything is written."""
+def check(run: RunFile, longest: float | None = None, progress: Tell | None = None) -> list[float]:
+    """Prepare a case and throw it away: bad input, and work without end, show before anything is written.
+
+    Returns:
+        The estimated time of each of its runs [s].
+    """
     from icmj.case.case import prepare
 
     case = prepare(run)
-    for plant in plants_of(run):
-        admit(case, plant, longest, study=True)
+    return [admit(case, plant, longest, study=True) for plant in plants_of(run)]
 
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
@@ -311,22 +316,33 @@ def run_study(
     work = [Task(f"{run.case.name} ({plant})", log_case, (run, plant, out)) for run, plant in _in_turn(cases)]
     logs = tuple(out / f"{run.case.name}.{plant}.rrd" for run, plant in cases)
     checked, done = [0.0] * len(runs), [0.0] * len(work)  # in any order: processes overtake each other
+    estimates: dict[str, list[float]] = {}
     try:
         with Workers(jobs) as workers:
-            for news in workers.run(checks):
-                checked[news.index] = news.done
-                tell(f"checking {runs[news.index].case.name}", 0.1 * sum(checked) / len(runs))
-            tell("inputs checked", 0.1)
+            for message in workers.run(checks):
+                checked[message.index] = message.done
+                if message.value is not None:
+                    estimates[runs[message.index].case.name] = message.value
+                tell(f"checking {runs[message.index].case.name}", _CHECKS * sum(checked) / len(runs))
             open_folder(out, *(log.name for log in logs), "report.html", "summary.json")
-            for news in workers.run(work):
-                done[news.index] = news.done
-                tell(work[news.index].name, 0.1 + 0.7 * sum(done) / len(work))
+            of_run = {
+                (run.case.name, plant): _LEAST[plant] + seconds
+                for run in runs
+                for plant, seconds in zip(plants_of(run), estimates[run.case.name], strict=True)
+            }
+            weights = [of_run[task.arguments[0].case.name, task.arguments[1]] for task in work]
+            page_weight = _PAGE * len(runs)
+            share = (1 - _CHECKS) / (sum(weights) + page_weight)
+            for message in workers.run(work):
+                done[message.index] = message.done
+                finished = sum(part * weight for part, weight in zip(done, weights, strict=True))
+                tell(work[message.index].name, _CHECKS + share * finished)
             page = report(
                 logs,
                 out / "report.html",
                 summary=out / "summary.json",
                 workers=workers,
-                progress=lambda part: tell("report", 0.8 + 0.2 * part),
+                progress=lambda part: tell("report", 1 - share * page_weight * (1 - part)),
             )
     finally:
         # what the workers had under way when they were ended
@@ -336,10 +352,12 @@ def run_study(
 
 
 def _in_turn(cases: Sequence[tuple[RunFile, PlantKind]]) -> list[tuple[RunFile, PlantKind]]:
-    """One of the engine, all linear ones, then the engine's others.
+    """One of the engine, one on the linear plant, the engine's others, all other linear ones.
 
-    The first time, the engine's loop takes ten seconds to compile: one process does so while the others work on
-    the linear plant, and then all find it on disk.
+    The first time, the loop of each plant takes seconds to compile: two processes do so side by side, and the one that
+    is done first has enough to do that does not wait for the other. The shortest runs come last, so that no process is
+    left alone with a long one.
     """
     engine = [case for case in cases if case[1] == "mujoco"]
-    return [*engine[:1], *(case for case in cases if case[1] != "mujoco"), *engine[1:]]
+    linear = [case for case in cases if case[1] != "mujoco"]
+    return [*engine[:1], *linear[:1], *engine[1:], *linear[1:]]

@@ -53,9 +53,24 @@ def test_a_worker_that_compiles_is_known_here() -> None:
     assert not compiling.compiling()
 
 
-def test_it_is_said_and_that_it_is_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_that_is_spent_on_it_is_measured_once_for_all_who_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(compiling.time, "monotonic", lambda: now[0])
+    before = compiling.spent()
+    for seconds, what, who in ((1, compiling.begin, "one"), (2, compiling.begin, "two"), (4, compiling.end, "one")):
+        now[0] += seconds
+        what(who)
+    now[0] += 8
+    assert compiling.spent() - before == 2 + 4 + 8
+    compiling.end("two", altogether=True)
+    now[0] += 16
+    assert compiling.spent() - before == 2 + 4 + 8
+
+
+def test_it_is_said_with_the_time_that_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was "17 % after 5 s … 17 % after 35 s"."""
     monkeypatch.setattr(working, "FIRST", 0.05)
+    monkeypatch.setattr(compiling, "USUAL", compiling.spent() + 7.2)
     file = io.StringIO()
     with working.Working("study", Terminal(file=file)) as shown:
         shown.tell("simple-0.8", 0.17)
@@ -64,4 +79,5 @@ def test_it_is_said_and_that_it_is_once(monkeypatch: pytest.MonkeyPatch) -> None
         while not file.getvalue().endswith("\n") and time.monotonic() < deadline:
             time.sleep(0.02)
         compiling.end()
-    assert re.fullmatch(r"icmj: simple-0.8, 17 %: compiling, once, after \d+ s\n", file.getvalue())
+    words = r"icmj: simple-0.8, 17 %, compiling \(first run only, about \d s\), after \d+ s\n"
+    assert re.fullmatch(words, file.getvalue())

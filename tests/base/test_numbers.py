@@ -108,3 +108,11 @@ def test_roots_errors_and_counts():
     assert numbers.pairs([-1.5 + 2j, -1.5 - 2j, -3.0 + 0j]) == "−1.5 ± 2j, −3"
     assert [numbers.relative(v) for v in (-2.3e-4, None, float("nan"))] == ["−2.3e−04", "–", "–"]
     assert [numbers.count(1, "state"), numbers.count(2, "state")] == ["1 state", "2 states"]
+
+
+def test_lengths_of_time_are_said_for_people() -> None:
+    """115 s were 1.2e+02 s."""
+    times = (0.5, 3.21, 37.6, 90.0, 115.0, 600.0, 7200.0, 1e6, 1e9)
+    words = ("0.5 s", "3.2 s", "38 s", "90 s", "115 s", "10 min", "2 hours", "11.6 days", "31.7 years")
+    assert [numbers.lapse(seconds) for seconds in times] == list(words)
+    assert numbers.lapse(12345.0, 2) == "3.4 hours"

@@ -180,6 +180,6 @@ def test_second_process_starts_without_compiling(tmp_path: Path) -> None:
     assert later[:2] == ["1", "0"]
     assert sorted(path.name for path in (tmp_path / "cache").rglob("*.nbc")) == written
     assert compiled[2] == waited[2] == later[2]
-    assert "icmj: pendulum: compiling, once, after " in compiled[3]
-    assert "icmj: pendulum: compiling, once, after " in waited[3]
+    assert "icmj: pendulum, compiling (first run only" in compiled[3]
+    assert "icmj: pendulum, compiling (first run only" in waited[3]
     assert "compiling" not in later[3]

@@ -88,6 +88,7 @@ def test_a_reader_of_standard_error_that_goes_away_stops_nothing(
     os.close(reader)
     with os.fdopen(writer, "w") as gone:
         monkeypatch.setattr("icmj.cli.commands.TOLD", 0.0)  # what it will cost is said
+        monkeypatch.setattr("icmj.cli.working.SHARE", 0.0)
         monkeypatch.setattr("icmj.cli.working.PAUSE", 0.01)  # and often that it goes on
         monkeypatch.setattr(sys, "stderr", gone)
         assert main(["run", str(run), "--out", str(tmp_path / "out")]) == 0

@@ -17,7 +17,7 @@ from icmj.errors import StudyError
 from icmj.runfile.experiment_tables import load_experiment
 from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
-from icmj.study.estimate import LONGEST, estimate, in_words, refuse_long, refuse_trials
+from icmj.study.estimate import LONGEST, estimate, refuse_long, refuse_trials
 from icmj.study.experiment import conditions_of, kind_of
 
 
@@ -185,12 +185,6 @@ def test_the_estimate_is_about_right(root: Path, monkeypatch: pytest.MonkeyPatch
     simulate(found, "mujoco")
     took = time.process_time() - begin
     assert 0.2 * took < estimate(found, "mujoco") < 5 * took
-
-
-def test_lengths_of_time_are_said_for_people() -> None:
-    assert [in_words(s) for s in (0.5, 90.0, 600.0, 7200.0, 1e6, 1e9)] == [
-        *("0.5 s", "90 s", "10 min", "2 hours", "11.6 days", "31.7 years"),
-    ]
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
