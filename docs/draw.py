@@ -180,9 +180,8 @@ def threshold() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
 def draw_panels(to: Path) -> None:
     """The six panels of a case."""
     case = icmj.load_run("three-link-0.9")
-    icmj.plots.panels(*(icmj.run_case(case, plant) for plant in ("linear", "mujoco"))).savefig(
-        to, dpi=130, metadata={"Software": None}
-    )
+    runs = [icmj.run_case(case, plant, study=True) for plant in ("linear", "mujoco")]
+    icmj.plots.panels(*runs).savefig(to, dpi=130, metadata={"Software": None})
 
 
 def draw_sway(to: Path) -> None:

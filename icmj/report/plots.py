@@ -101,7 +101,7 @@ def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True)
 
 
 def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
-    """(c) One output, by number or name, under intermittent and continuous control against time; dotted: events."""
+    """(c) One output, by number or name, against time, also under continuous control if that is there; dots: events."""
     case = _case(results)
     time.draw_output(axes, case, _output(case, output))
     return _legend(axes, legend)
@@ -163,7 +163,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     case = _case(results)
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
-        raise ReportError(f"case {case.name!r}: no amplitude law was measured; see icmj.measure_law")
+        raise ReportError(f"case {case.name!r}: no amplitude law was measured; run it with --study, or see icmj.measure_law")
     law.draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 

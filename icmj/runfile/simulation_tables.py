@@ -76,9 +76,10 @@ class SimulationTable(TomlTable):
 
 
 class StudyTable(TomlTable):
-    """Further results that the study adds to one run.
+    """Further results that the study adds to one run, and measures of every run.
 
-    They are clock-driven points for panel (a), the amplitude law, and a search for attractors from random starts.
+    The study, and ``icmj run --study``, add clock-driven points for panel (a), the amplitude law, and a search for
+    attractors from random starts.
     """
 
     growth_points: Annotated[int, Field(ge=0, le=200)] = 8

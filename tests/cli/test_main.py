@@ -1,6 +1,7 @@
 """The command line's contract: JSON keys, exit status, one line on standard error, nothing written on bad input."""
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -109,9 +110,20 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
     run_file.write_text(text.replace('name = "simple-0.8"', 'name = "short"'), encoding="utf-8")
     assert main(["run", str(run_file), "--plant", "linear", "--out", str(tmp_path / "out")]) == 0
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["short.linear.rrd"]
-    result = read_log(tmp_path / "out" / "short.linear.rrd")
+    result = read_log(log := tmp_path / "out" / "short.linear.rrd")
     assert result.simulation.t[-1] == pytest.approx(12.0)
-    assert "1.8065" in capsys.readouterr().out
+    assert result.growth is None
+    said = " ".join(capsys.readouterr().out.split())
+    peak, predicted = (math.degrees(float(of.amplitude[0])) for of in (result.measurement, result.prediction))
+    for words in (
+        "1.8065",
+        f"with {len(result.simulation.events)} events.",
+        f"Peaks, predicted ones in brackets: angle {peak:.4g}° ({predicted:.4g}°).",
+        f"show icmj replay {log}",
+    ):
+        assert words in said, words
+    assert main(["run", str(run_file), "--plant", "linear", "--study", "--out", str(tmp_path / "out")]) == 0
+    assert read_log(log).growth is not None
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The whole study, once, in its own folder: logs, report and summary, and what they say of every case."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -12,6 +13,7 @@ from icmj.comparison.comparison import compare
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
 from icmj.log import read_log, write_log
+from icmj.report import build_report
 from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs, run_case, run_study
 
@@ -56,8 +58,7 @@ import json
 from pathlib import Path
 from icmj.comparison.comparison import compare, to_json
 from icmj.study.study import PLANTS, find_runs, run_case
-without = ["study.growth_points=0", "study.attractor_starts=0", "study.law_q_t=[]"]
-runs = find_runs([Path(name) for name in {names!r}], without)
+runs = find_runs([Path(name) for name in {names!r}])
 print(json.dumps([to_json(compare(run_case(run, plant))) for run in runs for plant in PLANTS]))
 """
 
@@ -216,13 +217,49 @@ def test_an_interrupted_run_keeps_what_was_simulated(root, plant):
         if len(calls) == 4:
             raise KeyboardInterrupt
 
-    result = run_case(parse_run(text, path), plant, interrupt)
+    result = run_case(parse_run(text, path), plant, interrupt, study=True)
     outcome = result.simulation.outcome
     assert outcome.kind == "interrupted"
     assert 0 < outcome.t < 100000
     assert result.simulation.t[-1] <= outcome.t
     assert result.growth is None
+    assert result.continuous is not None
     assert f"was interrupted at {outcome.t:.6g} s" in outcome.message
+
+
+ADDED = ("continuous", "growth", "law", "attractors")
+BRIEF = {
+    "simulation.duration": 12.0,
+    "study.law_q_t": [1e-2, 1e-3],
+    "study.growth_points": 2,
+    "study.attractor_starts": 2,
+}
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_a_run_is_the_run_and_the_study_adds_to_it(root, tmp_path, plant):
+    """The same bits with and without; what only one of them has is not missed by log, report or summary."""
+    run = load_run(root / "runs" / "simple-0.8.toml").with_(**BRIEF)
+    alone, whole = (run_case(run, plant, study=study) for study in (False, True))
+    here = ("continuous", "growth", "attractors" if plant == "linear" else "law")
+    assert [name for name in ADDED if getattr(alone, name)] == []
+    assert [name for name in ADDED if getattr(whole, name)] == [name for name in ADDED if name in here]
+    for name in ("t", "x", "y", "u", "x_h"):
+        np.testing.assert_array_equal(getattr(alone.simulation, name), getattr(whole.simulation, name))
+    assert compare(alone).words == compare(whole).words
+    pages = {}
+    for name, result in (("alone", alone), ("whole", whole)):
+        write_log(result, tmp_path / f"{name}.rrd")
+        back = read_log(tmp_path / f"{name}.rrd")
+        assert [each for each in ADDED if getattr(back, each)] == [each for each in ADDED if getattr(result, each)]
+        build_report([back], tmp_path / name / "report.html")
+        pages[name] = (tmp_path / name / "report.html").read_text(encoding="utf-8")
+    more = 'id="attractors"' if plant == "linear" else 'id="law"'
+    for words in (more, "under continuous control", "growth measured in clock-driven simulations"):
+        assert words in pages["whole"], words
+        assert words not in pages["alone"], words
+    for words in ('id="figures"', "Outputs? under intermittent control on each plant; dotted: events"):
+        assert re.search(words, pages["alone"]), words
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
