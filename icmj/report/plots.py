@@ -163,7 +163,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     case = _case(results)
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
-        raise ReportError(f"case {case.name!r}: no amplitude law was measured; run it with --study, or see icmj.measure_law")
+        raise ReportError(f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.measure_law")
     law.draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 
