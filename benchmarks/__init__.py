@@ -2,10 +2,10 @@
 
 import os
 
-from icmj.base.environment import one_thread, seldom_collected
+from icmj.base.process import collect_garbage_seldom, one_thread
 
 SHELL = dict(os.environ)
 """The environment that the benchmarks were started in, for what is measured as anybody starts it."""
 # as the command line does; BLAS reads it when numpy comes
 one_thread()
-seldom_collected()
+collect_garbage_seldom()

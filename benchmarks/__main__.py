@@ -23,8 +23,7 @@ from pathlib import Path
 
 from benchmarks import analysis, cycles, linear, live, noise, precision, rivals, startup, stepping, threads
 from benchmarks.row import Row
-from icmj.cli.tables import Column, show_table
-from icmj.cli.terminal import Terminal
+from icmj.cli.terminal import Column, Terminal, show_table
 
 MEASURED = (
     Column("group"),

@@ -20,12 +20,9 @@ from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.crossings import search
-from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.flow import flow
-from icmj.theory.locus import locus
-from icmj.theory.orbit import orbit
+from icmj.theory.error_system import ErrorSystem, error_system, flow, locus
+from icmj.theory.orbit import jacobian, multipliers, orbit
 from icmj.theory.prediction import critical_crossing, predict
-from icmj.theory.return_map import jacobian, multipliers
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 REPEATS = 21

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.row import Row
 from icmj.case.case import Case, prepare, simulate
-from icmj.cycle.follow import follow
-from icmj.cycle.parameter import parameter
+from icmj.cycle.continuation import follow
+from icmj.cycle.curve import parameter
 from icmj.measurement.measurement import event_states
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile

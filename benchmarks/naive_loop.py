@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.task import Task
-from icmj.engine.callbacks import installed
+from icmj.engine.safety import install_callbacks
 
 
 def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float]:
@@ -36,7 +36,7 @@ def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float
         x_o = x_o + timestep * (gains.plant.A @ x_o + gains.plant.B @ u - gains.L @ (gains.plant.C @ x_o - y))
         x_h = x_h + timestep * (A_h @ x_h)
 
-    with installed(control):
+    with install_callbacks(control):
         for _ in range(round(duration / timestep)):
             mujoco.mj_step(model, data)
     return np.array(times), last_peak

@@ -17,8 +17,7 @@ from icmj.experiments.many import simulate_many
 from icmj.linear.simulator import Simulator
 from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import start_states
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.settings import Gaussian, start_states
 
 RUN = Path(__file__).resolve().parent.parent / "benchmarks" / "standing.toml"
 GROUP = "noise"

@@ -12,7 +12,7 @@ from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.adaptive_loop import AdaptiveLoop
-from icmj.engine.native.neighbours import neighbours_of, rates_at
+from icmj.engine.native.state import neighbours_of, rates_at
 from icmj.engine.schedule import Status, recording
 from icmj.simulation.settings import Settings
 

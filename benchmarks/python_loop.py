@@ -15,9 +15,9 @@ import numpy as np
 
 from benchmarks.task import Task
 from icmj.engine.block import block_of
-from icmj.engine.callbacks import installed
-from icmj.engine.extremes import POINTS
-from icmj.engine.native.extremes import extremes
+from icmj.engine.closed_loop import POINTS
+from icmj.engine.native.adaptive import extremes
+from icmj.engine.safety import install_callbacks
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -70,7 +70,7 @@ class PythonLoop:
         times: list[float] = []
         dense = [np.append(data.time, self.C @ data.qpos)]
         peak = 0.0
-        with installed(*self._callbacks()):
+        with install_callbacks(*self._callbacks()):
             E = -self.q2
             while data.time < duration:
                 mujoco.mj_getState(model, data, saved, STATE)

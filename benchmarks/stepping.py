@@ -11,9 +11,9 @@ from benchmarks import overhead
 from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
-from icmj.engine.callbacks import installed
-from icmj.engine.native.callbacks import callbacks
+from icmj.engine.native.field import callbacks
 from icmj.engine.native.loop import FixedLoop
+from icmj.engine.safety import install_callbacks
 from icmj.engine.schedule import Status, recording
 from icmj.simulation.settings import Settings
 
@@ -34,7 +34,7 @@ def rows() -> list[Row]:
     record = recording(STEPS, 3, 1 + model.nq + model.nv + model.na + 3)
     schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
-    with installed(*callbacks()):
+    with install_callbacks(*callbacks()):
         native = FixedLoop(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
     events = 0
 
@@ -51,7 +51,7 @@ def rows() -> list[Row]:
     def step_native() -> None:
         nonlocal events
         record.clear()
-        with installed(*callbacks()):
+        with install_callbacks(*callbacks()):
             assert native.advance(record, STEPS) == Status.RUNNING
         events += int(record.count[2])
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.deviation import Deviation

@@ -90,7 +90,7 @@ def experiment(name: str) -> Picture:
 
     return Picture(
         draw,
-        (f"experiments/{name}.toml", "icmj/report/findings.py", "icmj/report/double_step.py", "icmj/report/style.py"),
+        (f"experiments/{name}.toml", "icmj/report/findings.py", "icmj/report/findings.py", "icmj/report/style.py"),
     )
 
 
@@ -110,7 +110,7 @@ def sweep(name: str, panel: str, *columns: str, size: tuple[float, float] = (7.0
             figure.savefig(to, dpi=160, metadata={"Software": None})
             plt.close(figure)
 
-    return Picture(draw, (f"sweeps/{name}.toml", "icmj/report/maps", "icmj/report/style.py"))
+    return Picture(draw, (f"sweeps/{name}.toml", "icmj/report/maps.py", "icmj/report/style.py"))
 
 
 def follow(run: str, parameter: str, to: float, **options: object) -> icmj.Branch:
@@ -126,7 +126,7 @@ def branches(make: Callable[[], tuple[list[icmj.Branch], list[icmj.Branch]]]) ->
         from icmj.report.branch import branch_figure
 
         found, linear = make()
-        with style.applied():
+        with style.apply():
             branch_figure(found, linear).savefig(to, dpi=150, metadata={"Software": None})
 
     return Picture(
@@ -312,7 +312,7 @@ def viewer(make: Callable[[Path], Path], time: float, inputs: tuple[str, ...]) -
         crop(to, above=36)  # the viewer's menu
         shrink(to)
 
-    return Picture(draw, (*inputs, "icmj/log/blueprint.py", "icmj/log/palette.py"))
+    return Picture(draw, (*inputs, "icmj/log/blueprint.py", "icmj/log/figure.py"))
 
 
 def _log(work: Path) -> Path:
@@ -339,20 +339,21 @@ PICTURES: dict[str, Picture] = {
     "concept-narrow-dark.svg": _concept(concept.DARK, True),
     "cycle.png": Picture(
         draw_cycle,
-        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels/phase.py", "icmj/report/style.py"),
+        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels.py", "icmj/report/style.py"),
     ),
     "muscles.png": Picture(
         draw_muscles,
         ("runs/three-link-0.9.toml", "runs/simple-0.8.toml", "models/three_link.xml", "models/pendulum.xml"),
     ),
     "panels.png": Picture(
-        draw_panels, ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels", "icmj/report/style.py")
+        draw_panels,
+        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels.py", "icmj/report/style.py"),
     ),
     "report.png": Picture(
         draw_report,
         (
             "runs",
-            "icmj/report/overview.py",
+            "icmj/report/summary.py",
             "icmj/report/templates/first.html.j2",
             "icmj/report/templates/style.css",
             "icmj/report/style.py",
@@ -368,7 +369,7 @@ PICTURES: dict[str, Picture] = {
         ),
     ),
     "replay.png": viewer(_log, 12.0, ("runs/three-link-0.9.toml", "models/three_link.xml")),
-    "sway.png": Picture(draw_sway, ("examples/standing.csv", "icmj/report/sway.py", "icmj/report/style.py")),
+    "sway.png": Picture(draw_sway, ("examples/standing.csv", "icmj/report/figures.py", "icmj/report/style.py")),
     "people.png": example("sway"),
     "masquerade.png": example("masquerade"),
     "attraction.png": example("attraction"),

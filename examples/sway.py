@@ -16,7 +16,7 @@ from matplotlib import pyplot as plt
 
 import icmj
 from icmj.engine.reaction import reaction
-from icmj.study.kind import sampled
+from icmj.study.kind import sample_rows
 
 SEEDS, SETTLE, RATE = range(3), 10.0, 100.0
 examples = Path(__file__).resolve().parent if "__file__" in globals() else Path()
@@ -33,7 +33,7 @@ case = icmj.prepare(run.with_(**{"simulation.duration": SETTLE + 60.0}))
 def recorded(simulation: icmj.Simulation) -> dict[str, np.ndarray]:
     """What a force plate records of a run that has settled: angle of the force [rad] and centre of pressure [m]."""
     force = icmj.ground_force(case.model, simulation).chosen(["force.x", "force.z", "cop.x"])
-    plate = sampled(icmj.force_angle(force, "force.x", "force.z"), simulation, RATE, SETTLE)
+    plate = sample_rows(icmj.force_angle(force, "force.x", "force.z"), simulation, RATE, SETTLE)
     return {name: plate[name] for name in ("force_angle", "cop.x")}
 
 

@@ -96,7 +96,7 @@ class FitError(IcmjError):
 
 
 @contextmanager
-def named(path: Path) -> Iterator[None]:
+def prefix_errors(path: Path) -> Iterator[None]:
     """Errors within the block begin with the path of the run file that they are about."""
     try:
         yield

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from icmj.base.environment import one_thread
+from icmj.base.process import one_thread
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
     one_thread()

@@ -9,7 +9,7 @@ from typing import Any
 import icmj
 from icmj.case.case import Case
 from icmj.cycle.branch import Branch
-from icmj.cycle.follow import follow
+from icmj.cycle.continuation import follow
 from icmj.cycle.return_map import ReturnMap
 from icmj.runfile.reading import load_run
 

@@ -3,17 +3,13 @@
 import numpy as np
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
-from icmj.controller.setpoint import setpoint
-from icmj.controller.step_pairs import StepPairs
+from icmj.controller.design import Delay, design_lq, system_matched
+from icmj.controller.setpoint import StepPairs, setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.series.series import Series
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.settings import Gaussian, Settings
 
 T_D, D_OL, D_S = 0.14, 0.35, 0.12  # delay, open-loop interval, sampling delay [s]
 PLANTS = {

@@ -18,10 +18,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 import double_step_cases as cases
 import numpy as np
 
-from icmj.controller.step_pairs import double_steps
-from icmj.experiments.double_step.explanation import explain_reactions
-from icmj.experiments.double_step.reconstruction import reconstruct_steps
-from icmj.experiments.double_step.refractoriness import refractoriness
+from icmj.controller.setpoint import double_steps
+from icmj.experiments.reconstruction import reconstruct_steps
+from icmj.experiments.refractoriness import explain_reactions, refractoriness
 
 DURATIONS = (0.25, 0.35, 0.55, 0.0)  # s; 0: continuous control
 ISI = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import MujocoPlant, load_plant

@@ -18,22 +18,18 @@ from model_cases import CROWDED, HOOKED, MUSCLE, RICH, SERVO, pendulum, written
 from tapped_cases import SWITCHING, person
 
 import icmj
-from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
-from icmj.controller.law import Law
+from icmj.controller.controller import Controller, Law
+from icmj.controller.design import Delay, design_lq, system_matched
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
-from icmj.plant.activation import Activation
+from icmj.plant.body import Activation
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.simulation import Simulation
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 Recorded = dict[str, np.ndarray]
 ROWS = ("t", "x", "y", "u", "x_o", "x_h")

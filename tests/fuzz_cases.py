@@ -371,10 +371,10 @@ def put(job: Job) -> tuple[str, str]:
 
 
 def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
-    from icmj.cli import working
+    from icmj.cli import terminal
     from icmj.cli.main import main
 
-    working.SHARE = 0.0  # a line every five seconds: silence is a hang
+    terminal.SHARE = 0.0  # a line every five seconds: silence is a hang
     folder = Path(tempfile.mkdtemp(prefix="icmj-mutant-"))
     try:
         os.chdir(folder)
@@ -476,17 +476,17 @@ _log: list[bytes] = []
 
 def _use(result: Any, rng: random.Random) -> None:
     """What readers do with a log that was believed."""
-    from icmj.comparison.comparison import compare, to_json
+    from icmj.case.comparison import compare, to_json
     from icmj.errors import IcmjError
-    from icmj.log import signals, summary
+    from icmj.log import writer
     from icmj.report import build_report
 
     with np.errstate(all="ignore"):
         compared = compare(result)
         json.dumps(to_json(compared), allow_nan=False)
-        summary.markdown(result, compared)
-        summary.properties(result, compared)
-        list(signals.groups(result))
+        writer.markdown(result, compared)
+        writer.summarise(result, compared)
+        list(writer.groups(result))
         if rng.random() < 0.02:
             with tempfile.TemporaryDirectory() as folder, contextlib.suppress(IcmjError):
                 build_report([result], Path(folder) / "report.html")

@@ -12,14 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from icmj.case.result import AmplitudeLaw, Growth, Result
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import Continuous, EventTrigger, output_weight
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.result.result import AmplitudeLaw, Growth, Result
 from icmj.runfile.reading import parse_run
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict

@@ -84,7 +84,8 @@ class Subject:
 def hurry() -> None:
     """Fits of few and short simulations and small networks; what is trusted, and how, stays as it is."""
     from icmj.fitting import network
-    from icmj.study import families, fit, fit_page
+    from icmj.study import fit, fit_page
+    from icmj.study import fit as families
 
     families.simulate_bank = functools.partial(families.simulate_bank, trials=1, duration=30.0)
     families.train_family.__kwdefaults__["check"] = 20

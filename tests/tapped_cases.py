@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from icmj.controller.law import Law
-from icmj.controller.layout import Layout
-from icmj.controller.realisation import Guard, Mode, Realisation
-from icmj.controller.switching import SwitchingPD
+from icmj.controller.controller import Law
+from icmj.controller.delayed import SwitchingPD
+from icmj.controller.realisation import Guard, Layout, Mode, Realisation
 from icmj.plant.linear_plant import LinearPlant
 
 M, H, G, DELAY = 60.0, 1.0, 9.81, 0.2

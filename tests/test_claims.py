@@ -24,9 +24,9 @@ from scipy import stats
 
 import icmj
 from icmj.case.case import Case
+from icmj.case.result import Result
 from icmj.cli.arguments import GROUPS as COMMANDS
 from icmj.cycle.branch import Branch
-from icmj.result.result import Result
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = tomllib.loads((ROOT / "docs/claims.toml").read_text(encoding="utf-8"))
@@ -35,10 +35,10 @@ WHY = {"definition", "setting", "source", "example"}
 PAGES = ["README.md", "paper/paper.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
 REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/templates").glob("*.j2")),
-    *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/sections").glob("*.py")),
-    *(f"icmj/report/{name}.py" for name in ("answers", "experiment", "findings", "fit")),
+    *(f"icmj/report/{name}.py" for name in ("sections", "summary", "wording")),
+    *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
     "icmj/study/fit_page.py",
-    *(f"icmj/fitting/{name}.py" for name in ("choice", "calibration", "predictive", "family")),
+    *(f"icmj/fitting/{name}.py" for name in ("choice", "posterior", "family")),
 ]
 PRECISE = re.compile(
     r"10[⁰¹²³⁴-⁹⁻]|10\^|\de[-−+]?\d|%|×|\btimes\b|\bwithin\b|\bdigits?\b|\baccura|\bexact|\bcoincide|(?<![\d.])\d{1,3}\.\d{2,}"

@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 import icmj
-from icmj.controller.layout import Layout
-from icmj.controller.realisation import Guard, Mode, Realisation, parallel
+from icmj.controller.realisation import Guard, Layout, Mode, Realisation, parallel
 from icmj.controller.setpoint import step
 
 

@@ -1,15 +1,44 @@
-"""The type of every array of real numbers, and the conversion of arguments to it."""
+"""Arrays of real numbers: their type, polynomials on them, and arrays and tables from untrusted files.
+
+The type of every array of real numbers, and the conversion of arguments to it.
+
+Polynomials on [0, 1] in Bernstein form: the matrices that lead to it and halve it.
+
+A polynomial lies in the convex hull of its Bernstein coefficients, so these bound it without sampling it; halving
+the interval makes the bound converge quadratically. Points of R^r work alike: the norm of a polynomial curve is at
+most the largest norm of its control points. That is how a whole integration step is decided at once. First roots and
+extremes are found so in compiled code (:mod:`icmj.base.roots`), and here the maxima of many polynomials at once.
+
+Arrays from an untrusted npz file: without pickles, within bounds, with one kind of error.
+
+Tables from untrusted Parquet files: within bounds, with one kind of error.
+
+A few kilobytes may stand for gigabytes: repeated values take no room in a file. What a file says of its sizes is
+checked before anything is read, and what is read is counted.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import zipfile
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import comb
 from numbers import Integral
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from icmj.base.files import open_file
 from icmj.base.text import one_line
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 Array = NDArray[np.float64]
 
@@ -109,3 +138,237 @@ def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int
         if isinstance(number, bool) or not isinstance(number, Integral) or not 0 <= int(number) < 2**63:
             raise error(f"{what}: {one_line(repr(number), 60)}; expected a whole number from 0 to 2^63 − 1")
     return np.array(each, dtype=np.int64)
+
+
+@lru_cache(maxsize=64)
+def from_powers(degree: int) -> Array:
+    """Matrix from power coefficients a_j (of θ^j) to Bernstein coefficients, shape (degree + 1, degree + 1).
+
+    All entries lie in [0, 1], so the conversion in this direction loses no accuracy.
+    """
+    return np.array([[comb(i, j) / comb(degree, j) for j in range(degree + 1)] for i in range(degree + 1)])
+
+
+@lru_cache(maxsize=64)
+def halves(degree: int) -> tuple[Array, Array]:
+    """De Casteljau's matrices from the coefficients on [0, 1] to those on [0, ½] and [½, 1]."""
+    left = np.array([[comb(i, j) / 2.0**i for j in range(degree + 1)] for i in range(degree + 1)])
+    return left, left[::-1, ::-1].copy()
+
+
+@lru_cache(maxsize=64)
+def economise(degree: int, highest: int) -> tuple[Array, Array]:
+    """Each power above ``degree`` as nearly the same polynomial of that degree: its Chebyshev series, cut there.
+
+    With the polynomials T*_n(θ) = T_n(2θ − 1), θ^j is 2^(1−2j) Σ_k C(2j, k) T*_{j−k}, the last term halved (Lanczos'
+    economization of power series).
+
+    Returns:
+        power coefficients by columns, for θ^(degree + 1) to θ^highest, shape (degree + 1, highest − degree); and bounds
+        of their errors on [0, 1], shape (highest − degree,).
+    """
+    chebyshev = [[1], [-1, 2]]
+    while len(chebyshev) <= degree:
+        last, before = chebyshev[-1], [*chebyshev[-2], 0, 0]
+        chebyshev.append(
+            [4 * up - 2 * here - then for up, here, then in zip([0, *last], [*last, 0], before, strict=True)]
+        )
+    columns, errors = [], []
+    for j in range(degree + 1, highest + 1):
+        column = [Fraction(0)] * (degree + 1)
+        for n, polynomial in enumerate(chebyshev[: degree + 1]):
+            share = Fraction(comb(2 * j, j - n), 2 ** (2 * j - 1) * (1 if n else 2))
+            for i, coefficient in enumerate(polynomial):
+                column[i] += share * coefficient
+        columns.append([float(of) for of in column])
+        errors.append(float(Fraction(sum(comb(2 * j, k) for k in range(j - degree)), 2 ** (2 * j - 1))))
+    return np.array(columns).reshape(-1, degree + 1).T, np.array(errors)
+
+
+@dataclass(frozen=True, eq=False)
+class Maxima:
+    """Largest value of each group of polynomials.
+
+    Attributes:
+        value: shape (G,).
+        cell: index of the polynomial that attains it, shape (G,).
+        s: where on [0, 1] in that cell, shape (G,).
+    """
+
+    value: Array
+    cell: np.ndarray
+    s: Array
+
+
+def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
+    """Maximum over all cells of each group.
+
+    Args:
+        coefficients: by rising power of s ∈ [0, 1], shape (d + 1, cells, groups).
+        tolerance: gap between bound and value at which to stop, relative to the largest coefficient of the group.
+
+    Returns:
+        for each group the largest value, its cell and its place.
+    """
+    d, cells, groups = coefficients.shape[0] - 1, coefficients.shape[1], coefficients.shape[2]
+    ends = np.concatenate([coefficients[0], coefficients.sum(axis=0)])  # values at both ends of every cell
+    at = ends.argmax(axis=0)
+    value = ends[at, np.arange(groups)]
+    cell, s = at % cells, (at >= cells).astype(float)
+    size = np.abs(coefficients)
+    slack = tolerance * size.max(axis=(0, 1))
+    # most cells fall to this cheap bound, before any Bernstein coefficient is computed
+    index, group = np.nonzero(coefficients[0] + size[1:].sum(axis=0) > value + slack)
+    b = from_powers(d) @ coefficients[:, index, group]
+    start, width = np.zeros(b.shape[1]), 1.0
+    left, right = halves(d)
+    for _ in range(60):
+        open_ = b.max(axis=0) > value[group] + slack[group]
+        if not open_.any():
+            break
+        b, group, index, start = b[:, open_], group[open_], index[open_], start[open_]
+        b = np.concatenate([left @ b, right @ b], axis=1)
+        width /= 2
+        start = np.concatenate([start, start + width])
+        group, index = np.tile(group, 2), np.tile(index, 2)
+        middle = b[0]
+        # ascending order, so that the last write to a group is its best
+        order = np.argsort(middle, kind="stable")
+        better = order[middle[order] > value[group[order]]]
+        value[group[better]] = middle[better]
+        cell[group[better]] = index[better]
+        s[group[better]] = start[better]
+    return Maxima(value, cell, s)
+
+
+_END = ".npy"
+_LARGEST = 1e9  # bytes of a file
+
+
+def read_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> dict[str, Any]:
+    """The arrays of a file, or of one that is open, by name, or only those of some names.
+
+    What is pickled is refused, files other than arrays are left out.
+
+    Raises:
+        ValueError: in one line, if they are more than so many bytes, or it cannot be read as an npz file.
+        OSError: if the file cannot be opened.
+    """
+    return dict(each_npz(path, most_bytes, only))
+
+
+def each_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
+    """The arrays of :func:`read_npz`, one after the other, so that not all need be in memory at once.
+
+    Raises:
+        ValueError, OSError: as :func:`read_npz`.
+    """
+    with _open_npz(path) as packed:
+        members = {member.filename.removesuffix(_END): member for member in _arrays(packed)}
+        chosen = {name: member for name, member in members.items() if not only or name in only}
+        size = sum(member.file_size for member in chosen.values())
+        for name, member in chosen.items() if size <= most_bytes else ():
+            with packed.open(member) as stream:
+                array = np.lib.format.read_array(stream, allow_pickle=False)
+            yield name, array
+    if size > most_bytes:
+        raise ValueError(f"{size / 1e6:.0f} MB of arrays; expected at most {most_bytes / 1e6:g} MB")
+
+
+def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    """Shape and type of each array in ``path`` by name, from their headers alone.
+
+    Raises:
+        ValueError: in one line, if it cannot be read as an npz file, or holds what is pickled.
+        OSError: if the file cannot be opened.
+    """
+    found = {}
+    with _open_npz(path) as packed:
+        for member in _arrays(packed):
+            with packed.open(member) as stream:
+                version = np.lib.format.read_magic(stream)
+                read = getattr(np.lib.format, f"read_array_header_{min(version[0], 2)}_0")
+                shape, _, kind = read(stream)
+            if kind.hasobject:
+                raise TypeError(f"{member.filename!r} is pickled")
+            found[member.filename.removesuffix(_END)] = shape, kind
+    return found
+
+
+def _arrays(packed: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [member for member in packed.infolist() if member.filename.endswith(_END)]
+
+
+@contextmanager
+def _open_npz(path: Path | BinaryIO) -> Iterator[zipfile.ZipFile]:
+    with open_file(path, _LARGEST) if isinstance(path, Path) else nullcontext(path) as stream:
+        try:
+            with zipfile.ZipFile(stream) as packed:
+                yield packed
+        except Exception as error:  # zipfile, zlib and numpy's reader of headers raise a dozen types on damaged files
+            raise ValueError(f"not an npz file of plain arrays ({one_line(error, 160)})") from error
+
+
+_WIDEST = 8  # bytes of a number
+_TEXT = "BYTE_ARRAY"
+
+
+def read_parquet(
+    content: bytes,
+    most_rows: int,
+    most_bytes: float,
+    columns: Sequence[str] | None = None,
+    check: Callable[[pa.Schema, int], None] | None = None,
+) -> pa.Table:
+    """The table in the content of a Parquet file.
+
+    Args:
+        content: of the file.
+        most_rows, most_bytes: of the table.
+        columns: those to read; all if ``None``.
+        check: called with the schema and the number of rows before any is read; raises ValueError.
+
+    Raises:
+        ValueError: in one line, if it is none, or larger.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(pa.BufferReader(content)) as file:
+            at_once = _rows_at_once(file.metadata, most_rows, most_bytes)
+            if check is not None:
+                check(file.schema_arrow, file.metadata.num_rows)
+            batches, size = [], 0
+            for batch in file.iter_batches(at_once, columns=columns, use_threads=False):
+                size += batch.nbytes
+                if size > most_bytes:
+                    raise ValueError(_too_large(size, most_bytes))
+                batches.append(batch)
+            schema = file.schema_arrow if columns is None else pa.schema(map(file.schema_arrow.field, columns))
+            return pa.Table.from_batches(batches, batches[0].schema if batches else schema)
+    except Exception as error:  # arrow raises a dozen types on damaged files, among them one for want of memory
+        raise ValueError(one_line(error, 160)) from error
+
+
+def _rows_at_once(found: pq.FileMetaData, most_rows: int, most_bytes: float) -> int:
+    """How many rows may be read together, if it is not too large by what it says of itself.
+
+    Raises:
+        ValueError: if it is.
+    """
+    if found.num_rows > most_rows:
+        raise ValueError(f"{found.num_rows} rows; expected at most {most_rows}")
+    size, longest = 0, 1
+    for group in map(found.row_group, range(found.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            size += max(column.total_uncompressed_size, _WIDEST * column.num_values)
+            if column.physical_type == _TEXT:  # each row may be as long as all of them are in the file
+                longest = max(longest, column.total_uncompressed_size)
+    if size > most_bytes:
+        raise ValueError(_too_large(size, most_bytes))
+    return max(1, min(1 << 16, int(most_bytes / (4 * longest))))
+
+
+def _too_large(size: float, most: float) -> str:
+    return f"{size / 1e6:.0f} MB of data; expected at most {most / 1e6:g} MB"

@@ -19,8 +19,8 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
-from icmj.base import compiling
-from icmj.base.environment import INTERPRETED
+from icmj.base import process
+from icmj.base.process import INTERPRETED
 
 if not INTERPRETED:
     import numba
@@ -37,13 +37,13 @@ TESTED = "0.68."  # numba, with icmj.base.linking
 if not INTERPRETED:
 
     class _Noted(event.Listener):
-        """Reports to :mod:`icmj.base.compiling` when numba compiles because the disk cache has no matching code."""
+        """Reports to :mod:`icmj.base.process` when numba compiles because the disk cache has no matching code."""
 
         def on_start(self, what: Any) -> None:
-            compiling.begin()
+            process.begin_compiling()
 
         def on_end(self, what: Any) -> None:
-            compiling.end()
+            process.end_compiling()
 
     event.register("numba:compile", _Noted())
 
@@ -55,7 +55,7 @@ def contents(folder: Path, *more: str) -> int:
     return int.from_bytes(hashlib.sha256(content).digest()[:6])
 
 
-def cached(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
+def cache_on_disk(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
     """``make`` with these options, kept on disk where numba finds a folder that it may write to."""
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -70,19 +70,19 @@ def cached(make: Callable[..., Any], options: dict[str, Any]) -> Callable[[Calla
 def entry(function: Callable[..., Any]) -> Any:
     """``numba.njit`` without the GIL, kept on disk; the function must use a closure variable that is the contents."""
     if INTERPRETED:
-        return interpreted(function)
-    return cached(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
+        return interpret(function)
+    return cache_on_disk(numba.njit, {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True})(function)
 
 
 def c_entry(signature: str) -> Callable[[Callable[..., Any]], Any]:
     """A function that C can call, cached on disk like :func:`entry`; in interpreted mode, the function itself."""
     if INTERPRETED:
         return lambda function: function
-    make = cached(lambda **options: _c_function(signature, **options), {"error_model": "numpy"})
+    make = cache_on_disk(lambda **options: _c_function(signature, **options), {"error_model": "numpy"})
     return lambda function: make(function).ctypes
 
 
-def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
+def interpret(function: Callable[..., Any]) -> Callable[..., Any]:
     """An entry point that Python runs, with the arithmetic of compiled code: 1/0 is infinite, without a warning."""
     import numpy as np
 
@@ -106,7 +106,7 @@ _c_function: Callable[..., Any] = lambda *given, **options: numba.cfunc(*given, 
 if not INTERPRETED and numba.__version__.startswith(TESTED):
     from icmj.base.linking import Linked
     from icmj.base.linking import c_function as _c_function
-    from icmj.base.linking import kept as _kept
+    from icmj.base.linking import load_from_disk as _kept
 
     # and arrays count references; said, because it is taken from the caller where nothing is said
     WITHIN |= {"pipeline_class": Linked, "_nrt": True}
@@ -125,14 +125,14 @@ def _one_process(dispatcher: Any) -> Iterator[None]:
     with ExitStack() as held:
         if fcntl is not None and not _on_disk(dispatcher):
             lock = Path(dispatcher.stats.cache_path) / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.lock"
-            compiling.begin()  # waiting for another process is waiting for its compiler
-            held.callback(compiling.end)
+            process.begin_compiling()  # waiting for another process is waiting for its compiler
+            held.callback(process.end_compiling)
             with suppress(OSError):  # no right, or a file system without locks: each process compiles
                 fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
         yield
 
 
-def called(dispatcher: Any, *arguments: Any) -> Any:
+def call(dispatcher: Any, *arguments: Any) -> Any:
     """``dispatcher(*arguments)``, compiled by one process for all."""
     if INTERPRETED or dispatcher.overloads:
         return dispatcher(*arguments)

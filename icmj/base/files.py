@@ -122,7 +122,7 @@ def open_file(path: Path, most: float) -> io.BufferedReader:
     Raises:
         OSError: if it cannot be opened, is no regular file, or has more than ``most`` bytes; ``strerror`` says which.
     """
-    file = _Bounded(regular(path, os.O_RDONLY), path, most)
+    file = _BoundedReader(regular(path, os.O_RDONLY), path, most)
     try:
         file.refuse_beyond(os.fstat(file.fileno()).st_size)
     except OSError:
@@ -141,7 +141,7 @@ def read_bytes(path: Path, most: float) -> bytes:
         return b"".join(iter(lambda: file.read(_PART), b""))
 
 
-class _Bounded(io.FileIO):
+class _BoundedReader(io.FileIO):
     """What a buffered reader reads from: a part at a time, up to a limit."""
 
     def __init__(self, handle: int, path: Path, most: float) -> None:
@@ -174,7 +174,7 @@ def _kind(mode: int) -> str:
 
 
 @contextmanager
-def locked(folder: Path, what: str) -> Iterator[None]:
+def lock(folder: Path, what: str) -> Iterator[None]:
     """Nobody else at the folder, where system and file system have locks; it goes with the process, however that ends.
 
     Args:
@@ -242,7 +242,7 @@ def ready(folder: Path, *names: str) -> None:
 
 
 @contextmanager
-def emptied(folder: Path) -> Iterator[None]:
+def discard_if_failed(folder: Path) -> Iterator[None]:
     """A folder that is made within the block is taken away again if the block fails before anything is in it."""
     there = os.path.lexists(folder)  # false of what can be no name of a folder
     try:

@@ -110,7 +110,7 @@ def _modules_of_numba_left_alone() -> Iterator[None]:
             environment._rebuild_env = original
 
 
-def kept(made: Any) -> Any:
+def load_from_disk(made: Any) -> Any:
     """A dispatcher or C function whose code is taken from the disk where it is there."""
     if type(made._cache) is FunctionCache:
         made._cache.__class__ = _Disk
@@ -118,13 +118,13 @@ def kept(made: Any) -> Any:
 
 
 def c_function(signature: str, cache: bool = False, **options: Any) -> Any:
-    """The same as ``numba.cfunc``, with :func:`kept`."""
+    """The same as ``numba.cfunc``, with :func:`load_from_disk`."""
 
     def make(function: Any) -> Any:
         made = CFunc(function, normalize_signature(signature), {}, options)
         if cache:
             made.enable_caching()
-        kept(made).compile()
+        load_from_disk(made).compile()
         return made
 
     return make

@@ -1,14 +1,23 @@
-"""Formats of numbers that people read, on pages, in cards and on the terminal.
+"""Numbers that people read, facts, which are numbers with a name and a meaning, and objects shown by them.
+
+Formats of numbers that people read, on pages, in cards and on the terminal.
 
 Pages have the typography of a journal (:func:`number`, :func:`error`); cards, summaries and tables have plain decimals
 with their unit (:func:`amount`, :func:`relative`).
+
+A fact of a result: what it is called, its unit, what it means, and how it is read; said once for all who show it.
+
+Representation of icmj's objects: one line at a prompt, a small table in a notebook, plain data for JSON.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from html import escape
+from typing import Any, Literal
 
 import numpy as np
 
@@ -159,3 +168,157 @@ def setting(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(setting(item) for item in value) + "]"
     return str(value)
+
+
+Kind = Literal["number", "whole", "count", "truth", "text", "eigenvalue", "outputs"]
+Place = Literal["record", "column", "logged"]
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One fact of a prediction or of a run.
+
+    Attributes:
+        name: what it is called in files, unless one of the last three says otherwise.
+        label: what it is called in tables and cards.
+        unit: "" if it has none; ``outputs`` have their own.
+        meaning: in a phrase.
+        of: reads it from that of which it is a fact; ``None`` where it does not exist.
+        kind: of its value; ``outputs`` is a number for each output.
+        figures: significant figures that are shown.
+        answers: what is shown instead of true and false.
+        only: the runs that have it: on ``mujoco``, or under ``noise``; "" for all.
+        against: the fact of a prediction with which it is compared.
+        record, column, logged: its key in ``summary.json``, its column in a sweep, and its property in a log; "" where
+            it is not, the name if ``None``.
+    """
+
+    name: str
+    label: str
+    unit: str
+    meaning: str
+    of: Callable[[Any], Any]
+    kind: Kind = "number"
+    figures: int = 6
+    answers: tuple[str, str] = ("yes", "no")
+    only: str = ""
+    against: str = ""
+    record: str | None = None
+    column: str | None = None
+    logged: str | None = None
+
+    def key(self, place: Place) -> str:
+        """Its name in a place, "" where it is not."""
+        given: str | None = getattr(self, place)
+        return self.name if given is None else given
+
+    def label_of(self, output: str) -> str:
+        """Its label for one output."""
+        return self.label.replace("each output", output)
+
+    def value(self, thing: Any) -> Any:
+        """Its value; ``None`` where it does not exist, or is a single number that is not finite."""
+        found = self.of(thing)
+        if found is None or self.kind == "text" or self.kind == "eigenvalue":
+            return found
+        if self.kind == "outputs":
+            return np.asarray(found, float)
+        if self.kind == "truth":
+            return bool(found)
+        return int(found) if self.kind != "number" else float(found) if math.isfinite(found) else None
+
+    def shown(self, value: Any, names: Sequence[str] = (), units: Sequence[str] = ()) -> str:
+        """A value of it for people; ``names`` and ``units`` are those of the outputs."""
+        if value is None:
+            return MISSING
+        if self.kind == "outputs":
+            return amounts(value, names, units, self.figures)
+        if self.kind == "eigenvalue":
+            return eigenvalue(value)
+        if self.kind == "truth":
+            return self.answers[0] if value else self.answers[1]
+        return amount(value, self.unit, self.figures) if self.kind == "number" else str(value)
+
+
+def collect_facts(facts: Iterable[Fact], thing: Any, place: Place, names: Sequence[str] = ()) -> dict[str, Any]:
+    """Facts of a thing by their keys in a place.
+
+    With ``names``, those of the outputs, what is one for each output has a key for each.
+    """
+    found: dict[str, Any] = {}
+    for fact in facts:
+        if key := fact.key(place):
+            value = fact.value(thing)
+            if fact.kind == "outputs" and names:
+                each = () if value is None else zip(names, value, strict=False)
+                found |= {f"{key}_{of}": float(v) if math.isfinite(v) else None for of, v in each}
+            else:
+                found[key] = value
+    return found
+
+
+_SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)\b(?!\.)")
+_CELL = "text-align:left;vertical-align:top;padding:.15em 1em .15em 0;border:0;background:none;color:inherit"
+_LABEL = f"{_CELL};font-weight:normal;opacity:.7;white-space:nowrap"
+_TABLE = "border-collapse:collapse;margin:.3em 0;font-size:.95em"
+
+
+@dataclass(frozen=True)
+class Card:
+    """The contents of a representation.
+
+    Attributes:
+        line: few words, for a prompt.
+        rows: label and value, for a notebook.
+        words: a sentence below them, or "".
+    """
+
+    line: str
+    rows: tuple[tuple[str, str], ...]
+    words: str = ""
+
+
+class WithCard:
+    """Base class of objects with a card; a dataclass that inherits from it must set ``repr=False``."""
+
+    def card(self) -> Card:
+        """The representation to show."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.card().line}>"
+
+    def _repr_html_(self) -> str:
+        card = self.card()
+        rows = "".join(
+            f'<tr style="background:none"><th scope="row" style="{_LABEL}">{_mark_up(label)}</th>'
+            f'<td style="{_CELL}">{_mark_up(value)}</td></tr>'
+            for label, value in card.rows
+        )
+        words = f'<div style="max-width:44em">{_mark_up(card.words)}</div>' if card.words else ""
+        title = f"<strong>{escape(type(self).__name__)}</strong>"
+        return f'<div class="icmj">{title}<table style="{_TABLE}"><tbody>{rows}</tbody></table>{words}</div>'
+
+
+def _mark_up(text: str) -> str:
+    """Escaped, Δ_crit with a subscript."""
+    return _SUBSCRIPT.sub(r"\1<sub>\2</sub>", escape(text))
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, complex | np.complexfloating):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, np.ndarray):
+        return [plain(entry) for entry in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(vars(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    return [plain(entry) for entry in value]

@@ -1,6 +1,14 @@
-"""First roots and largest values of polynomials on [0, 1], certified, in compiled code.
+"""Instants that are one, and roots of polynomials, in compiled code.
 
-A polynomial lies in the convex hull of its Bernstein coefficients (:mod:`icmj.base.bernstein`): an interval on which
+When two instants are one.
+
+What is due at an instant is computed in several ways: as a multiple of an interval, as an event's time and a delay, as
+a number of the run file. Their sums are rounded, and whoever asks for a push at 0.1 s and for an event 0.1 s after the
+start means the same instant, whatever the last bit says.
+
+First roots and largest values of polynomials on [0, 1], certified, in compiled code.
+
+A polynomial lies in the convex hull of its Bernstein coefficients (:mod:`icmj.base.array`): an interval on which
 all are negative holds no root, and one on which they change sign once holds exactly one, by Descartes' rule. All others
 are halved, which makes the bound converge quadratically, so that no root is missed however close two of them lie.
 
@@ -14,6 +22,16 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.compilation import compiled, summing
+
+SAME = 1e-12
+"""Instants this close [s] are one."""
+
+
+@compiled
+def one(instant, other):  # type: ignore[no-untyped-def]
+    """The instant, or the ``other`` where the two are one [s]; either may be infinite."""
+    return other if abs(instant - other) <= SAME else instant
+
 
 DEEPEST = 56  # rows that halving needs
 _SHORT = 8  # degree of a derivative's part that is looked at first
@@ -58,7 +76,7 @@ def _bend(powers, degree, theta):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _bracketed(powers, degree, start, end):  # type: ignore[no-untyped-def]
+def _find_bracketed(powers, degree, start, end):  # type: ignore[no-untyped-def]
     """The root between a negative value and a positive one: Newton's steps, halves where these are slow."""
     if evaluate(powers, degree, start) >= 0:
         return start
@@ -153,7 +171,7 @@ def first_root(powers, degree, F, stack, spans, at=0.0):  # type: ignore[no-unty
     if _rises(powers, degree, stack[2]):
         if evaluate(powers, degree, 1.0) < 0:
             return np.inf
-        return _bracketed(powers, degree, at, 1.0)
+        return _find_bracketed(powers, degree, at, 1.0)
     to_bernstein(powers, degree, F, stack[0])
     if at > 0:
         _split(stack[1], stack[0], degree, at)
@@ -172,7 +190,7 @@ def first_root(powers, degree, F, stack, spans, at=0.0):  # type: ignore[no-unty
         if most < 0:
             continue
         if b[degree] > 0 and changes == 1:
-            return _bracketed(powers, degree, start, end)
+            return _find_bracketed(powers, degree, start, end)
         if depth >= _HALVINGS or not np.isfinite(most):
             return start
         _split(stack[top + 1], b, degree, 0.5)
@@ -228,7 +246,7 @@ def largest(powers, degree, sign, until, reached, F, stack, spans, since=0.0):  
 
 
 @compiled
-def extended(powers, degree, until, high, low, F, stack, spans, since=0.0):  # type: ignore[no-untyped-def]
+def extend(powers, degree, until, high, low, F, stack, spans, since=0.0):  # type: ignore[no-untyped-def]
     """``high`` and ``low``, extended to the polynomial on [since, until].
 
     Where the second derivative has one sign, there is one extreme inside at most. Few of its Bernstein coefficients,

@@ -35,7 +35,7 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub("", text)
 
 
-def spelt(error: UnicodeError) -> tuple[str, int]:
+def spell(error: UnicodeError) -> tuple[str, int]:
     """Replacements for characters that a stream cannot encode: a handler for :func:`codecs.register_error`."""
     if not isinstance(error, UnicodeEncodeError):
         raise error

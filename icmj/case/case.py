@@ -3,11 +3,13 @@ then to a simulation.
 
 A controller without an event rule has no critical interval and no prediction: what is said of it comes from its runs,
 and from the characteristic roots of its loop in each mode.
+
+Doubts about a case before it runs, and what of its run file its plants do not have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeGuard, cast, get_args
@@ -16,38 +18,164 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown
-from icmj.base.environment import single_threaded
-from icmj.base.numbers import count
-from icmj.base.text import one_line
-from icmj.case.designs import controller_of, setpoint_of
-from icmj.case.doubts import check_names, doubts, expect_known, followed, reach, slow_noise
-from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant
-from icmj.controller.controller import Controller, has_trigger
-from icmj.controller.law import Law
+from icmj.base.numbers import Card, WithCard, count
+from icmj.base.process import limit_to_one_thread
+from icmj.base.text import did_you_mean, one_line
+from icmj.case.plants import (
+    AnyPlant,
+    actual_plant,
+    assumed_plant,
+    controller_of,
+    keyframe_of,
+    linear_plant,
+    setpoint_of,
+)
+from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
+from icmj.engine.limits import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import with_pressure
-from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, named
-from icmj.plant.linear_plant import LinearPlant, expect_linear
-from icmj.plant.matching import Match, matched
-from icmj.plant.notice import Notice, permitted
+from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
+from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports
+from icmj.plant.quality import Notice, permit
 from icmj.runfile.schema import RunFile
-from icmj.simulation.disturbance import expect_held
-from icmj.simulation.interval import OpenLoop
-from icmj.simulation.settings import Settings
+from icmj.runfile.setpoint_tables import SetpointTable
+from icmj.simulation.disturbance import expect_held, expected, realised
+from icmj.simulation.ending import OpenLoop
+from icmj.simulation.settings import Noise, Settings
 from icmj.simulation.simulation import Simulation
-from icmj.theory.delay_roots import rightmost_roots
+from icmj.theory.delay_roots import loops_of, rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict, scaled
-from icmj.theory.predictor_loop import loops_of
+
+SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word
+MANY = 20.0  # periods of the edge of its spectrum, beyond which no run falls short by so much
+
+
+def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
+    """The notices about both plants; a notice that applies to both appears once."""
+    yield from assumed.told
+    told = {notice.kind for notice in assumed.told}
+    yield from (_of(notice, "actual") for notice in actual.told if notice.kind not in told)
+    common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
+    yield from common
+    for which, plant in (("assumed", assumed), ("actual", actual)):
+        yield from (_of(notice, which) for notice in plant.quality.notices if notice not in common)
+    if run.on_engine and keyframe_of(run) is None and run.assumed.keyframe is not None:
+        words = (
+            f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
+            "name one in [actual] keyframe"
+        )
+        yield Notice("keyframe", "warning", words)
+    if run.disowned:
+        words = (
+            "this run differs from the published case in plant, design or rule; published values of [case.paper] are "
+            "not shown"
+        )
+        yield Notice("paper", "warning", words)
+    if not isinstance(actual, MujocoPlant):
+        return
+    biased = [
+        name
+        for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
+        if beta
+    ]
+    if biased:
+        words = f"the bias of {', '.join(biased)} acts in MuJoCo only; the linear theory and plant have no offset"
+        yield Notice("sensor bias", "warning", words)
+
+
+def _of(notice: Notice, which: str) -> Notice:
+    return replace(notice, words=f"{notice.words} ({which} plant)")
+
+
+def slow_noise(settings: Settings) -> Iterator[Notice]:
+    """Notices about noise so slow that its size in one run may differ from the size that was set."""
+    for noise in settings.disturbance:
+        if not isinstance(noise, Noise) or noise.start >= settings.duration:
+            continue
+        edge = noise.bandwidth or noise.corner or 0.0
+        if edge * (settings.duration - noise.start) > MANY:
+            continue
+        low, high = expected(noise, settings.duration)
+        if low > (1 - SLOW) * noise.size:
+            continue
+        mean, deviation = realised(noise, settings.duration)
+        words = (
+            f"{settings.duration - noise.start:g} s are too short for the slow noise on "
+            f"{noise.output if noise.input is None else noise.input}, whose SD is {deviation:.2g} about a mean of "
+            f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g}); take a longer "
+            "run, or many seeds"
+        )
+        yield Notice("slow noise", "warning", words)
+
+
+def doubt_setpoint(run: RunFile) -> Iterator[Notice]:
+    """Notices about a set-point and a sampling delay, which the linear theory does not cover."""
+    if run.setpoint:
+        words = (
+            "the prediction is that of r = 0; intervals and peaks measured in a run include the motion that the "
+            "set-point asks for"
+        )
+        yield Notice("set-point", "warning", words)
+    if late := run.intermittent.sampling_delay:
+        words = (
+            f"the prediction is that of a controller that samples at its threshold, and this one samples {late:g} s "
+            "later; intervals and peaks of a run are others"
+        )
+        yield Notice("sampling delay", "warning", words)
+
+
+def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
+    """Limits that the predicted orbit reaches, and other corners of the plant on it."""
+    if prediction.orbit is None or np.isinf(prediction.orbit.gamma) or not isinstance(actual, MujocoPlant):
+        return
+    orbit, n = prediction.orbit, actual.linearisation.plant.n
+    x, u = orbit.X[:, :n], orbit.u
+    if orbit.sign < 0:  # the other half is the mirror image
+        x, u = np.vstack([x, -x]), np.vstack([u, -u])
+    yield from corners(actual, x, u)
+
+
+def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
+    """Names in the run file are checked before anything is computed from them."""
+    settings, actual = run.simulation, plant.linearisation.plant
+    bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()
+    wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
+    wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
+    if isinstance(settings.limit, dict):
+        wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
+    for which, there in (("input", actual.inputs), ("output", actual.outputs), ("body", bodies)):
+        named = (getattr(source, which, None) for source in settings.disturbance)
+        wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
+    for key, name, known in wanted:
+        if name not in known:
+            hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
+            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")
+
+
+def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
+    """Refuse a duration [s] beyond the ``end`` [s] to which what came from code or a file, or is a sequence, is known.
+
+    Raises:
+        RunFileError: if it is longer, and there is such a disturbance in the run file, or such a set-point.
+    """
+    made_by = (vars(table).get("made_by") for table in run.simulation.disturbance)
+    known = [f"disturbance from {origin}" for origin in made_by if origin]
+    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.kind in ("ternary", "file")]
+    if known and duration > end:
+        raise RunFileError(
+            f"{run.path}: its {known[0]} is known for a run of {end:g} s, not of {duration:g} s; set "
+            "simulation.duration in the run file"
+        )
+
 
 PlantKind = Literal["linear", "mujoco"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Case(Shown):
+class Case(WithCard):
     """The plants, the controller and the prediction that a run file defines.
 
     Attributes:
@@ -77,7 +205,7 @@ class Case(Shown):
         if self.prediction is None:
             return (*self.told, *slow_noise(self.settings))
         limits = reach(self.actual, self.prediction)
-        return (*self.told, *limits, *slow_noise(self.settings), *followed(self.run))
+        return (*self.told, *limits, *slow_noise(self.settings), *doubt_setpoint(self.run))
 
     @cached_property
     def stepping(self) -> Stepping:
@@ -86,7 +214,7 @@ class Case(Shown):
         Raises:
             ModelError, SimulationError: if plant and controller do not fit together, or the timestep is not usable.
         """
-        from icmj.engine.stepping import stepping_of
+        from icmj.engine.open_loop import stepping_of
         from icmj.engine.tapped import close
 
         body = self.model.matched(self.controller.plant, "position")
@@ -129,7 +257,7 @@ class Case(Shown):
 
 
 if TYPE_CHECKING:
-    from icmj.engine.stepping import Stepping
+    from icmj.engine.open_loop import Stepping
 
     @dataclass(frozen=True, eq=False, repr=False)
     class PredictedCase(Case):
@@ -164,7 +292,7 @@ def expect_prediction(case: Case, what: str) -> PredictedCase:
     return case
 
 
-@single_threaded()
+@limit_to_one_thread()
 def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float], None] | None = None) -> Case:
     """Load and linearise both plants, and make the controller; of an event rule, form the error system and predict.
 
@@ -185,7 +313,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
     assumed = known.assumed if known else assumed_plant(run)
     actual = known.actual if known and known.run.actual == run.actual else actual_plant(run, assumed)
     check_names(run, assumed.linearisation.plant, actual)
-    notices = permitted(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
+    notices = permit(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
         of = known.controller if known and known.run.design == run.design else None
         design = of.design if of is not None and has_trigger(of) else None
@@ -206,7 +334,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         raise type(error)(f"{begin}{error}{why}") from error
 
 
-def revised(case: Case, run: RunFile) -> Case:
+def revise(case: Case, run: RunFile) -> Case:
     """The same case under a run file that differs only in q_t, its set-point, and settings of simulation and study.
 
     Nothing is loaded or searched again: all that theory says of another threshold is that sizes are in proportion, and
@@ -228,7 +356,7 @@ def revised(case: Case, run: RunFile) -> Case:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
     check_names(run, case.assumed.linearisation.plant, case.actual)
     rule = run.intermittent.trigger(case.controller.design, run.code)
-    with named(run.path):
+    with prefix_errors(run.path):
         followed = setpoint_of(run, case.controller.plant)
     prediction = case.prediction
     if rule.size != case.rule.size:
@@ -283,7 +411,7 @@ def simulate(
         return with_pressure(there, controller, run)
     from icmj.linear.run import simulate as simulate_linear
 
-    there = matched(there, controller.plant, "position")
+    there = match_ports(there, controller.plant, "position")
     run = simulate_linear(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
     return with_pressure(case.model, controller, run) if isinstance(case.actual, MujocoPlant) else run
 
@@ -320,7 +448,7 @@ def simulate_plant(
     expect(controller, Law, "simulate_plant", "give case.controller")
     expect_linear(controller.plant, "the plant of the controller")
     if isinstance(plant, LinearPlant):
-        plant = matched(plant, controller.plant, match)
+        plant = match_ports(plant, controller.plant, match)
         from icmj.linear.run import simulate as simulate_linear
 
         return simulate_linear(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
@@ -356,7 +484,7 @@ def open_loop(
     there, controller, settings = _parts(case, plant, trigger, duration, refinement)
     assert has_trigger(controller)
     if plant == "linear":
-        from icmj.linear.open_loop import open_loop as linear_open_loop
+        from icmj.linear.simulator import open_loop as linear_open_loop
 
         return linear_open_loop(there, controller, settings)
     from icmj.engine.open_loop import open_loop as engine_open_loop
@@ -377,9 +505,9 @@ def _parts(
     if trigger is not None:
         controller = expect_prediction(case, "another trigger").controller.triggered_by(trigger)
     if refinement != 1.0 and plant == "mujoco":
-        from icmj.engine.stepping import refined
+        from icmj.engine.open_loop import refine
 
-        settings = refined(case.model, controller, settings, refinement)
+        settings = refine(case.model, controller, settings, refinement)
     return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings
 
 
@@ -400,14 +528,14 @@ def expect_measures(run: RunFile) -> None:
         RunFileError: if not.
     """
     for reference in run.study.measures:
-        run.code.named(reference)
+        run.code.find(reference)
 
 
 def measure_own(run: RunFile, simulation: Simulation) -> dict[str, float]:
     """The results of the user's own measures for the run."""
     found: dict[str, float] = {}
     for reference in run.study.measures:
-        told = run.code.made(reference, simulation)
+        told = run.code.make(reference, simulation)
         try:
             found |= {str(name): float(value) for name, value in dict(told).items()}
         except (TypeError, ValueError) as error:
@@ -417,7 +545,7 @@ def measure_own(run: RunFile, simulation: Simulation) -> dict[str, float]:
     return found
 
 
-@single_threaded()
+@limit_to_one_thread()
 def mode_roots(case: Case, count: int = 4) -> dict[str, np.ndarray]:
     """The rightmost characteristic roots of the actual plant under the controller of a run file, mode by mode.
 
@@ -431,6 +559,6 @@ def mode_roots(case: Case, count: int = 4) -> dict[str, np.ndarray]:
     Raises:
         AnalysisError: if they cannot be found, or the controller reads its outputs without a delay.
     """
-    with named(case.run.path):
+    with prefix_errors(case.run.path):
         plant = linear_plant(case.actual, case.settings)
         return {name: rightmost_roots(loop, count) for name, loop in loops_of(case.controller, plant).items()}

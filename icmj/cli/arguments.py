@@ -1,17 +1,260 @@
-"""The arguments of each command, and its help."""
+"""The arguments of each command, and its help.
+
+What several commands take: mix-ins of their arguments, and how all options are shown in the help.
+
+The arguments of the commands that one begins with: models, run files and their schema.
+
+The arguments of the commands that export and measure time series.
+
+The arguments of the command that fits families of controllers to recordings.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from inspect import get_annotations
 from pathlib import Path
-from typing import Annotated, Literal
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import tyro
 
-from icmj.cli.fit_arguments import Fit
-from icmj.cli.overrides import Overrides, Shared
-from icmj.cli.series_arguments import Export, Measure
-from icmj.cli.starting_arguments import Cases, Linearise, New, Person, Schema
+
+@dataclass(frozen=True, kw_only=True)
+class General:
+    """Options of every command."""
+
+    quiet: Annotated[bool, tyro.conf.arg(aliases=("-q",))] = False
+    """Print results and errors only, without progress and notes."""
+    verbose: Annotated[bool, tyro.conf.arg(aliases=("-v",))] = False
+    """Log every step to standard error, with the time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shared:
+    """A command of the program."""
+
+    general: tyro.conf.OmitArgPrefixes[General] = General()
+    """Options of every command."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overrides(Shared):
+    """Values of the run file changed for once; :func:`icmj.runfile.schema.overridden` puts them in."""
+
+    set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
+    """Replace a value of the run file for this run, as in --set actual.gain=0.85. May be repeated."""
+    allow_code: bool = False
+    """Run Python code that the run file names as module:name. Read the code first."""
+
+
+def annotate(cls: type) -> None:
+    """Set how the help shows the options that ``cls`` adds: without the defaults None, empty and false."""
+    hints = get_type_hints(cls, include_extras=True)
+    for name in get_annotations(cls).keys() - {"general"}:
+        shown = tyro.conf.arg(metavar=_metavar(hints[name]), help_behavior_hint=_default)
+        cls.__annotations__[name] = Annotated[hints[name], shown]
+
+
+def _default(label: str) -> str:
+    return "" if label in ("", "None", "False") else f"(default: {label})"
+
+
+def _metavar(hint: Any) -> str | None:
+    """Placeholder for the value of an optional option; ``None`` if tyro's own placeholder is right."""
+    while get_origin(hint) is Annotated:
+        if given := [note.metavar for note in get_args(hint)[1:] if getattr(note, "metavar", None)]:
+            return str(given[0])
+        hint = get_args(hint)[0]
+    if get_origin(hint) is tuple and get_args(hint)[1:] == (...,):
+        return f"[{get_args(hint)[0].__name__.upper().replace('STR', 'NAME')} ...]"
+    kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+    if get_origin(hint) not in (Union, UnionType) or len(kinds) != 1:
+        return None
+    if get_origin(kinds[0]) is tuple:
+        return " ".join(kind.__name__.upper() for kind in get_args(kinds[0]))
+    if get_origin(kinds[0]) is Literal:
+        return f"{{{','.join(map(str, get_args(kinds[0])))}}}"
+    return str(getattr(kinds[0], "__name__", "VALUE")).upper()
+
+
+@dataclass(frozen=True)
+class Cases(Shared):
+    """List the cases, rival controllers, sweeps, experiments and families that come with icmj.
+
+    Example: icmj cases
+    """
+
+    json: bool = False
+    """Print JSON instead of a list."""
+
+
+@dataclass(frozen=True)
+class New(Shared):
+    """Write a commented run file for a model, or copy a shipped case and its models.
+
+    Example: icmj new body.xml --out body.toml
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file, or name of a shipped model or case."""
+    out: Path | None = None
+    """Run file to write (default: MODEL.toml in this folder). An existing file is never overwritten."""
+    keyframe: str | None = None
+    """Keyframe of the operating point (default: the first at which the model is at rest)."""
+
+
+@dataclass(frozen=True)
+class Person(Shared):
+    """Scale the three-link model to the height and mass of a person, and write it.
+
+    Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file with the bodies shank, thigh and trunk, or name of a shipped model."""
+    height: float = 1.80
+    """Height of the person [m]."""
+    mass: float = 80.0
+    """Mass of the person [kg]."""
+    out: Path = Path("person.xml")
+    """MJCF file to write."""
+
+
+@dataclass(frozen=True)
+class Linearise(Shared):
+    """Linearise an MJCF model by centred finite differences; print the matrices A, B, C and the poles.
+
+    Example: icmj linearise three_link --keyframe upright
+    """
+
+    model: tyro.conf.Positional[Path]
+    """MJCF file, or name of a shipped model."""
+    keyframe: str | None = None
+    """Keyframe of the operating point (default: the reference configuration)."""
+    operating_point: Literal["as given", "static control", "balance"] | None = None
+    """How the operating point is completed: as given, controls only, or controls and pose (default: as given for a
+    keyframe; without one, as given if the model is at rest there, else balance).
+    """
+    free: tuple[str, ...] = ()
+    """Joints that may move to complete the pose with --operating-point balance (default: all)."""
+    outputs: tuple[str, ...] = ()
+    """Sensors or joints to take as outputs; the word joints means all joints (default: all sensors)."""
+    json: bool = False
+    """Print JSON instead of tables."""
+    full: bool = False
+    """Print the matrices even if they are large."""
+    out: Path | None = None
+    """File (.npz) for A, B, C, poles, names and units."""
+
+
+@dataclass(frozen=True)
+class Schema(Shared):
+    """Print the JSON Schema of run, sweep, experiment or family files; editors use it to complete and check them.
+
+    Example: icmj schema run --out run.schema.json
+    """
+
+    kind: tyro.conf.Positional[Literal["run", "sweep", "experiment", "family"]] = "run"
+    """Kind of file."""
+    out: Path | None = None
+    """File to write instead of printing."""
+
+
+@dataclass(frozen=True)
+class Export(Shared):
+    """Export the signals of a log and, in a second file, its events for use in other tools.
+
+    Units are in the header (CSV), in the metadata of each field (Parquet) or in a separate array (npz).
+
+    Example: icmj export runs/out/three-link-0.9.mujoco.rrd --to csv --rate 100
+    """
+
+    log: tyro.conf.Positional[Path]
+    """Log to read."""
+    to: Literal["csv", "parquet", "npz"] | None = None
+    """Format (default: the one that --out ends in, else csv)."""
+    rate: float | None = None
+    """Rate of evenly spaced rows [Hz] (default: the rows as recorded, which include every event)."""
+    out: Path | None = None
+    """File to write (default: beside the log, with its name). The file of events has ".events" added to its name."""
+
+
+@dataclass(frozen=True)
+class Measure(Shared):
+    """Measure sway: RMS, speed, range, prediction ellipse, frequencies, stabilogram diffusion.
+
+    In a log, the centre of pressure is measured if the body stands on a floor, else the outputs; in a table (CSV,
+    Parquet, npz, OpenSim's mot and sto), all columns; in a C3D file, the centre of pressure of its force plates, else
+    its points. Two columns with the same unit are also measured together, as the path of a point in a plane.
+
+    Example: icmj measure sway.csv --columns ap ml --rate 100
+    """
+
+    file: tyro.conf.Positional[Path]
+    """Log, or file of time series."""
+    columns: tuple[str, ...] = ()
+    """Columns to measure (default: see above)."""
+    rate: float | None = None
+    """Rate to resample to (default: 100 for a log), or the rate of a file without times [Hz]."""
+    since: float | None = None
+    """Time from which the series are measured [s] (default: all rows, those before 0 too)."""
+    low_pass: float | None = None
+    """Corner frequency of a low-pass filter applied before all measures [Hz]."""
+    band: tuple[float, float] | None = None
+    """Lowest and highest frequency of the spectral measures [Hz] (default: all frequencies)."""
+    torque: str | None = None
+    """Column of the ankle torque, from which the centre of pressure is computed."""
+    weight: float | None = None
+    """Vertical force on the foot [N], for --torque."""
+    json: bool = False
+    """Print JSON, in the units of the file, instead of a table."""
+
+
+@dataclass(frozen=True)
+class Fit(Shared):
+    """Fit families of controllers to recordings of standing people (exploratory): parameters, reliability, comparison.
+
+    Needs pip install 'icmj[fit]'. Each family is simulated, and its network trained, only once for all people.
+
+    Example: icmj fit anna-1.csv anna-2.csv anna-3.csv --model event --model switching --out runs/out/anna
+    """
+
+    recordings: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several."""
+    model: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FAMILY")] = ()
+    """Family file, or name of a shipped family. May be repeated; the families are then compared, which depends
+    on the noise that they assume."""
+    table: Path | None = None
+    """CSV table that lists the recordings of several people, instead of RECORDINGS (required columns: file and person;
+    optional columns: column, group and condition); or BDSinfo.txt of the public data set (Santos and Duarte 2016),
+    beside its trials."""
+    columns: tuple[str, ...] = ()
+    """Columns of the recordings that hold the front-to-back centre of pressure, one column for each trial."""
+    unit: Literal["m", "cm", "mm"] | None = None
+    """Unit of recordings that do not state one."""
+    rate: float | None = None
+    """Rate of recordings without times [Hz]."""
+    hold_out: int = 0
+    """Number of trials of each person, counted from the last, that are predicted instead of fitted."""
+    out: Path = Path("runs/out/fit")
+    """Folder for posteriors (netCDF, for ArviZ), tables, figures and page. The same command resumes a fit."""
+    trained: Path = Path("runs/out/families")
+    """Folder for simulated and trained families, which are reused for all people."""
+    simulations: int = 6000
+    """Number of draws from the prior of each family that are simulated to train its network."""
+    draws: int = 2000
+    """Number of draws from each posterior."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    jobs: int | None = None
+    """Number of processes (default: one per core)."""
+    dask: str | None = None
+    """Address of a Dask scheduler whose workers run the simulations instead of local processes."""
+    allow_code: bool = False
+    """Run Python code that the run files of families name as module:name. Read the code first."""
+    json: bool = False
+    """Print JSON instead of tables."""
 
 
 @dataclass(frozen=True)

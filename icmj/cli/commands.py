@@ -1,29 +1,37 @@
-"""What each command does and shows; see :mod:`icmj.cli.arguments` for their arguments."""
+"""What each command does and shows; see :mod:`icmj.cli.arguments` for their arguments.
+
+What ``icmj identify`` does and shows.
+
+What ``icmj sweep`` does and shows.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import singledispatch
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
 
-from icmj.base.card import plain
-from icmj.base.files import emptied, replaceable, write_text
-from icmj.base.imports import meanwhile
-from icmj.base.numbers import amount, count, lapse, number, root
-from icmj.base.signals import heard_once
-from icmj.cli import arguments, experimenting, fitting, series_commands, starting, starting_arguments
-from icmj.cli.comparison_table import show_comparisons
-from icmj.cli.records import plain_runs
-from icmj.cli.tables import Column, show_table
-from icmj.cli.terminal import ERR, OUT
-from icmj.cli.working import Working
-from icmj.errors import RunFileError
+from icmj.base.files import discard_if_failed, replaceable, write_text
+from icmj.base.numbers import amount, count, lapse, number, plain, root
+from icmj.base.process import interrupt_once, meanwhile
+from icmj.cli import arguments, files
+from icmj.cli.printing import plain_runs, show_comparisons
+from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
+from icmj.errors import IdentificationError, RunFileError, SweepError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from icmj.base.array import Array
-    from icmj.result.result import PredictedResult, Result
-    from icmj.study.page import Page
+    from icmj.case.case import PlantKind
+    from icmj.case.result import PredictedResult, Result
+    from icmj.cli.arguments import Identify, Sweep
+    from icmj.cli.terminal import Terminal
+    from icmj.fitting.identification import Identification
+    from icmj.fitting.observed import Observed, Unknown
+    from icmj.runfile.schema import RunFile
+    from icmj.study.plan import Plan
+    from icmj.study.study import Page
+    from icmj.study.sweep import Progress
 
 CROSSINGS = (
     Column("Δ (s)"), Column("eigenvalue"), Column("kind", rank=2), Column("direction", rank=1),
@@ -38,14 +46,14 @@ def execute(command: object) -> None:
     raise TypeError(f"no command {type(command).__name__}")
 
 
-execute.register(starting.cases)
-execute.register(starting.new)
-execute.register(starting.schema)
-execute.register(series_commands.export)
-execute.register(series_commands.measure)
-execute.register(series_commands.replay)
-execute.register(experimenting.experiment)
-execute.register(fitting.fit)
+execute.register(files.cases)
+execute.register(files.new)
+execute.register(files.schema)
+execute.register(files.export)
+execute.register(files.measure)
+execute.register(files.replay)
+execute.register(files.experiment)
+execute.register(files.fit)
 
 
 @execute.register
@@ -76,11 +84,10 @@ def study(command: arguments.Study) -> None:
 def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
-    from icmj.cli.records import plain_prediction
-    from icmj.cli.switched import show_roots
-    from icmj.runfile.overrides import overridden
+    from icmj.cli.printing import plain_prediction, show_roots
     from icmj.runfile.reading import load_run
-    from icmj.theory.facts import PREDICTION
+    from icmj.runfile.schema import overridden
+    from icmj.theory.prediction import PREDICTION
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
     with Working(label := f"analysing {run.case.name}", ERR) as working:
@@ -123,8 +130,8 @@ def analyse(command: arguments.Analyse) -> None:
 def run(command: arguments.Run) -> None:
     """Simulate one case, write its log, and print the result beside the prediction if there is one."""
     from icmj.case.case import prepare
-    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.runfile.schema import overridden
     from icmj.study.estimate import LONGEST
     from icmj.study.study import admit, open_folder, plants_of, run_case
 
@@ -137,13 +144,13 @@ def run(command: arguments.Run) -> None:
             ERR.say(f"icmj: about {lapse(seconds)} of work")
         log = command.out / f"{name}.{plant}.rrd"
         meanwhile("icmj.log.writer")
-        with emptied(command.out), heard_once() as heard:
+        with discard_if_failed(command.out), interrupt_once() as heard:
             open_folder(command.out, log.name)
             result = run_case(case, plant, lambda done: working.tell(name, done), study=command.study)
             working.tell("writing the log", 0.95)
             from icmj.log.writer import write_log  # by now it has been imported meanwhile
 
-            with heard.postponed():
+            with heard.postpone():
                 write_log(result, log)
     outcome = result.simulation.outcome
     if command.json:
@@ -164,9 +171,9 @@ def _tell_page(page: Page, changed: bool = False) -> None:
 
 def _tell_run(result: Result, log: Path, changed: bool) -> None:
     """What a run did, in a table and in words."""
-    from icmj.comparison.comparison import compare
-    from icmj.result.result import has_prediction
-    from icmj.simulation.remarks import relative_error
+    from icmj.case.comparison import compare
+    from icmj.case.result import has_prediction
+    from icmj.simulation.simulation import relative_error
 
     if has_prediction(result):
         show_comparisons([compare(result)], OUT, changed=changed)
@@ -189,7 +196,7 @@ def _tell_run(result: Result, log: Path, changed: bool) -> None:
 
 def _peaks(result: PredictedResult) -> str:
     """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
-    from icmj.view.quantity import quantities
+    from icmj.case.result import quantities
 
     def shown(values: Array, i: int) -> str:
         unit = units[i].unit
@@ -209,8 +216,8 @@ def live(command: arguments.Live) -> None:
     """Write the page of one case."""
     from icmj.case.case import prepare
     from icmj.report.live import build_live
-    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.runfile.schema import overridden
 
     replaceable(command.out)
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
@@ -223,7 +230,7 @@ def live(command: arguments.Live) -> None:
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
-    from icmj.study.page import report as build
+    from icmj.study.study import report as build
     from icmj.work.workers import Workers, processors
 
     replaceable(command.out)
@@ -231,7 +238,7 @@ def report(command: arguments.Report) -> None:
         folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
         if folders:
-            from icmj.sweeps.dataset import read_sweep
+            from icmj.study.sweep import read_sweep
 
             sweeps = [read_sweep(folder) for folder in folders]
         branches, logs = branches_among([path for path in command.logs if path not in folders])
@@ -247,28 +254,27 @@ def report(command: arguments.Report) -> None:
 
 
 @execute.register
-def person(command: starting_arguments.Person) -> None:
+def person(command: arguments.Person) -> None:
     """Write a person's model and say what it is."""
-    from icmj.engine.plant import shaped
-    from icmj.plant.person import Person
-    from icmj.work.shipped import model_file
+    from icmj.engine.plant import shape_to_person
+    from icmj.plant.body import Person
+    from icmj.work.own_code import model_file
 
     replaceable(command.out)
     measures = Person(command.height, command.mass)
-    write_text(command.out, shaped(model_file(command.model), measures))
+    write_text(command.out, shape_to_person(model_file(command.model), measures))
     G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())
     OUT.say(f"toppling stiffness of ankle, knee and hip {G} N m/rad")
     OUT.say(f"model    {command.out}")
 
 
 @execute.register
-def linearise(command: starting_arguments.Linearise) -> None:
+def linearise(command: arguments.Linearise) -> None:
     """Linearise an MJCF model and print it."""
-    from icmj.cli.matrices import save_plant, show_plant
-    from icmj.cli.records import plain_linearisation
+    from icmj.cli.printing import plain_linearisation, save_plant, show_plant
     from icmj.engine.plant import load_plant
-    from icmj.plant.selection import OperatingRule, Selection
-    from icmj.work.shipped import model_file
+    from icmj.plant.body import OperatingRule, Selection
+    from icmj.work.own_code import model_file
 
     if command.out is not None:
         replaceable(command.out)
@@ -298,14 +304,146 @@ def linearise(command: starting_arguments.Linearise) -> None:
 @execute.register
 def sweep(command: arguments.Sweep) -> None:
     """Compute a case at very many points."""
-    from icmj.cli.sweeping import carry_out
-
-    carry_out(command, OUT, ERR)
+    carry_out_sweep(command, OUT, ERR)
 
 
 @execute.register
 def identify(command: arguments.Identify) -> None:
     """Estimate a model error from measured motion."""
-    from icmj.cli.identifying import carry_out
+    carry_out_identification(command, OUT, ERR)
 
-    carry_out(command, OUT, ERR)
+
+def carry_out_identification(command: Identify, out: Terminal, err: Terminal) -> None:
+    """Say of each motion which value of the unknown made it."""
+    from icmj.fitting.identification import identify
+
+    if not command.motions:
+        raise IdentificationError("no motion given: expected logs, or files of event times or outputs")
+    found = []
+    with Working("identifying", err) as working:
+        for i, path in enumerate(command.motions):
+            working.tell(f"identifying from {path.name}", i / len(command.motions))
+            unknown, observed, plant = _read(command, path)
+            observed = observed.with_errors(command.timing, command.reading)
+            result = identify(unknown, observed, plant=plant)
+            found.append((path, result))
+    if command.json:
+        out.show([_record(path, result) for path, result in found])
+        return
+    for path, result in found:
+        name = f"{path.name}: " if len(found) > 1 else ""
+        out.say(f"{name}{result.words}", wrap=False)
+
+
+def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
+    """The known run file, the observed motion, and its plant."""
+    from icmj.fitting.observed import Observed, read_observed
+    from icmj.log import read_log
+    from icmj.runfile.reading import load_run
+    from icmj.runfile.schema import overridden
+
+    given = (
+        None if command.run is None else overridden(load_run(command.run, allow_code=command.allow_code), command.set)
+    )
+    if path.suffix == ".rrd":
+        result = read_log(path)
+        run = given or overridden(result.run, command.set)
+        plant = command.plant or result.simulation.plant
+        return _unknown(command, run), Observed.of_simulation(result.simulation), plant
+    if given is None:
+        raise IdentificationError(f"{path}: no log, so --run must say what is known of plant and controller")
+    unknown = _unknown(command, given)
+    outputs = unknown.checked().assumed.linearisation.plant.outputs
+    return unknown, read_observed(path, tuple(outputs)), command.plant or "mujoco"
+
+
+def _unknown(command: Identify, run: RunFile) -> Unknown:
+    from icmj.errors import ModelError
+    from icmj.fitting.observed import Unknown
+    from icmj.plant.body import Change, What
+
+    what, _, of = command.unknown.partition(" ")
+    if not of and what not in get_args(What):
+        return Unknown(run, what, low=command.low, high=command.high)
+    try:
+        change = Change(what, of.strip() or None, 1.0)  # type: ignore[arg-type]
+    except ModelError as error:
+        raise IdentificationError(f"--unknown {command.unknown}: {error}") from error
+    return Unknown(run, "", change, command.low, command.high)
+
+
+def _record(path: Path, result: Identification) -> dict[str, object]:
+    return {
+        "motion": str(path),
+        "unknown": result.name,
+        "value": result.value,
+        "intervals": result.intervals,
+        "way": result.way,
+        "probability": result.probability,
+        "edge": result.edge,
+        "words": result.words,
+    }
+
+
+def carry_out_sweep(command: Sweep, out: Terminal, err: Terminal) -> None:
+    """Carry out a sweep, or say what it would cost; what was finished stays, however it ends."""
+    from icmj.study.sweep import carry_out as compute
+    from icmj.study.sweep import make_plan
+
+    if command.jobs is not None and command.jobs < 1:
+        raise SweepError(f"--jobs {command.jobs}: expected at least 1")
+    if command.jobs is not None and command.dask is not None:
+        raise SweepError("--jobs and --dask: give one; the workers of a cluster are started with it")
+    with Working("sweep", err) as working:
+        plan = make_plan(command.sweep, allow_code=command.allow_code)
+        folder = command.out or Path("runs/out") / plan.file.sweep.name
+        if command.dry_run:
+            _cost(plan, out)
+            return
+
+        begun: list[Progress] = []
+
+        def tell(progress: Progress) -> None:
+            begun[:] = [progress]
+            working.tell(_words(progress), progress.done / progress.points)
+
+        try:
+            done = compute(plan, folder, jobs=command.jobs, dask=command.dask, progress=tell)
+        except BaseException as error:
+            if begun or not isinstance(error, SweepError):  # else it refuses the folder, and goes on with nothing
+                _report_left(plan, folder, err)
+            raise
+    _show(folder, done, out)
+
+
+def _cost(plan: Plan, out: Terminal) -> None:
+    from icmj.study.sweep import estimate
+
+    cost = estimate(plan)
+    out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")
+    out.say(
+        f"about {lapse(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
+        f"{cost.size / 1e6:.3g} MB"
+    )
+
+
+def _report_left(plan: Plan, folder: Path, err: Terminal) -> None:
+    """Say what an interrupted sweep left, if it had begun."""
+    count = len(list((folder / "points").glob("*.parquet")))
+    if count:
+        err.say(f"icmj: {count} of {plan.chunks} chunks are finished in {folder}; the same command goes on", wrap=False)
+
+
+def _show(folder: Path, done: Progress, out: Terminal) -> None:
+    from icmj.study.sweep import statuses
+
+    found: Counter[str] = statuses(folder)
+    bad = ", ".join(f"{count} {status}" for status, count in sorted(found.items()) if status != "ok")
+    out.say(f"{done.points} points{f', of which {bad}' if bad else ''}")
+    size = sum(path.stat().st_size for path in (folder / "points").iterdir()) / 1e6
+    out.say(f"dataset  {folder / 'points'} ({size:.3g} MB)")
+
+
+def _words(progress: Progress) -> str:
+    failed = f", {progress.failed} failed" if progress.failed else ""
+    return f"{progress.done} of {progress.points} points, {progress.rate:.3g}/s{failed}"

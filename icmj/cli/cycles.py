@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import between
-from icmj.base.card import plain
-from icmj.base.numbers import amount, root
+from icmj.base.numbers import amount, plain, root
 from icmj.cli import arguments
 from icmj.cli.commands import execute
-from icmj.cli.tables import Column, show_table
-from icmj.cli.terminal import ERR, OUT
-from icmj.cli.working import Working
+from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
@@ -28,11 +25,11 @@ if TYPE_CHECKING:
 def cycle(command: arguments.Cycle) -> None:
     """Find the cycle of one case and print it beside the prediction."""
     from icmj.case.case import has_prediction, prepare
-    from icmj.cli.switched import show_cycle
+    from icmj.cli.printing import show_cycle
     from icmj.cycle.cycle import find_cycle
     from icmj.cycle.switched import has_exact_cycle
-    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.runfile.schema import overridden
     from icmj.study.study import plants_of
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
@@ -63,7 +60,7 @@ def _rounds(case: Case, plant: PlantKind, json: bool) -> None:
     from dataclasses import asdict
 
     from icmj.errors import CycleError
-    from icmj.experiments.rounds import rounds_of
+    from icmj.experiments.attraction import rounds_of
     from icmj.study.study import admit, run_case
 
     run = case.run
@@ -106,16 +103,16 @@ def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
 def continue_(command: arguments.Continue) -> None:
     """Follow a branch, and what branches off; store and list them."""
     from icmj.base.files import replaceable, write_bytes
-    from icmj.case.doubts import followed
-    from icmj.cli.switched import show_branch
+    from icmj.case.case import doubt_setpoint
+    from icmj.cli.printing import show_branch
     from icmj.cycle.branch import write_branch
-    from icmj.cycle.follow import BRANCHING, branch_off, follow
+    from icmj.cycle.continuation import BRANCHING, branch_off, follow
     from icmj.errors import CycleError
     from icmj.log.branch import write_branch_log
     from icmj.report import style
     from icmj.report.branch import branch_figure
-    from icmj.runfile.overrides import overridden
     from icmj.runfile.reading import load_run
+    from icmj.runfile.schema import overridden
     from icmj.study.study import open_folder, plants_of
 
     run = overridden(load_run(command.run, allow_code=command.allow_code), command.set)
@@ -156,21 +153,21 @@ def continue_(command: arguments.Continue) -> None:
             files.append(files[-1].with_suffix(".rrd"))
             write_branch_log(branch, files[-1])
         working.tell("drawing", 0.99)
-        with style.applied():
+        with style.apply():
             figure = branch_figure(found, beneath)
             for kind in kinds[2:]:
                 files.append(command.out / f"{name}.{main_plant}.{kind}")
                 write_bytes(files[-1], style.save(figure, kind))
     for branch in found:
         _show_branch(branch)
-    for words in (*off, *followed(run)):
+    for words in (*off, *doubt_setpoint(run)):
         OUT.note(words)
     for file in files:
         OUT.say(f"{'figure' if file.suffix in ('.pdf', '.svg') else 'branch'}   {file}")
 
 
 def _show_branch(branch: Branch) -> None:
-    from icmj.cycle.parameter import with_unit
+    from icmj.cycle.curve import with_unit
 
     columns = (
         Column(with_unit(branch.parameter), "right"),

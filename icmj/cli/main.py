@@ -15,10 +15,18 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from icmj.base.environment import LEAST_ROOM, narrow, one_thread, seldom_collected, sparing
-from icmj.base.imports import unhurried
-from icmj.base.signals import Asked, Terminated, terminable
-from icmj.base.text import one_line, spelt
+from icmj.base.process import (
+    LEAST_ROOM,
+    EndRequest,
+    Termination,
+    collect_garbage_seldom,
+    narrow,
+    one_thread,
+    sparing,
+    terminable,
+)
+from icmj.base.process import defer_idle_modules as unhurried
+from icmj.base.text import one_line, spell
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
@@ -35,14 +43,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     one_thread()
     sparing()
     unhurried()
-    seldom_collected()
-    asked = Asked()
+    collect_garbage_seldom()
+    asked = EndRequest()
     try:
         with _sayable(), _library_words_unsaid(), terminable() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
-    except Terminated as stop:
+    except Termination as stop:
         return _say("interrupted", stop.status)
     except Exception as error:
         if asked.signum:  # it fell into code that made another exception of it
@@ -136,7 +144,7 @@ def _sayable() -> Iterator[None]:
     One that is closed leads nowhere: else the next file that is opened would stand in its place, and get what others
     print. What a stream cannot encode is spelt.
     """
-    codecs.register_error("icmj", spelt)
+    codecs.register_error("icmj", spell)
     with contextlib.suppress(OSError):
         while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
             continue
@@ -146,15 +154,15 @@ def _sayable() -> Iterator[None]:
             setattr(sys, name, open(os.devnull, way, encoding="utf-8"))  # noqa: SIM115, it is open to the end
     before = [(stream, getattr(stream, "errors", None)) for stream in (sys.stdout, sys.stderr)]
     for stream, _ in before:
-        _reconfigured(stream, "icmj")
+        _reconfigure(stream, "icmj")
     try:
         yield
     finally:
         for stream, errors in before:
-            _reconfigured(stream, errors)
+            _reconfigure(stream, errors)
 
 
-def _reconfigured(stream: TextIO, errors: str | None) -> None:
+def _reconfigure(stream: TextIO, errors: str | None) -> None:
     with contextlib.suppress(OSError, ValueError, AttributeError):  # not there, or not a stream of a file
         stream.reconfigure(errors=errors)  # type: ignore[attr-defined]
 

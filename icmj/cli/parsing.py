@@ -13,10 +13,9 @@ from typing import Any, get_args, get_type_hints
 
 import tyro
 
-from icmj.base.imports import unguarded
+from icmj.base.process import skip_typeguard
 from icmj.base.text import did_you_mean, one_line
-from icmj.cli.arguments import DESCRIPTION, GROUPS, Command
-from icmj.cli.overrides import General, annotate
+from icmj.cli.arguments import DESCRIPTION, GROUPS, Command, General, annotate
 from icmj.errors import IcmjError
 
 _NUMBERS = {"INT": "a whole number", "int": "a whole number", "FLOAT": "a number", "float": "a number"}
@@ -36,7 +35,7 @@ def parse(words: list[str]) -> Command:
     command: Any = Command
     shown = io.StringIO()
     try:
-        with contextlib.redirect_stderr(shown), unguarded():
+        with contextlib.redirect_stderr(shown), skip_typeguard():
             return tyro.cli(command, prog="icmj", args=words, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as stop:
         if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away
@@ -46,7 +45,7 @@ def parse(words: list[str]) -> Command:
                 sys.stderr.write(shown.getvalue())
             raise
         where = f"icmj {words[0]}" if words[0] in classes else "icmj"
-        wrong = _in_words(_unboxed(shown.getvalue()), words, classes)
+        wrong = _in_words(_unbox(shown.getvalue()), words, classes)
         raise IcmjError(f"{wrong}; see {where} --help") from None
 
 
@@ -139,7 +138,7 @@ _SAYINGS: tuple[tuple[str, Callable[..., str]], ...] = (
 )
 
 
-def _unboxed(text: str) -> str:
+def _unbox(text: str) -> str:
     """The first paragraph in the parser's box, in one line; where there are no characters for a box, a rule follows its
     title.
     """

@@ -14,9 +14,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, read_parquet
 from icmj.base.files import read_bytes, whole
-from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line, parse_json
 from icmj.cycle.return_map import PlantKind
 from icmj.errors import IcmjError, LogError
@@ -175,7 +174,7 @@ def write_branch(branch: Branch, path: Path | str) -> None:
     from pyarrow import parquet
 
     path = Path(path)
-    head, flat = packed(branch)
+    head, flat = pack(branch)
     columns = {}
     for name, values in flat.items():
         width = values.size // len(branch)
@@ -207,7 +206,7 @@ def read_branch(path: Path | str) -> Branch:
             column = table.column(name).combine_chunks()
             values = column.flatten() if isinstance(column, pa.LargeListArray) else column
             flat[name] = values.to_numpy(zero_copy_only=False)
-        return unpacked(table.schema.metadata[_KEY].decode(), flat)
+        return unpack(table.schema.metadata[_KEY].decode(), flat)
     except IcmjError as error:
         raise LogError(f"{path}: {error}") from error
     except (OSError, pa.ArrowException, LookupError, TypeError, ValueError) as error:
@@ -224,7 +223,7 @@ def branches_among(paths: Sequence[Path]) -> tuple[list[Branch], list[Path]]:
     return [read_branch(path) for path in parquet], [path for path in paths if path not in parquet]
 
 
-def packed(branch: Branch) -> tuple[str, dict[str, Array]]:
+def pack(branch: Branch) -> tuple[str, dict[str, Array]]:
     """A branch as JSON text and flat arrays of numbers by name."""
     shapes, flat = {}, {}
     for name in COLUMNS:
@@ -236,8 +235,8 @@ def packed(branch: Branch) -> tuple[str, dict[str, Array]]:
     return json.dumps(_head(branch, shapes)), flat
 
 
-def unpacked(text: str, flat: Mapping[str, Array]) -> Branch:
-    """The branch from what :func:`packed` gave.
+def unpack(text: str, flat: Mapping[str, Array]) -> Branch:
+    """The branch from what :func:`pack` gave.
 
     Raises:
         LogError: if it is of another version.

@@ -1,10 +1,12 @@
 """Continuation: cycles along a parameter by pseudo-arclength, past folds, to where they change or end.
 
-A step is predicted by the polynomial through the last points of the curve in its length (:mod:`icmj.cycle.trail`), and
-corrected on the plane across the curve, or at a fixed parameter where the curve runs with it, because a loop at a new
-parameter has to be built. Steps grow where the prediction is good. The map's derivative is computed at as many points
-as it takes to interpolate it at the others. On the way test functions of the multipliers tell where stability
-changes (:mod:`icmj.cycle.crossing`); how a branch ends is :mod:`icmj.cycle.ending`'s.
+A step is predicted by the polynomial through the last points of the curve in its length (:mod:`icmj.cycle.specials`),
+and corrected on the plane across the curve, or at a fixed parameter where the curve runs with it, because a loop at a
+new parameter has to be built. Steps grow where the prediction is good. The map's derivative is computed at as many
+points as it takes to interpolate it at the others. On the way test functions of the multipliers tell where stability
+changes (:mod:`icmj.cycle.specials`); how a branch ends is :mod:`icmj.cycle.specials`'s.
+
+Branches of cycles of a run file: from its cycle at one value of a parameter, and from special points.
 """
 
 from __future__ import annotations
@@ -13,17 +15,55 @@ from bisect import bisect_right
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.cycle.branch import SpecialPoint
-from icmj.cycle.crossing import Test, critical, crossed, described, kappas, locate, value_of
-from icmj.cycle.curve import CLOSED, Curve, Missed, correct
-from icmj.cycle.ending import CLOSE, Ending, homoclinic, missed, passed, round_trip, touching, worn_out
-from icmj.cycle.point import FINE, Point, derived, point, redone
-from icmj.cycle.return_map import Lost
-from icmj.cycle.trail import Trail, interpolate
+from icmj.base.process import limit_to_one_thread
+from icmj.case.case import expect_prediction, prepare
+from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.curve import (
+    CLOSED,
+    FINE,
+    Curve,
+    Family,
+    Miss,
+    Point,
+    Range,
+    add_derivative,
+    correct,
+    parameter,
+    point,
+    redone,
+)
+from icmj.cycle.cycle import LONGEST, Guess, Start, close_cycle, from_prediction, from_simulation
+from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, fast_jacobian
+from icmj.cycle.specials import (
+    CLOSE,
+    Ending,
+    Test,
+    Trail,
+    critical,
+    describe_crossing,
+    direction,
+    end_at_least_interval,
+    end_by_rounding,
+    end_where_lost,
+    find_crossed,
+    homoclinic,
+    interpolate,
+    kappas,
+    locate,
+    round_trip,
+    touching,
+    value_of,
+)
+from icmj.errors import CycleError
+from icmj.runfile.schema import RunFile
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
 
 _SPARSE = 4  # points from one derivative to the next, at most
 _TRUE, _FALSE = 1e-4, 1e-3  # relative errors of an extrapolated derivative for the next to be further, or nearer; an
@@ -139,11 +179,11 @@ class _Walker:
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
         found = correct(curve, u, D, row, self.closed(last))
-        if isinstance(found, Missed) or self.jumped(found.turn.intervals, u):
+        if isinstance(found, Miss) or self.has_jumped(found.turn.intervals, u):
             self.closing = (
-                self.closing or not isinstance(found, Missed) or found.lost is not None or touching(self.points)
+                self.closing or not isinstance(found, Miss) or found.lost is not None or touching(self.points)
             )
-            self.shorter(found if isinstance(found, Missed) else Missed(None, found.turn))
+            self.shorter(found if isinstance(found, Miss) else Miss(None, found.turn))
             return
         if not lands and (found.u[-1] - 1) * (last.sigma - 1) < 0 and self.ds > 1e-4 * self.longest:
             self.ds *= 0.7 * (1 - last.sigma) / (found.u[-1] - last.sigma)  # past the end of the range
@@ -168,17 +208,17 @@ class _Walker:
         """Sufficient residual, limited by the rounding errors that the map magnifies."""
         return max(CLOSED, _ROUNDING * float(np.abs(near.D[:, :-1]).max()))
 
-    def jumped(self, intervals: Array, u: Array) -> bool:
+    def has_jumped(self, intervals: Array, u: Array) -> bool:
         """Whether another cycle was found, or events have changed places."""
         return bool((np.abs(intervals / self.points[-1].intervals - 1) > _JUMP).any())
 
-    def shorter(self, why: Missed) -> None:
+    def shorter(self, why: Miss) -> None:
         """Halve the step; end the branch if the step is below its minimum."""
         self.ds /= 2
         close = abs(self.curve.range.slope(self.points[-1].sigma)) * self.ds * max(abs(self.tangent[-1]), 1e-3)
         if self.ds < _LEAST or (self.closing and close < CLOSE):
             self.complete()
-            self.ending = missed(self.curve, self.points, why)
+            self.ending = end_where_lost(self.curve, self.points, why)
 
     def accept(self, new: Point, best: Array) -> None:
         """Append a point to the branch and test for special points since the previous one."""
@@ -190,7 +230,7 @@ class _Walker:
         self.points.append(new)
         last = len(self.points) - 1
         if new.fallen:  # beyond the end; what it does there is no longer the rule's doing
-            self.ending = passed(curve, self.points, lambda part: self.between(last - 1, part))
+            self.ending = end_at_least_interval(curve, self.points, lambda part: self.between(last - 1, part))
             self.points.pop()
             self.trail.cut(last)
             return
@@ -199,8 +239,8 @@ class _Walker:
         if new.derived:
             self.derived()
         self.ending = (
-            self.without_bound()
-            or worn_out(curve, self.points, self.closed(self.points[-1]))
+            self.find_growth()
+            or end_by_rounding(curve, self.points, self.closed(self.points[-1]))
             or round_trip(curve, self.points, self.trail, self.closed(self.points[-1]))
         )
 
@@ -221,14 +261,14 @@ class _Walker:
         for i in range(first, last):
             pair = self.points[i : i + 2]
             before, after = (kappas(p.multipliers, self.curve.sign, self.neutral) for p in pair)
-            found = [self.crossing(test, i) for test in crossed(before, after)]
+            found = [self.crossing(test, i) for test in find_crossed(before, after)]
             self.specials += [special for special in found if special is not None]
         self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
 
     def complete(self) -> None:
         """Compute the derivative at the last point, if it is only guessed there."""
         if not self.points[-1].derived:
-            self.points[-1] = derived(self.curve, self.points[-1])
+            self.points[-1] = add_derivative(self.curve, self.points[-1])
             self.derived()
 
     def along(self, new: Point) -> Array:
@@ -239,7 +279,7 @@ class _Walker:
             return D
         ahead = new.u.copy()
         ahead[-1] += 0.1 * (new.sigma - self.points[-2].sigma) or 1e-6
-        with suppress(Lost):
+        with suppress(LostInterval):
             there, here = (self.curve.residual(u)[0] for u in (ahead, new.u))
             D[:, -1] = (there - here) / (ahead[-1] - new.sigma)
         return D
@@ -251,9 +291,9 @@ class _Walker:
         row = self.curve.normal((trail.u[i + 1] - trail.u[i]) / (trail.s[i + 1] - trail.s[i]))
         nearest = self.points[i + 1 if part > 0.5 else i]
         found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
-        return None if isinstance(found, Missed) else point(self.curve, found, FINE)
+        return None if isinstance(found, Miss) else point(self.curve, found, FINE)
 
-    def without_bound(self) -> Ending | None:
+    def find_growth(self) -> Ending | None:
         """Whether the interval is on its way to infinity; asked again only once it has grown further."""
         longest = float(self.points[-1].intervals.max())
         if longest < _AGAIN * self.asked:
@@ -274,7 +314,7 @@ class _Walker:
             u += 0.5 * gap * (here - self.trail.u[-2])
         u[-1] = sigma
         found = correct(self.curve, u, last.D, np.append(np.zeros(len(u) - 1), 1.0), closed)
-        if isinstance(found, Missed):
+        if isinstance(found, Miss):
             return None
         new = point(self.curve, found)
         self.trail.add(found.best, self.curve.length(found.best - here))
@@ -296,7 +336,7 @@ class _Walker:
         kappa = critical(test, kappas(at.multipliers, curve.sign, neutral))
         if kappa is None:
             return None
-        return described(curve, test, kappa, at, i, self.turns(i))
+        return describe_crossing(curve, test, kappa, at, i, self.turns(i))
 
     def turns(self, i: int) -> bool:
         """Whether the parameter turns about between point i and the next."""
@@ -307,3 +347,187 @@ class _Walker:
         near = interpolate(np.array(trail.s[i - 1 : i + 2]), np.array(sigma)[:, None], trail.s[i + 1] - h)
         before, after = sigma[1] - sigma[0], sigma[2] - float(near[0])
         return bool(before * (sigma[2] - sigma[1]) < 0 or before * after < 0)
+
+
+AWAY = 0.02  # of the state's size: the first step onto a branch that branches off
+BRANCHING = ("flip", "symmetry breaking", "branch point")
+
+
+@limit_to_one_thread()
+def follow(
+    run: RunFile,
+    name: str,
+    to: float,
+    *,
+    start_at: float | None = None,
+    plant: PlantKind = "mujoco",
+    start: Start | Guess = "auto",
+    points: int = 40,
+    progress: Callable[[float], None] | None = None,
+) -> Branch:
+    """The branch of cycles of a run file along a parameter, by pseudo-arclength continuation.
+
+    Args:
+        run: the run file; its ``simulation.limit`` defines when the body has fallen.
+        name: name of the parameter: ``b``, ``q_t``, ``delay``, ``delta_min``, ``rho``, a change such as ``mass:trunk``
+            (by a factor), or a dotted key of the run file.
+        to: its last value.
+        start_at: its first value; by default that of the run file.
+        plant: ``linear`` or ``mujoco``.
+        start: first guess of the first cycle; see :func:`icmj.cycle.cycle.find_cycle`.
+        points: minimum number of cycles, if the branch reaches ``to``.
+        progress: called repeatedly with the completed fraction of the range, 0–1.
+
+    Raises:
+        CycleError: if there is no such parameter, or no cycle to start from, with the reason.
+        IcmjError: if the run file does not allow a value, or no loop can be formed from it.
+    """
+    of = parameter(name)
+    first = of.value(run) if start_at is None else start_at
+    over, run = Range(first, to), of.put(run, first)
+    if isinstance(start, Guess):
+        family, guess = Family(run, of, plant), start
+    else:
+        case = expect_prediction(prepare(run), "a branch of cycles")
+        family = Family(run, of, plant, case)
+        guess = _guess(case, family.at(first), start)
+    curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
+    curve.longest = LONGEST * guess.longest
+    loop = curve.loop(0.0)
+    try:
+        found = close_cycle(loop, guess)
+    except CycleError as error:
+        raise CycleError(f"{run.path}: {error}") from error
+    if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
+        raise CycleError(f"{run.path}: no cycle of the event rule: an interval has decreased to the least one")
+    N = len(found.z)
+    row = np.append(np.zeros(N), 1.0)
+    unit = curve.unit(loop)
+    G = curve.sign * fast_jacobian(loop, found.turn, unit) * (unit[None, :] / unit[:, None]) - np.eye(N)
+    at = correct(curve, curve.u(found.z, 0.0), np.column_stack([G, np.zeros(N)]), row)
+    assert not isinstance(at, Miss)
+    walked = walk(curve, point(curve, at), points=points, neutral=found.neutral, progress=progress)
+    return _branch(curve, walked, run, found.neutral)
+
+
+@limit_to_one_thread()
+def branch_off(
+    branch: Branch,
+    special: SpecialPoint,
+    *,
+    to: float | None = None,
+    away: float = AWAY,
+    points: int = 40,
+    progress: Callable[[float], None] | None = None,
+) -> Branch:
+    """The branch that begins at a flip, a loss of symmetry or a branch point of another.
+
+    Args:
+        branch: the other branch.
+        special: one of its special points.
+        to: last value of the parameter on one side; by default the range of ``branch``.
+        away: length of the first step, relative to the size of the state; its sign selects the side.
+        points, progress: as for :func:`follow`.
+
+    Raises:
+        CycleError: if no branch begins at this point, or no cycle was found on the new branch.
+    """
+    if special.kind not in BRANCHING:
+        raise CycleError(f"nothing branches off from a {special.kind}; take one of {', '.join(BRANCHING)}")
+    of = parameter(branch.parameter)
+    doubled = special.kind != "branch point"
+    p = len(special.intervals) * (2 if doubled else 1)
+    sign = 1 if doubled else branch.sign
+    low, high = float(branch.value.min()), float(branch.value.max())
+    over = Range(low, high) if to is None else Range(low if to > special.value else high, to)
+    family = Family(branch.run, of, branch.plant)
+    size = _size(family, float(branch.value[0]))
+    curve = Curve(family, over, p, sign, branch.scale, size)
+    curve.patient(float(special.intervals.max()))
+    sigma = over.sigma(special.value)
+    loop = curve.loop(sigma)
+    unit = curve.unit(loop)
+    turn = loop.turn(special.state, len(special.intervals))
+    J = fast_jacobian(loop, turn, unit)
+    v = direction(J * (unit[None, :] / unit[:, None]), special.multiplier)
+    u = curve.u(special.state, sigma)
+    curve.weigh(u)
+    J = J @ J if doubled else J
+    D = np.column_stack([sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit)), np.zeros(len(unit))])
+    h = 1e-4
+    ahead = u + np.append(np.zeros(len(unit)), h)
+    D[:, -1] = (curve.residual(ahead)[0] - curve.residual(u)[0]) / h
+    v /= np.abs(v).max()
+    tangent = np.append(v, 0.0)
+    if not doubled:  # across the branch that is known
+        along = _known_tangent(curve, branch, special)
+        tangent -= curve.normal(along) @ tangent / (curve.normal(along) @ along) * along
+    for shorter in (1.0, 0.3, 0.1, 3.0):
+        step = away * shorter * tangent
+        found = correct(curve, u + step, D, curve.normal(tangent))
+        if not isinstance(found, Miss) and curve.turn_of(tangent, found.u - u) > 0.5:
+            break
+    else:
+        raise CycleError(f"no cycle was found on the branch that leaves at {branch.parameter} = {special.value:.6g}")
+    walked = walk(
+        curve, point(curve, found), points=points, tangent=found.u - u, neutral=branch.neutral, progress=progress
+    )
+    return _branch(curve, walked, branch.run, branch.neutral)
+
+
+def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array:
+    i = min(special.index, len(branch) - 2)
+    ends = [curve.u(branch.states[j, 0], curve.range.sigma(float(branch.value[j]))) for j in (i, i + 1)]
+    return np.asarray(ends[1] - ends[0])
+
+
+def _guess(case: PredictedCase, loop: ReturnMap, start: Start) -> Guess:
+    orbit = case.prediction.orbit
+    if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
+        return from_prediction(case, loop, case.rule.size)
+    return from_simulation(loop, case.system.T_hat)
+
+
+def _size(family: Family, value: float) -> float:
+    return float(getattr(family.at(value).controller.trigger, "size", 1.0))
+
+
+def _branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
+    """A walk as a branch, its courses laid end to end."""
+    points, plant = walked.points, curve.loop(walked.points[0].sigma).linear
+
+    def laid(name: str) -> Array:
+        return np.array([np.concatenate([getattr(sample, name) for sample in at.samples]) for at in points])
+
+    starts = [np.concatenate([[0.0], np.cumsum(at.intervals)[:-1]]) for at in points]
+    t = [
+        np.concatenate([s + sample.t for s, sample in zip(begin, at.samples, strict=True)])
+        for begin, at in zip(starts, points, strict=True)
+    ]
+    return Branch(
+        run=run,
+        parameter=curve.family.parameter.name,
+        plant=curve.family.plant,
+        mirrored=curve.sign < 0,
+        value=np.array([at.value for at in points]),
+        intervals=np.array([at.intervals for at in points]),
+        states=np.array([at.states for at in points]),
+        scale=curve.scale,
+        y_peak=np.array([at.y_peak for at in points]),
+        y_range=np.array([at.y_range for at in points]),
+        multipliers=np.array([at.multipliers for at in points]),
+        closure=np.array([at.closure for at in points]),
+        graze=np.array([at.graze for at in points]),
+        neutral=neutral,
+        t=np.array(t),
+        x=laid("x"),
+        y=laid("y"),
+        u=laid("u"),
+        qpos=laid("qpos"),
+        outputs=plant.outputs,
+        inputs=plant.inputs,
+        names=plant.states,
+        units=plant.output_units or ("",) * plant.n_y,
+        specials=walked.specials,
+        end=walked.end,
+    )

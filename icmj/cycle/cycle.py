@@ -1,22 +1,272 @@
-"""A cycle of the simulated loop, attracting or not, computed directly with its multipliers."""
+"""A cycle of the simulated loop, attracting or not, computed directly with its multipliers.
+
+Newton's method on the return map: sign · P^p(z) = z.
+
+Its first guesses come from the linear prediction, or from the end of a simulation.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import SAME, Array
-from icmj.base.environment import single_threaded
-from icmj.case.case import Case, expect_prediction
+from icmj.base.process import limit_to_one_thread
+from icmj.case.case import Case, expect_prediction, simulate_plant
 from icmj.case.plants import linear_plant
-from icmj.cycle.jacobian import fast_jacobian, jacobian, multipliers
-from icmj.cycle.newton import CLOSED, Closed, Guess, from_prediction, from_simulation, newton, shortest
-from icmj.cycle.return_map import Lost, PlantKind, ReturnMap, Turn
+from icmj.cycle.return_map import (
+    Flights,
+    LostInterval,
+    PlantKind,
+    ReturnMap,
+    Turn,
+    fast_jacobian,
+    jacobian,
+    multipliers,
+)
 from icmj.errors import CycleError
+from icmj.measurement.measurement import closure, event_states, measure
+
+if TYPE_CHECKING:
+    from icmj.case.case import PredictedCase
+
+CLOSED = 1e-10  # relative closure that counts
+FLOOR = 2e-13  # relative closure below which a flight is only rounding
+MOST = 25  # iterations
+RANK = 1e-9  # singular values of sign·J − I below this, relative to the largest, are those of neutral modes
+_HALVINGS = 12
+LOG = logging.getLogger(__name__)
+_MOST_EVENTS = 8  # per period, of what a simulation that has not settled may be near to
+_QUIET = 1e-2  # of the middle one: the least scale of a state that does not move on the orbit
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedCycle:
+    """A cycle that Newton's method found.
+
+    Attributes:
+        z: state at an event, shape (N,).
+        turn: its p intervals.
+        closure: largest |sign·P^p(z) − z| relative to ``scale``.
+        history: closures of all iterates, the first guess first.
+        neutral: directions in which the cycle is not isolated; 0 but where a mode is neutral.
+    """
+
+    z: Array
+    turn: Turn
+    closure: float
+    history: tuple[float, ...]
+    neutral: int = 0
+
+
+def newton(
+    loop: Flights,
+    z: Array,
+    scale: Array,
+    derivative: Callable[[Turn], Array],
+    *,
+    p: int = 1,
+    sign: int = 1,
+    closed: float = CLOSED,
+    progress: Callable[[float], None] | None = None,
+) -> ClosedCycle:
+    """Solve sign·P^p(z) = z, damped; the derivative is taken at the first guess and updated (Broyden), and taken anew
+    where that converges slowly.
+
+    Along neutral modes sign·J − I is singular, and the step is the shortest one.
+
+    Args:
+        loop: the return map.
+        z: first guess, shape (N,).
+        scale: size of each state on the cycle, shape (N,).
+        derivative: DP^p along a turn, shape (N, N).
+        p, sign: how many intervals, and whether they end in the mirror image.
+        closed: closure that is enough.
+        progress: called after each step with how many of the digits it lacked at first the closure has gained, 0–1.
+
+    Raises:
+        CycleError: if it finds none; the message says what the last iterates did.
+    """
+    D = scale[None, :] / scale[:, None]
+
+    def residual(w: Array) -> tuple[Array, Turn]:
+        turn = loop.turn(w, p)
+        return (sign * turn.end - w) / scale, turn
+
+    try:
+        r, turn = residual(z)
+    except LostInterval as lost:
+        raise CycleError(f"no cycle: the first guess does not come back; {lost}") from lost
+    G, fresh, neutral = None, False, 0
+    history = [float(np.abs(r).max())]
+    for _ in range(MOST):
+        if history[-1] <= FLOOR or (history[-1] <= closed and len(history) > 1 and history[-1] > 0.1 * history[-2]):
+            break
+        if G is None:
+            G, fresh = sign * derivative(turn) * D - np.eye(len(z)), True
+        step, neutral = shortest(G, -r)
+        found = _damp(residual, z, r, step, scale)
+        if found is None:
+            if history[-1] <= closed:
+                break
+            if not fresh:
+                G = None
+                continue
+            raise CycleError(_explain_failure(loop, turn, history, _jump(residual, z, turn, step, scale)))
+        length, z_new, r_new, turn_new = found
+        # Broyden's update with what this step has shown
+        s = length * step
+        G = G + np.outer(r_new - r - G @ s, s) / (s @ s)
+        if np.abs(r_new).max() > 0.2 * np.abs(r).max() and np.abs(r_new).max() > closed:
+            G = None
+        z, r, turn, fresh = z_new, r_new, turn_new, False
+        history.append(float(np.abs(r).max()))
+        LOG.debug("Newton step %d: closure %.1e", len(history) - 1, history[-1])
+        if progress is not None:
+            gained, lacking = np.log(history[0] / max(history[-1], closed)), np.log(max(history[0] / closed, 2.0))
+            progress(float(np.clip(gained / lacking, 0, 1)))
+    if not history[-1] <= closed:
+        raise CycleError(_explain_failure(loop, turn, history))
+    return ClosedCycle(z, turn, history[-1], tuple(history), neutral)
+
+
+def shortest(G: Array, r: Array) -> tuple[Array, int]:
+    """The least-squares step, and the number of singular directions in which it is zero."""
+    U, s, Vt = np.linalg.svd(G)
+    kept = s > RANK * s[0]
+    step = Vt[kept].T @ ((U.T @ r)[kept] / s[kept])
+    return step, int((~kept).sum())
+
+
+def _damp(
+    residual: Callable[[Array], tuple[Array, Turn]], z: Array, r: Array, step: Array, scale: Array
+) -> tuple[float, Array, Array, Turn] | None:
+    """The longest damped step that reduces the residual; ``None`` if none does."""
+    length, size = min(1.0, 2.0 / max(float(np.abs(step).max()), 1e-300)), float(np.linalg.norm(r))
+    for _ in range(_HALVINGS):
+        there = z + length * step * scale
+        try:
+            r_new, turn = residual(there)
+        except LostInterval:
+            length /= 2
+            continue
+        if np.linalg.norm(r_new) < (1 - 1e-4 * length) * size:
+            return length, there, r_new, turn
+        length /= 2
+    return None
+
+
+def _jump(
+    residual: Callable[[Array], tuple[Array, Turn]], z: Array, turn: Turn, step: Array, scale: Array
+) -> tuple[float, float] | None:
+    """Two lengths of one interval on both sides of an edge of the map that lies close to z [s]; ``None`` without."""
+    try:
+        there = residual(z + 0.5**_HALVINGS * min(1.0, 2.0 / max(float(np.abs(step).max()), 1e-300)) * step * scale)[1]
+    except LostInterval as lost:
+        return float(turn.intervals[-1]), lost.flown
+    gap = np.abs(there.intervals - turn.intervals)
+    worst = int(gap.argmax())
+    if gap[worst] < 0.02 * turn.intervals[worst]:
+        return None
+    return float(turn.intervals[worst]), float(there.intervals[worst])
+
+
+def _explain_failure(loop: Flights, turn: Turn, history: list[float], jump: tuple[float, float] | None = None) -> str:
+    where = f"Newton's iterates stop at a closure of {min(history):.1e} after {len(history) - 1} steps"
+    if jump is not None:
+        early, late = sorted(jump)
+        return (
+            f"no cycle: the event function grazes zero at {early:.6g} s, and an event there cuts the interval of "
+            f"{late:.6g} s short; {where}"
+        )
+    if any(loop.has_collapsed(interval) for interval in turn.intervals):
+        return f"no cycle: {where}, with an interval at the least one, {loop.least:g} s"
+    last = ", ".join(f"{interval:.4g}" for interval in turn.intervals)
+    return f"no cycle: {where}, intervals {last} s; start nearer to one, or from a simulation"
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A first guess of a cycle.
+
+    Attributes:
+        z: state at an event, departures from the operating point; shape (N,).
+        scale: size of each state on the cycle, positive, shape (N,).
+        p: number of intervals after which it returns.
+        sign: −1 if it returns as its mirror image.
+        longest: its longest interval [s].
+    """
+
+    z: Array
+    scale: Array
+    p: int
+    sign: int
+    longest: float
+
+
+def from_prediction(case: PredictedCase, loop: ReturnMap, size: float) -> Guess:
+    """The linear orbit at the threshold ``size``.
+
+    Raises:
+        CycleError: if the theory has none.
+    """
+    orbit = case.prediction.orbit
+    if orbit is None or not np.isfinite(orbit.gamma):
+        why = "the linear theory has no orbit" if orbit is None else orbit.reason
+        raise CycleError(f"{case.run.path}: {why}; start from a simulation")
+    factor = size / case.rule.size
+    parts = case.system.start(orbit.x_bar * factor)
+    z = loop.join(*parts)
+    n, m = case.system.n, case.system.n_hat
+    X = np.abs(case.system.to_original(orbit.X) * factor).max(axis=0)
+    scale = positive(loop.join(X[:n], X[n : n + m], X[n + m :]))
+    sign, p = orbit.sign, 1
+    if sign < 0 and not loop.odd(z, scale):
+        sign, p = 1, 2  # no mirror image: nearly mirrored halves
+    return Guess(z, scale, p, sign, orbit.delta)
+
+
+def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], None] | None = None) -> Guess:
+    """The approximate return to an earlier state at the end of a run.
+
+    Raises:
+        CycleError: if the run has no events, falls, or diverges.
+    """
+    run = simulate_plant(loop.plant, loop.controller, loop.settings, progress=progress, match="position")
+    K = len(run.events)
+    if run.outcome.kind not in ("completed", "sliding") or K < 4:
+        raise CycleError(f"no cycle to start from: the run {run.outcome.message}, after {K} events")
+    measured = measure(run, T_hat=T_hat)
+    if measured.kind in ("homoclinic", "growth", "decay"):
+        raise CycleError(f"no cycle to start from. {measured.words}")
+    states = event_states(run, T_hat)
+    if measured.p is not None:
+        sign = -1 if measured.mirrored else 1
+        p = measured.p // 2 if measured.mirrored else measured.p
+    else:
+        ways = [(q, s) for q in range(1, min(_MOST_EVENTS, K // 3) + 1) for s in (1, -1)]
+        # a longer period must close clearly better
+        p, sign = min(ways, key=lambda way: closure(states, run.events.interval, *way)[-way[0] :].max() * 1.5 ** way[0])
+    events = run.events
+    z = loop.join(events.x[-1], events.x_o[-1], events.x_h[-1])
+    late = run.t >= events.t[-min(2 * p + 1, K)]
+    scale = positive(loop.join(*(np.abs(part[late]).max(axis=0) for part in (run.x, run.x_o, run.x_h))))
+    return Guess(z, scale, p, sign, float(events.interval[-2 * p :].max()))
+
+
+def positive(scale: Array) -> Array:
+    """The scale, with a small positive number for states that do not move."""
+    good = np.isfinite(scale) & (scale > 0)
+    if not good.any():
+        raise CycleError("no cycle to start from: nothing moves")
+    least = _QUIET * float(np.median(scale[good]))
+    return np.where(good, np.maximum(scale, 1e-6 * least), least)
+
 
 Start = Literal["auto", "prediction", "simulation"]
 LONGEST = 20.0  # of the first guess's intervals: a flight this long without an event does not come back
@@ -112,7 +362,7 @@ class Cycle:
         )
 
 
-@single_threaded()
+@limit_to_one_thread()
 def find_cycle(
     case: Case,
     plant: PlantKind = "mujoco",
@@ -148,7 +398,7 @@ def find_cycle(
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
     actual = linear_plant(case.actual, settings) if plant == "linear" else case.model
     controller = replace(case.controller.triggered_by(rule), setpoint=None)
-    loop = ReturnMap(actual, controller, settings).refined(refinement)
+    loop = ReturnMap(actual, controller, settings).refine(refinement)
     orbit = case.prediction.orbit
     if start == "auto":
         start = "prediction" if orbit is not None and np.isfinite(orbit.gamma) else "simulation"
@@ -185,17 +435,17 @@ def exact(
     p, sign = guess.p, guess.sign
     scale = guess.scale
 
-    found = closed_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
-    if any(loop.collapsed(interval) for interval in found.turn.intervals):
+    found = close_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
+    if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
         raise CycleError(f"no cycle of the event rule: an interval has decreased to the least one, {least:g} s")
     found, p, sign = _shortest_period(loop, found, p, sign, scale)
-    return described(loop, found, p, sign, scale, threads=threads)
+    return describe_cycle(loop, found, p, sign, scale, threads=threads)
 
 
-def closed_cycle(
+def close_cycle(
     loop: ReturnMap, guess: Guess, closed: float = CLOSED, progress: Callable[[float], None] | None = None
-) -> Closed:
+) -> ClosedCycle:
     """The cycle nearest to ``guess`` without its multipliers.
 
     Raises:
@@ -208,7 +458,7 @@ def closed_cycle(
     return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed, progress=progress)
 
 
-def described(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
+def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
     """The results for a cycle that Newton's method found."""
     J = jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
     values, errors = multipliers(J, scale)
@@ -239,26 +489,28 @@ def extent(turn: Turn, sign: int) -> tuple[Array, Array]:
     return peak, (turn.y_max - turn.y_min if sign > 0 else 2 * peak)
 
 
-def _interval_error(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array, J: Array) -> float:
+def _interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, J: Array) -> float:
     """Relative error of the mean interval due to the timestep, estimated from the cycle at half the timestep.
 
     The cycle at half the step is one Newton step away, with the same derivative.
     """
     if loop.kind == "linear":
         return 0.0
-    finer = loop.refined(0.5)
+    finer = loop.refine(0.5)
     try:
         turn = finer.turn(found.z, p)
         step, _ = shortest(
             (sign * J - np.eye(len(J))) * (scale[None, :] / scale[:, None]), (found.z - sign * turn.end) / scale
         )
         turn = finer.turn(found.z + step * scale, p)
-    except Lost:
+    except LostInterval:
         return float("nan")
     return float(abs(turn.intervals.mean() / found.turn.intervals.mean() - 1) * 16 / 15)
 
 
-def _shortest_period(loop: ReturnMap, found: Closed, p: int, sign: int, scale: Array) -> tuple[Closed, int, int]:
+def _shortest_period(
+    loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array
+) -> tuple[ClosedCycle, int, int]:
     """The same cycle with its smallest number of intervals."""
     states, mirror = found.turn.states, loop.odd(found.z, scale)
     for q in range(1, p + 1):

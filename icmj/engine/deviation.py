@@ -1,4 +1,9 @@
-"""The deviation of the actual plant from a model: a set of changes, applied before it is compiled."""
+"""Changes of a model before it is compiled: those of the actual plant, and the measures of a person.
+
+The deviation of the actual plant from a model: a set of changes, applied before it is compiled.
+
+A model of shank, thigh and trunk, with or without a foot, scaled to the body measures of a person.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +15,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.errors import ModelError
-from icmj.plant.change import Change, What
+from icmj.plant.body import ANKLE_HEIGHT, SEGMENTS, Change, Person, What
 
 
-def frozen(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def freeze_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """Write the inertia of ``model``, as which the spec compiles, into every body, to be changed without its geoms."""
     for body in spec.bodies:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name) if body.name else int(body.id)
@@ -28,7 +33,7 @@ def frozen(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     spec.compiler.settotalmass = -1
 
 
-def lengthened(body: mujoco.MjsBody, factor: float) -> None:
+def lengthen(body: mujoco.MjsBody, factor: float) -> None:
     """Scale everything placed in the body's frame about its origin; the mass stays, inertia scales with the square."""
     for thing in (*body.bodies, *body.joints, *body.sites, *body.frames, *body.cameras, *body.lights):
         thing.pos = np.asarray(thing.pos) * factor
@@ -81,7 +86,7 @@ class Deviation:
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]
         if any(change.what in _INERTIAL for change in inside):
-            frozen(spec, model)
+            freeze_inertia(spec, model)
         for change in inside:
             try:
                 _apply(spec, change, self.rho)
@@ -90,7 +95,7 @@ class Deviation:
             except ModelError as error:
                 raise ModelError(f"{name}: {error}") from error
         if self.edit is not None:
-            frozen(spec, spec.copy().compile() if inside else model)
+            freeze_inertia(spec, spec.copy().compile() if inside else model)
             try:
                 self.edit(spec, self.rho)
             except Exception as error:  # whatever the user's code raises
@@ -160,7 +165,7 @@ def _apply(spec: mujoco.MjSpec, change: Change, rho: float) -> None:
         verb: Callable[..., None] = {"mass": _mass, "inertia": _inertia, "centre_of_mass": _com, "length": _length}[
             change.what
         ]
-        for body in _chosen(change, known, "body", lambda body: body.mass > 0):
+        for body in _choose(change, known, "body", lambda body: body.mass > 0):
             verb(body, change, rho)
         return
     if change.what in _PASSIVE:
@@ -170,12 +175,12 @@ def _apply(spec: mujoco.MjSpec, change: Change, rho: float) -> None:
             things = list(spec.joints)
     else:
         things, kind = list(spec.actuators), "actuator"
-    for thing in _chosen(change, [(thing.name, thing) for thing in things], kind, lambda thing: True):
+    for thing in _choose(change, [(thing.name, thing) for thing in things], kind, lambda thing: True):
         before = getattr(thing, change.what)
         setattr(thing, change.what, change(before, rho) if np.ndim(before) else float(change(before, rho)))
 
 
-def _chosen(change: Change, known: list, kind: str, where: Callable) -> list:
+def _choose(change: Change, known: list, kind: str, where: Callable) -> list:
     """The selected entries; of several with the same name, the first."""
     if change.of is None:
         return [thing for _, thing in known if where(thing)]
@@ -203,4 +208,68 @@ def _com(body: mujoco.MjsBody, change: Change, rho: float) -> None:
 
 
 def _length(body: mujoco.MjsBody, change: Change, rho: float) -> None:
-    lengthened(body, float(change(1.0, rho)))
+    lengthen(body, float(change(1.0, rho)))
+
+
+JOINTS = ("ankle", "knee", "hip")
+
+
+def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person, name: str) -> mujoco.MjModel:
+    """Give the bodies ``shank``, ``thigh`` and ``trunk`` of ``spec`` the measures of ``person``, upwards along z.
+
+    What is placed on a body (geoms, sites) grows with it. The joints ``ankle``, ``knee`` and ``hip`` get its passive
+    torque. A body ``foot`` gets its mass and length; ``feet``, which is fixed, and a floor named ``floor`` only follow
+    the height. ``model`` is what the spec compiles to; returns what it then compiles to.
+
+    Raises:
+        ModelError: if the model lacks one of the bodies or joints; it begins with ``name``.
+    """
+    bodies = {body.name: body for body in spec.bodies}
+    joints = {joint.name: joint for joint in spec.joints}
+    missing = [f"body {b!r}" for b in SEGMENTS if b not in bodies] + [f"joint {j!r}" for j in JOINTS if j not in joints]
+    if missing:
+        raise ModelError(f"{name}: a person is put into a model of shank, thigh and trunk; it has no {missing[0]}")
+    freeze_inertia(spec, model)
+    names = list(SEGMENTS)
+    for body, above in zip(names, (*names[1:], None), strict=True):
+        known = bodies[above].pos[2] if above else bodies[body].ipos[2]
+        wanted = person.length_of(body) if above else person.com_of(body)
+        _measure(bodies[body], wanted / float(known), person, body)
+        if above:
+            bodies[above].pos = [0, 0, person.length_of(body)]
+    _stand(spec, bodies, person)
+    for j, (joint, G) in enumerate(zip(JOINTS, person.toppling_stiffness(_gravity(spec)), strict=True)):
+        joints[joint].stiffness = [person.stiffness[j] * G, *np.asarray(joints[joint].stiffness)[1:]]
+        joints[joint].damping = [person.damping * G, *np.asarray(joints[joint].damping)[1:]]
+    return spec.compile()
+
+
+def _measure(body: mujoco.MjsBody, factor: float, person: Person, name: str) -> None:
+    """Scale the elements of the body and set its mass; the inertia across the plane of sway scales in proportion."""
+    lengthen(body, factor)
+    inertia = np.asarray(body.inertia, dtype=float)
+    body.ipos = [0, 0, person.com_of(name)]
+    body.inertia = inertia * (person.inertia_of(name) / inertia[1])
+    body.mass = person.mass_of(name)
+
+
+def _stand(spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody], person: Person) -> None:
+    """Feet and floor: the floor lies where the ankle's height above it is the person's."""
+    floor = next((geom for geom in spec.geoms if geom.name == "floor"), None)
+    if floor is None or not floor.pos[2] < 0:
+        return
+    factor = -ANKLE_HEIGHT * person.height / float(floor.pos[2])
+    floor.pos = [floor.pos[0], floor.pos[1], -ANKLE_HEIGHT * person.height]
+    for name in ("feet", "foot"):
+        if name not in bodies:
+            continue
+        foot = bodies[name]
+        lengthen(foot, factor)
+        if name == "foot":
+            inertia = np.asarray(foot.inertia)
+            foot.mass = person.mass_of(name)
+            foot.inertia = inertia * (person.inertia_of(name) / inertia[1])
+
+
+def _gravity(spec: mujoco.MjSpec) -> float:
+    return float(np.linalg.norm(spec.option.gravity))

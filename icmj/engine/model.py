@@ -1,8 +1,17 @@
-"""The MJCF model: loading, deviation, operating point, and the names of its elements."""
+"""The MJCF model: its elements, its operating point, and its actuators with their activations.
+
+Actuator activations: their rates and limits, and the second-order lag that icmj adds.
+
+An actuator with ``dyntype="user" actdim="2" dynprm="ω_n ζ"`` has the transfer function
+ω_n²/(s² + 2ζω_n s + ω_n²) from control to torque (paper, section 4.1, "Neglected dynamics").
+Its activations are (torque rate, torque); MuJoCo takes the last as the actuator's activation.
+
+The MJCF model: loading, deviation, operating point, and the names of its elements.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
@@ -12,12 +21,116 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.actuator import activate, muscles_of
-from icmj.engine.deviation import Deviation
-from icmj.engine.person import shape
+from icmj.engine.deviation import Deviation, shape
 from icmj.errors import ModelError
-from icmj.plant.activation import Activation
-from icmj.plant.person import Person
+from icmj.plant.body import Activation, Lag, Person
+
+
+def is_second_order_lag(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether this actuator is a second-order lag by the convention above."""
+    return (
+        model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_USER
+        and model.actuator_actnum[actuator] == 2
+        and model.actuator_dynprm[actuator, 0] > 0
+    )
+
+
+def lag(u: float, rate: float, torque: float, omega_n: float, zeta: float) -> tuple[float, float]:
+    """d/dt of (rate, torque) of a second-order lag with the input ``u``; compiled code calls it, too."""
+    return omega_n * omega_n * (u - torque) - 2 * zeta * omega_n * rate, rate
+
+
+def second_order_lag(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+    """MuJoCo activation callback in Python: writes ``act_dot`` of one second-order lag."""
+    if is_second_order_lag(model, actuator):
+        adr = model.actuator_actadr[actuator]
+        data.act_dot[adr : adr + 2] = lag(
+            data.ctrl[actuator], *data.act[adr : adr + 2], *model.actuator_dynprm[actuator, :2]
+        )
+    return 0.0
+
+
+def clamp(model: mujoco.MjModel, act: Array) -> Array:
+    """Activations as a step of the engine leaves them: within ``actrange``, shape (na,)."""
+    there = act.copy()
+    for i in np.flatnonzero(model.actuator_actlimited):
+        own = slice(model.actuator_actadr[i], model.actuator_actadr[i] + model.actuator_actnum[i])
+        there[own] = np.clip(act[own], *model.actuator_actrange[i])
+    return there
+
+
+def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Rates of the activations after a forward pass, shape (na,), as limited by ``actrange``.
+
+    ``act_dot`` knows no ``actrange``.
+    """
+    wanted = data.act + model.opt.timestep * data.act_dot
+    there = clamp(model, wanted)
+    return np.where(there == wanted, data.act_dot, (there - data.act) / model.opt.timestep)
+
+
+def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
+    """Lags by actuator among ``names``; only those in ``inputs`` have a lag, or all if it is not given.
+
+    Raises:
+        ModelError: if the activation names what is no input.
+    """
+    if activation is None:
+        return {}
+    chosen = [name for name in inputs or names if name in names]  # others are refused with the ports
+    pairs = zip(chosen, activation.lags(chosen), strict=True)
+    return {names.index(name): lag for name, lag in pairs if lag is not None}
+
+
+def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], lags: Mapping[int, Lag]) -> None:
+    """Give the actuators of ``spec`` (compiled: ``model``) these lags, at rest in its keyframes.
+
+    Raises:
+        ModelError: if one of them is no motor, or has dynamics of its own.
+    """
+    at_keys = [
+        with_muscles(model.actuator_actnum, lags, model.key_act[i], model.key_ctrl[i]) for i in range(model.nkey)
+    ]
+    for i, lag in lags.items():
+        actuator = spec.actuators[i]
+        if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE:
+            raise ModelError(f"activation: input {names[i]!r} has dynamics of its own; leave one of them out")
+        if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.biastype != mujoco.mjtBias.mjBIAS_NONE:
+            raise ModelError(
+                f"activation: input {names[i]!r} is no motor, whose force is in proportion to its control; "
+                "name the inputs that are, such as time_constant = { ankle = 0.1 }"
+            )
+        prm = np.zeros(len(actuator.dynprm))
+        prm[: len(lag)] = lag
+        actuator.dynprm = prm
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTER if len(lag) == 1 else mujoco.mjtDyn.mjDYN_USER
+        if len(lag) == 2:
+            actuator.actdim = 2
+        actuator.actlimited, actuator.actearly = mujoco.mjtLimited.mjLIMITED_FALSE, False
+    for key, act in zip(spec.keys, at_keys, strict=True):
+        key.act = act
+
+
+def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl: Array) -> Array:
+    """Activations of a model with muscles, these at rest, from those of the model without, ``sizes`` by actuator."""
+    parts, at = [np.zeros(0)], 0
+    for i, size in enumerate(sizes):
+        own = len(lags[i]) if i in lags else 0
+        parts += [act[at : at + size], np.zeros(max(own - 1, 0)), ctrl[i : i + min(own, 1)]]
+        at += size
+    return np.concatenate(parts)
+
+
+def sizes_without(model: mujoco.MjModel, lags: Mapping[int, Lag]) -> list[int]:
+    """The number of activations of each actuator of ``model`` without those of these muscles."""
+    return [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
+
+
+def without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], act: Array) -> Array:
+    """Activations of a model without its muscles, from those of ``model``, which has them."""
+    of = [i for i, size in enumerate(model.actuator_actnum) for _ in range(int(size))]
+    return act[[i not in lags for i in of]]
+
 
 LEAST_ROOM = 4096  # numbers of a controller: those of most, with some noise
 
@@ -94,7 +207,7 @@ def load_spec(
     Between the two its ``inputs``, all actuators by default, get the lags of ``activation``. The file itself is not
     touched.
 
-    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
+    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.linearisation`.
 
     Raises:
         ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not
@@ -186,7 +299,7 @@ def model_name(model: mujoco.MjModel) -> str:
 
 def input_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the actuators, which are the plant's inputs."""
-    return _called("u", [model.actuator(i).name for i in range(model.nu)])
+    return _name_elements("u", [model.actuator(i).name for i in range(model.nu)])
 
 
 def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -224,7 +337,7 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 @contextmanager
-def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
+def solve_fully(model: mujoco.MjModel) -> Iterator[None]:
     """Let the constraint solver converge fully, because differences divide its error by eps."""
     before = model.opt.tolerance, model.opt.iterations
     model.opt.tolerance, model.opt.iterations = 0.0, max(200, model.opt.iterations)
@@ -235,10 +348,10 @@ def solved_to_the_end(model: mujoco.MjModel) -> Iterator[None]:
 
 
 def _sensors(model: mujoco.MjModel) -> tuple[str, ...]:
-    return _called("y", [model.sensor(i).name for i in range(model.nsensor)])
+    return _name_elements("y", [model.sensor(i).name for i in range(model.nsensor)])
 
 
-def _called(letter: str, names: list[str]) -> tuple[str, ...]:
+def _name_elements(letter: str, names: list[str]) -> tuple[str, ...]:
     """The names; elements without a name get a unique one, made of a letter and their number."""
     found = []
     for i, name in enumerate(names):

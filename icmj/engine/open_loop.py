@@ -1,26 +1,117 @@
-"""One open-loop interval on the engine: as a function, without a recording, and its trajectory, linearised along it."""
+"""One open-loop interval on the engine: as a function, without a recording, and its trajectory, linearised along it.
+
+The stepping of a run: adaptive steps to a tolerance, or a fixed timestep with one of MuJoCo's integrators.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of, realise, start_state
+from icmj.controller.controller import Controller, Law, layout_of, realise, start_state
+from icmj.engine.block import is_flow, may_constrain
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
-from icmj.engine.fault import EngineFault, can_fault
+from icmj.engine.model import data_at
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.safety import EngineFault, can_fault
 from icmj.engine.schedule import Recording, Schedule, Status, recording
-from icmj.engine.stepping import schedule_of
+from icmj.engine.tapped import close
 from icmj.errors import CycleError, SimulationError
-from icmj.simulation.interval import OpenLoopInterval, Sample, one_in_flight
-from icmj.simulation.settings import Settings
+from icmj.simulation.ending import OpenLoopInterval, Sample, one_in_flight
+from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
 if TYPE_CHECKING:
     from icmj.engine.native.loop import FixedLoop
+
+DEFAULT_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """The steps of a run.
+
+    Attributes:
+        timestep: h [s]; with a tolerance a length to begin with.
+        tolerance: relative error of an open-loop interval that steps are adapted to; 0 where the timestep is fixed.
+        refusal: why steps are not adapted although a tolerance was asked for; empty otherwise.
+    """
+
+    timestep: float
+    tolerance: float = 0.0
+    refusal: str = ""
+
+
+def stepping_of(loop: ComposedLoop, settings: Settings) -> Stepping:
+    """The stepping that the settings request, as far as the model allows it.
+
+    With neither tolerance, timestep nor integrator a model in which nothing can touch, rub or reach a limit is stepped
+    adaptively, to 1e-8; any other takes its own timestep and integrator. A tolerance holds for models that *could*
+    touch, too, as long as nothing does at the operating point.
+
+    Raises:
+        SimulationError: if the timestep is shorter than 1e-9 s or longer than the run.
+    """
+    asked = settings.tolerance
+    if settings.timestep is None and settings.integrator is None:
+        refusal = _refusal(loop, asked is not None)
+        if not refusal:
+            rate = loop.schedule(settings, 1.0).rate
+            return Stepping(min(1 / rate, settings.duration), asked or DEFAULT_TOLERANCE)
+        return Stepping(timestep_of(loop, settings), refusal=refusal if asked else "")
+    return Stepping(timestep_of(loop, settings))
+
+
+def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
+    """The timestep of the settings, or the model's [s].
+
+    Raises:
+        SimulationError: if it is shorter than 1e-9 s or longer than the run.
+    """
+    timestep = float(settings.timestep or loop.model.opt.timestep)
+    if not 1e-9 <= timestep <= settings.duration:
+        raise SimulationError(f"timestep {timestep} s: expected between 1e-9 s and the duration, {settings.duration} s")
+    return timestep
+
+
+def schedule_of(loop: ComposedLoop, settings: Settings) -> Schedule:
+    """The times and steps of a run.
+
+    Raises:
+        SimulationError: as for :func:`stepping_of`.
+    """
+    steps = stepping_of(loop, settings)
+    return loop.schedule(settings, steps.timestep, steps.tolerance)
+
+
+def refine(plant: MujocoPlant, controller: Law, settings: Settings, factor: float) -> Settings:
+    """The settings with ``factor`` on the timestep, or its fourth power on the tolerance.
+
+    Raises:
+        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`stepping_of`.
+    """
+    steps = stepping_of(close(plant, controller, settings), settings)
+    if steps.tolerance:
+        return replace(settings, tolerance=max(factor**4 * steps.tolerance, LEAST_TOLERANCE))
+    return replace(settings, timestep=factor * steps.timestep, tolerance=None)
+
+
+def _refusal(loop: ComposedLoop, asked: bool) -> str:
+    """Why the motion may not be smooth; empty if it is smooth."""
+    model = loop.model
+    if not is_flow(model):
+        return "an activation that is clamped or taken a step ahead, a body that sleeps or yields, or a flex"
+    if not may_constrain(model):
+        return ""
+    if not asked:
+        return "contacts, limits, friction losses or equalities may act"
+    data = data_at(model, loop.plant.linearisation.point)
+    mujoco.mj_forward(model, data)
+    return f"{data.nefc} constraints act at the operating point" if data.nefc else ""
+
 
 NEVER = 1e300  # s between rows: only events are wanted
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
@@ -30,7 +121,7 @@ EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 
 
 class EngineOpenLoop:
-    """Simulates from event to event; see :class:`icmj.simulation.interval.OpenLoop`. One for each thread."""
+    """Simulates from event to event; see :class:`icmj.simulation.ending.OpenLoop`. One for each thread."""
 
     def __init__(
         self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, like: EngineOpenLoop | None = None
@@ -46,7 +137,7 @@ class EngineOpenLoop:
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._around: list[Any] = [] if like is None else like._around
         if like is not None and _method(like.schedule) == _method(schedule):
-            self._steps: FixedLoop = like._steps.rescheduled(self.schedule, loop.plant.linearisation.point.qpos)
+            self._steps: FixedLoop = like._steps.reschedule(self.schedule, loop.plant.linearisation.point.qpos)
             return
         with loop.ready():
             self._steps = loop.stepper(self.data, self.schedule)
@@ -94,7 +185,7 @@ class EngineOpenLoop:
 
         Shapes (T, w), (m, w) → (T, m, 2 n_v + n_a).
         """
-        from icmj.engine.native.neighbours import neighbours_of, rates_at
+        from icmj.engine.native.state import neighbours_of, rates_at
 
         mujoco.mj_resetData(self.loop.model, self.data)
         with self.loop.ready():
@@ -137,7 +228,7 @@ class OpenLoops:
 
 
 class EngineCourse:
-    """See :class:`icmj.simulation.interval.Course`."""
+    """See :class:`icmj.simulation.ending.Course`."""
 
     def __init__(
         self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None

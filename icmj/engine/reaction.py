@@ -17,17 +17,14 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger
-from icmj.controller.law import Law
-from icmj.engine.actuator import second_order_lag
-from icmj.engine.callbacks import hushed, installed
-from icmj.engine.model import solved_to_the_end
+from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.engine.linearisation import forces, on_bodies, places
+from icmj.engine.model import second_order_lag, solve_fully
 from icmj.engine.plant import MujocoPlant, place
-from icmj.engine.pushing import forces, on_bodies, places
+from icmj.engine.safety import hush, install_callbacks
 from icmj.errors import ModelError
 from icmj.series.series import Series
-from icmj.simulation.pressure import Pressure
-from icmj.simulation.simulation import Simulation
+from icmj.simulation.simulation import Pressure, Simulation
 
 _STEP = 1e-5  # of a central difference, in the unit of a state, or of the torque that moves it so far
 
@@ -185,7 +182,7 @@ class _Ground:
     ) -> Iterator[int]:
         """Each row that can be computed, while the data are those of it."""
         model, data = self.model, self.data
-        with installed(act_dyn=second_order_lag), solved_to_the_end(model), hushed():
+        with install_callbacks(act_dyn=second_order_lag), solve_fully(model), hush():
             for i, row in enumerate(self.plant.linearisation.ports.whole(x)):
                 place(self.plant, data, row, u[i], None if qpos is None or not qpos.size else qpos[i])
                 try:
@@ -221,7 +218,7 @@ class _Ground:
     ) -> tuple[Array, Array]:
         """Centre of pressure (N, 2) and normal force on each geom (N, n_geom), by the contact forces.
 
-        ``pushes`` are a table of where they act (:mod:`icmj.engine.pushing`) and their sizes, shape (N, K).
+        ``pushes`` are a table of where they act (:mod:`icmj.engine.linearisation`) and their sizes, shape (N, K).
         """
         centre, load = np.full((len(x), 2), np.nan), np.zeros((len(x), self.model.ngeom))
         for i in self._visit(x, u, qpos, pushes):

@@ -16,33 +16,39 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.instant import SAME
-from icmj.base.signals import unhurried
-from icmj.controller.controller import has_trigger
-from icmj.controller.law import Law
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, Record, close_loop, integrator_of
-from icmj.engine.composition import at_ports, compose
-from icmj.engine.extremes import POINTS, POINTS_ADAPTIVE, ExtremesTracker
-from icmj.engine.fault import EngineFault, words
+from icmj.base.process import defer_interrupt as unhurried
+from icmj.base.roots import SAME
+from icmj.controller.controller import Law, has_trigger
+from icmj.engine.closed_loop import (
+    CHUNK,
+    POINTS,
+    POINTS_ADAPTIVE,
+    ComposedLoop,
+    ExtremesTracker,
+    Record,
+    at_ports,
+    close_loop,
+    compose,
+    integrator_of,
+)
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import Recording, Schedule, Status, phases_of, recording
-from icmj.engine.tableau import fastest_rate, is_stiff
+from icmj.engine.safety import EngineFault, words
+from icmj.engine.schedule import Recording, Schedule, Status, fastest_rate, is_stiff, phases_of, recording
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
-from icmj.simulation.gaussian import points_between
-from icmj.simulation.settings import LEAST_TOLERANCE, Settings
+from icmj.simulation.settings import LEAST_TOLERANCE, Settings, points_between
 from icmj.simulation.taps import (
     POWERS,
     History,
     Now,
-    begun,
+    begin,
     first_command,
     first_level,
     levels_of,
     queued,
     taps_of,
     waves_of,
-    widened,
+    widen,
 )
 
 if TYPE_CHECKING:
@@ -133,7 +139,7 @@ class TappedLoop(ComposedLoop):
         from icmj.engine.native.tapped import FULL, SAMPLES, march
 
         mujoco.mj_forward(self.model, data)
-        tapped = self._tapped(data, schedule, stand)
+        tapped = self._make_tapped(data, schedule, stand)
         record = recording(CHUNK, self.model.nsensordata + tapped.own, self.width)
         log = _Log(self, tapped, data, schedule)
         status, steps, stopped, fault, crowded = int(Status.RUNNING), 0, False, "", None
@@ -155,7 +161,7 @@ class TappedLoop(ComposedLoop):
                         crowded = pace.stalled(*log.take(record))
                         if status == FULL:
                             tapped, status = (
-                                tapped._replace(history=widened(tapped.history), now=queued(tapped.now)),
+                                tapped._replace(history=widen(tapped.history), now=queued(tapped.now)),
                                 int(Status.RUNNING),
                             )
                         if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
@@ -179,7 +185,7 @@ class TappedLoop(ComposedLoop):
         y_max, y_min = log.tracker.result()
         return TappedRecord(rows, events, y_max, y_min, steps, outcome, u, mode, stands[0])
 
-    def _tapped(self, data: mujoco.MjData, schedule: Schedule, stand: Stand | None) -> Tapped:
+    def _make_tapped(self, data: mujoco.MjData, schedule: Schedule, stand: Stand | None) -> Tapped:
         """The controller and where it is, with its readings and records, for a run from ``data``."""
         from icmj.engine.native.tapped import Reader, Tapped, Track
 
@@ -191,7 +197,7 @@ class TappedLoop(ComposedLoop):
         joint, ports, edges = not realisation.tapped, here.ports, schedule.edges
         if stand is None:
             a = data.act[self.block.act][:n_a] if joint else None
-            history, now = begun(taps, realisation, self.y(data.sensordata) + self.errors(0.0), a)
+            history, now = begin(taps, realisation, self.y(data.sensordata) + self.errors(0.0), a)
             stand = Stand(0.0, 0.0, history, now, first_level(realisation), ())  # type: ignore[arg-type]
         nu, entries = len(self.block.ctrl_0), len(self.block.y_0)
         modes = [at_ports(self.plant, mode, nu, entries) for mode in realisation.modes if joint]

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, instants, naturals
-from icmj.base.card import Card, Shown
-from icmj.case.case import Case, PlantKind, prepare, revised, simulate, simulate_plant
+from icmj.base.numbers import Card, WithCard
+from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
 from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
-from icmj.runfile.messages import short
 from icmj.runfile.schema import RunFile
+from icmj.runfile.table import short
 from icmj.series.series import Series
 from icmj.simulation.settings import Settings, reseeded
 from icmj.simulation.simulation import Simulation
@@ -32,7 +32,7 @@ _ALONE = 8  # runs that are not worth a process
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(Shown):
+class Batch(WithCard):
     """Many runs of one case; see :func:`simulate_many`.
 
     Attributes:
@@ -60,7 +60,7 @@ class Batch(Shown):
 
     def case(self, index: int) -> Case:
         """The case of one of these runs, which can be simulated again with its complete record."""
-        case = _varied(self.base, {key: values[index].item() for key, values in self.varied.items()})
+        case = _vary(self.base, {key: values[index].item() for key, values in self.varied.items()})
         return replace(case, settings=reseeded(case.settings, int(self.seeds[index])))
 
     def card(self) -> Card:
@@ -131,7 +131,7 @@ def simulate_many(
     size = _AT_ONCE if jobs == 1 else min(_AT_ONCE, -(-n // (2 * jobs)))
     runs = [slice(first, first + size) for first in range(0, n, size)]
     work = [(case.run, parts, plant, each[of], {k: values[of] for k, values in varied.items()}, keep) for of in runs]
-    found: list[_Told] = [_Told([], {})] * len(runs)
+    found: list[_Results] = [_Results([], {})] * len(runs)
     if jobs == 1:
         for index, arguments in enumerate(work):
             found[index] = _some(*arguments, like=case)
@@ -147,13 +147,13 @@ def simulate_many(
                 if progress is not None:
                     progress(float(done.mean()))
     names = list(dict.fromkeys(name for part in found for name in part.kept))
-    kept = {name: _stacked([array for part in found for array in part.kept[name]]) for name in names}
+    kept = {name: _stack([array for part in found for array in part.kept[name]]) for name in names}
     outcome = tuple(kind for part in found for kind in part.outcome)
     return Batch(case, each, varied, _grid(case.settings), outcome, kept)
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Results:
     """Results of some runs: the outcome and the kept quantities of each."""
 
     outcome: list[str]
@@ -169,11 +169,11 @@ def _some(
     keep: Keep,
     like: Case | None = None,
     progress: Callable[[float], None] | None = None,
-) -> _Told:
+) -> _Results:
     """Carry out some of the runs, one after the other."""
-    told, base = _Told([], {}), like or replace(LAST.get(run), **parts)
+    told, base = _Results([], {}), like or replace(LAST.get(run), **parts)
     for index, seed in enumerate(seeds):
-        case = _varied(base, {key: values[index].item() for key, values in varied.items()})
+        case = _vary(base, {key: values[index].item() for key, values in varied.items()})
         case = replace(case, settings=reseeded(case.settings, int(seed)))
         if callable(keep) or plant != "linear":
             found = simulate(case, plant)
@@ -181,7 +181,7 @@ def _some(
             actual = linear_plant(case.actual, case.settings)
             found = simulate_plant(actual, case.controller, case.settings, match="position")
         told.outcome.append(found.outcome.kind)
-        values = _numbers(keep(found)) if callable(keep) else _named(found, keep, case.settings)
+        values = _numbers(keep(found)) if callable(keep) else _name(found, keep, case.settings)
         for name, value in values.items():
             told.kept.setdefault(name, []).append(value)
         if progress is not None:
@@ -206,7 +206,7 @@ class LastCase:
         if self._case is None or self._key != key:
             self._key = None  # should this fail, the case that is kept is of no run file
             self._case, self._key = prepare(reference, like=self._case), key
-        return revised(self._case, run)
+        return revise(self._case, run)
 
 
 _TABLES = ("assumed", "actual", "design", "controller", "analysis")
@@ -229,12 +229,12 @@ def _parts(case: Case, varies: bool) -> dict[str, Any]:
     return {name: getattr(case, name) for name in ("settings", *(("controller", "rule") if there else ()))}
 
 
-def _varied(case: Case, changes: Mapping[str, Any]) -> Case:
+def _vary(case: Case, changes: Mapping[str, Any]) -> Case:
     """The case with other values; changes of the simulation alone reuse plants and design."""
     if not changes:
         return case
     run = case.run.with_(**changes)
-    return revised(case, run) if all(key.startswith("simulation.") for key in changes) else prepare(run, like=case)
+    return revise(case, run) if all(key.startswith("simulation.") for key in changes) else prepare(run, like=case)
 
 
 def _vector(key: str, values: ArrayLike) -> np.ndarray:
@@ -261,7 +261,7 @@ def _grid(settings: Settings) -> Array:
     return instants(settings.record_interval, settings.duration)
 
 
-def _named(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:
+def _name(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:
     """The quantities to keep under these names."""
     kept: dict[str, Array] = {}
     for name in keep:
@@ -294,7 +294,7 @@ def _rows(found: Simulation, name: str, settings: Settings) -> Array:
     return rows
 
 
-def _stacked(arrays: list[Array]) -> Array:
+def _stack(arrays: list[Array]) -> Array:
     """Arrays of one shape stacked; vectors of several lengths are filled up with NaN."""
     if len({array.shape for array in arrays}) > 1 and all(array.ndim == 1 for array in arrays):
         longest = max(map(len, arrays))

@@ -3,21 +3,143 @@
 A linear loop answers a line with that line. What is left, the *remnant*, is noise, or what a controller that is not
 linear, such as an intermittent one, makes of the stimulus. Over P periods of T s the record has lines 1 / (P T) apart;
 the stimulus has some of the whole multiples of 1 / T.
+
+The frequency response of a linear closed loop: responses of plant and command to sinusoids at each signal.
+
+Continuous control is linear, delayed or not; so is any controller that reads delayed outputs and has one mode. With a
+delay t_d the observer's state is carried ahead over the delay that is assumed, by the model under the commands v that
+are on their way (v acts t_d later: u = e^{−jωt_d} v):
+
+    x_p = e^{Â t} x_o + (jω − Â)⁻¹ (I − e^{(Â − jω)t}) B̂ v,      v = −k̂ x_p
+
+which is the limit of a clock that ticks ever faster. Intermittent control has no frequency response: what it makes of
+a line depends on the others. Its continuous limit is what it is compared with.
+
+Independent channels of a person on a surface that tilts: their response, and a fit of it.
+
+With the body B = 1/(J s² − m g h), passive stiffness and damping P = K + D₀ s, feedback N = K_p + K_d s after the delay
+τ, and the weight W of the angle to the surface beside that to the vertical, the body's angle in space over the tilt is
+
+    (P B + W N B e^{−sτ}) / (1 + P B + N B e^{−sτ})
+
+without force feedback (Peterka 2002; the form is that of his published model).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown
-from icmj.errors import DataError
-from icmj.series.even import even_series
-from icmj.series.series import Series
+from icmj.base.numbers import Card, WithCard
+from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.errors import AnalysisError, DataError
+from icmj.plant.linear_plant import LinearPlant, Match, match_ports
+from icmj.series.series import Series, even_series
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Frequency responses to S signals at F frequencies.
+
+    Attributes:
+        frequency: frequencies [Hz], shape (F,).
+        signals: ``d.<input>``, added to the command; ``n.<output>``, an error of the reading; ``r.<name>``, set-point.
+        x, y, u: responses of plant state, outputs and command, complex, shapes (F, n, S), (F, n_y, S), (F, n_u, S).
+        applied: responses of the acting input u + d, shape (F, n_u, S).
+    """
+
+    frequency: Array
+    signals: tuple[str, ...]
+    x: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    applied: np.ndarray
+
+    def of(self, signal: str) -> int:
+        """Index of a signal.
+
+        Raises:
+            AnalysisError: if there is no such signal.
+        """
+        if signal not in self.signals:
+            raise AnalysisError(f"no signal {signal!r} acts on the loop; expected one of {', '.join(self.signals)}")
+        return self.signals.index(signal)
+
+
+def frequency_response(
+    plant: LinearPlant, controller: Law, frequency: ArrayLike, *, match: Match = "name"
+) -> FrequencyResponse:
+    """The frequency response of ``plant`` under ``controller``, whose trigger is replaced by continuous control.
+
+    Args:
+        plant: the actual plant.
+        controller: a :class:`icmj.Controller`, or another one of a single mode without events.
+        frequency: frequencies [Hz], positive, shape (F,).
+        match: how inputs and outputs of the plant are assigned to those of the controller's model.
+
+    Raises:
+        AnalysisError: if they do not correspond, a frequency is not positive, or the controller is not linear.
+    """
+    f = np.atleast_1d(np.asarray(frequency, dtype=float))
+    if f.ndim != 1 or not (np.isfinite(f).all() and (f > 0).all()):
+        raise AnalysisError("frequencies must be positive and finite, as a vector [Hz]")
+    plant = match_ports(plant, controller.plant, match)
+    law = _respond_observed(controller, f) if has_trigger(controller) else _respond_delayed(controller, f)
+    s, n, n_u, n_y = 2j * np.pi * f[:, None, None], plant.n, plant.n_u, plant.n_y
+    # u = T (C x + n) + Q r, and x = (s − A)⁻¹ B (u + d)
+    T, Q = law
+    R = Q.shape[2]
+    D = np.concatenate([np.eye(n_u), np.zeros((n_u, n_y + R))], axis=1)
+    own = np.concatenate([np.zeros((len(f), n_u, n_u)), T, Q], axis=2)
+    x = np.linalg.solve(s * np.eye(n) - plant.A - plant.B @ T @ plant.C, plant.B @ (own + D))
+    u = T @ (plant.C @ x) + own
+    names = controller.setpoint.names if has_trigger(controller) and controller.setpoint else ()
+    signals = (
+        *(f"d.{name}" for name in plant.inputs or map(str, range(n_u))),
+        *(f"n.{name}" for name in plant.outputs or map(str, range(n_y))),
+        *(f"r.{name}" for name in names),
+    )
+    return FrequencyResponse(f, signals, x, plant.C @ x, u, u + D)
+
+
+def _respond_observed(controller: Controller, f: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Response of the command to readings and set-point, shapes (F, n_u, n_y) and (F, n_u, R)."""
+    from scipy.linalg import expm
+
+    design, delay = controller.model[0], controller.delay
+    A, B, C, k, L = design.plant.A, design.plant.B, design.plant.C, design.k, design.L
+    n, R = len(A), len(A) - controller.plant.n
+    s, eye = 2j * np.pi * f[:, None, None], np.eye(n)
+    late = np.exp(-s * delay.t_d)
+    ahead = expm(A * delay.predicted)
+    carried = np.linalg.solve(s * eye - A, (eye - ahead * np.exp(-s * delay.predicted)) @ B)
+    # v = −k (ahead x_o + carried v), u = late v
+    to_v = np.linalg.solve(np.eye(len(k)) + k @ carried, -k @ ahead)
+    # the observer knows u: s x_o = (A − L C) x_o + B u + L y + s r in the last entries
+    own = s * eye - (A - L @ C) - B @ (late * to_v)
+    moved = np.concatenate([np.zeros((n - R, R)), np.eye(R)])
+    return late * to_v @ np.linalg.solve(own, L + 0j * s), late * to_v @ np.linalg.solve(own, s * moved)
+
+
+def _respond_delayed(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]:
+    """The same for any controller without events, in its one mode."""
+    real = controller.realisation
+    if len(real.modes) != 1 or real.eventful or real.commands or real.period < np.inf:
+        raise AnalysisError(
+            f"the {controller.kind} controller has events, resets, several modes, or reads its own commands; a "
+            "frequency response is of one linear mode"
+        )
+    on, n_y = real.modes[0], controller.plant.n_y
+    s = 2j * np.pi * f[:, None, None]
+    v = np.concatenate([np.exp(-s * tau) * np.eye(n_y) for tau in real.taps], axis=1)
+    inner = np.linalg.solve(s * np.eye(len(on.M)) - on.M, on.N @ v) if len(on.M) else np.zeros((len(f), 0, n_y))
+    return -on.K @ inner - on.S @ v, np.zeros((len(f), controller.plant.n_u, 0), complex)
+
 
 FEWEST = 2  # periods: with one nothing tells noise from response
 _OFF = 1e-6  # share of a stimulus's power that may lie off its lines: rounding of a file
@@ -25,7 +147,7 @@ _WHOLE = 1e-3  # of a sample: how far a period may be from a whole number of the
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Multisine(Shown):
+class Multisine(WithCard):
     """Response and remnant, over all periods of all trials.
 
     Attributes:
@@ -209,3 +331,92 @@ def _coherence(c: np.ndarray) -> Array:
     whole = (np.abs(u) ** 2).sum(axis=0) * (np.abs(y) ** 2).sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.abs((u.conj() * y).sum(axis=0)) ** 2 / whole, float)
+
+
+_STARTS = ((1.3, 0.35, 0.12, 0.5), (1.3, 0.35, 0.2, 0.9), (1.1, 0.5, 0.08, 0.2))  # of K_p/mgh, K_d/K_p, τ, W
+
+
+@dataclass(frozen=True)
+class StanceChannels:
+    """A one-link person with independent sensory channels.
+
+    Attributes:
+        inertia: moment of inertia J about the ankle [kg m²].
+        toppling: toppling stiffness m g h [N m/rad].
+        stiffness, damping: passive stiffness K [N m/rad] and damping D₀ [N m s/rad].
+        P, D: feedback gains K_p [N m/rad] and K_d [N m s/rad].
+        delay: delay τ of the feedback [s].
+        weight: weight W of the angle to the surface and its rate; the angle to the vertical and its rate have the
+            weight 1 − W.
+        half_widths: half the widths of the 95 % confidence intervals of P, D, delay and weight, shape (4,), from a fit;
+            ``None`` otherwise.
+    """
+
+    inertia: float
+    toppling: float
+    stiffness: float = 0.0
+    damping: float = 0.0
+    P: float = 0.0
+    D: float = 0.0
+    delay: float = 0.0
+    weight: float = 1.0
+    half_widths: Array | None = field(default=None, compare=False)
+
+    def response(self, frequency: ArrayLike) -> np.ndarray:
+        """Response of the angle of the body in space to that of the surface at frequencies [Hz], complex."""
+        s = 2j * np.pi * np.asarray(frequency, dtype=float)
+        body, passive = 1 / (self.inertia * s**2 - self.toppling), self.stiffness + self.damping * s
+        active = (self.P + self.D * s) * np.exp(-s * self.delay)
+        return np.asarray((passive + self.weight * active) * body / (1 + (passive + active) * body))
+
+
+def fit_channels(body: StanceChannels, frequency: ArrayLike, response: ArrayLike, radius: ArrayLike) -> StanceChannels:
+    """Fit P, D, delay and weight of a body to a measured response.
+
+    Args:
+        body: the body, with inertia, toppling stiffness, passive stiffness and damping.
+        frequency: lines [Hz], shape (L,).
+        response: measured response, complex, shape (L,).
+        radius: radius of confidence of each response, which determines its weight, shape (L,); weights are equal if it
+            is zero or unknown.
+
+    Returns:
+        The fitted body, with half the widths of the 95 % confidence intervals. They follow from the scatter of the
+        residuals at the lines, whatever their sizes are (a sandwich estimate with leverages: MacKinnon and White 1985).
+
+    Raises:
+        DataError: if there are fewer than three lines, or shapes do not fit.
+    """
+    from scipy.optimize import least_squares
+    from scipy.special import stdtrit
+
+    f, measured, apart = (np.asarray(of) for of in (frequency, response, radius))
+    if f.ndim != 1 or len(f) < 3 or measured.shape != f.shape or apart.shape != f.shape:
+        raise DataError(f"a fit of channels needs a response at three lines or more; got {len(np.atleast_1d(f))}")
+    known = np.isfinite(apart) & (apart > 0)
+    floor = 1e-3 * np.abs(measured)  # a line without noise does not decide alone
+    weight = 1 / np.maximum(np.where(known, apart, floor), floor)
+
+    def of(numbers: Array) -> StanceChannels:
+        p, d, delay, share = numbers
+        P = float(np.exp(p)) * body.toppling
+        return replace(body, P=P, D=float(np.exp(d)) * P, delay=float(delay), weight=float(share))
+
+    def left(numbers: Array) -> Array:
+        difference = (of(numbers).response(f) - measured) * weight
+        return np.concatenate([difference.real, difference.imag])
+
+    bounds = ([np.log(1e-2), np.log(1e-3), 0.0, -0.5], [np.log(20.0), np.log(5.0), 0.6, 1.5])
+    starts = [np.array([np.log(p), np.log(d), delay, share]) for p, d, delay, share in _STARTS]
+    exact: dict[str, Any] = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14, "x_scale": [0.3, 0.3, 0.05, 0.2]}
+    found = [least_squares(left, start, bounds=bounds, **exact) for start in starts]
+    best = min(found, key=lambda fit: float(fit.cost))
+    fitted, J, residual = of(best.x), np.asarray(best.jac), np.asarray(best.fun)
+    inverse = np.linalg.pinv(J.T @ J)
+    leverage = np.einsum("ij,jk,ik->i", J, inverse, J)
+    scaled = J * (residual / np.maximum(1 - leverage, 1e-3))[:, None]
+    covariance = inverse @ (scaled.T @ scaled) @ inverse
+    # P is exp(p) and D is exp(d) P, up to constants
+    slopes = np.array([[fitted.P, 0, 0, 0], [fitted.D, fitted.D, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    deviation = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    return replace(fitted, half_widths=stdtrit(len(residual) - 4, 0.975) * deviation)

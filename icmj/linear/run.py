@@ -4,29 +4,243 @@ Between events the state follows a matrix exponential. A step of the internal gr
 expanded; on each step the event function is a polynomial (to round-off), and whether it reaches zero anywhere on the
 step is decided by its Bernstein coefficients, not by sampling. The same holds for the limit on positions and for the
 extremes of the outputs. What disturbs, noise included, is a function of time whose response is exact, too.
+
+The exact simulation of a linear plant under any controller, from its realisation alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.environment import single_threaded
-from icmj.controller.controller import has_trigger
-from icmj.controller.law import Law
+from icmj.base.array import Array, from_powers
+from icmj.base.process import defer_interrupt, limit_to_one_thread
+from icmj.controller.controller import Law, has_trigger
+from icmj.controller.realisation import Realisation
+from icmj.linear.loop import positions_of
+from icmj.linear.native.state import Status
+from icmj.linear.native.tapped import Body, Grid, Track, marching
 from icmj.linear.simulator import Simulator
-from icmj.linear.tapped import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.labels import labels_of
-from icmj.simulation.recording import driven, kept
-from icmj.simulation.settings import Settings, start_states
-from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.taps import expect_no_observer
+from icmj.simulation import ending
+from icmj.simulation.disturbance import acting_on, collect_drives, keep_rows
+from icmj.simulation.ending import EventPace
+from icmj.simulation.native.waves import Waves
+from icmj.simulation.settings import Settings, plant_start, points_between, start_states
+from icmj.simulation.simulation import Events, Simulation, labels_of
+from icmj.simulation.taps import (
+    POWERS,
+    begin,
+    expect_no_observer,
+    expect_readings,
+    first_command,
+    first_level,
+    levels_of,
+    modes_of,
+    queued,
+    taps_of,
+    waves_of,
+    widen,
+)
+
+_TAPPED_ROWS, _TAPPED_EVENTS = 4096, 512  # of the buffers
+_TURN, _SWING = 1.5, 1.25  # of the loop's series and of a sinusoid's on a stretch; 21 terms leave 1e-16 and 1e-14
+_BLOCK, _BLOCKS = 128, 8  # cells of what lasts that are worked out together
 
 
-@single_threaded()
+@limit_to_one_thread()
+def simulate_tapped(
+    plant: LinearPlant,
+    law: Law,
+    settings: Settings,
+    *,
+    x0: ArrayLike | None = None,
+    a0: ArrayLike | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate ``plant`` under a controller, of which before t = 0 the outputs have been constant.
+
+    Args:
+        plant: the actual plant; its order may differ from that of the controller's model.
+        law: the controller.
+        settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
+        x0: start of the plant (n,), instead of the named states in ``settings``.
+        a0: start of the controller's state (N_a,), right after an event; zero if ``None``.
+        progress: called repeatedly with the completed fraction, 0–1.
+
+    Returns:
+        Recorded at multiples of ``record_interval``, at every event (values just before it), and at the end. Events are
+        those of the rule or the clock, or, of a controller without them, its switches; they are exact to 1e-12 s. What
+        the controller's state means is not known here: observer, hold and event function are not recorded.
+
+    Raises:
+        SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
+            finite, or a disturbance names an unknown input or output.
+    """
+    from icmj.base.compilation import call
+
+    realisation = expect_readings(law, plant)
+    x = plant_start(plant, settings, x0)
+    acting, errors, pushes = everything = acting_on(plant, settings)
+    n, n_u, n_y = plant.n, plant.n_u, plant.n_y
+    names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
+    limits = ending.limits_of(settings.limit, names, units)
+    fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
+    taps = taps_of(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
+    history, now = begin(
+        taps, realisation, plant.C @ x + errors(0.0), None if a0 is None else np.asarray(a0, dtype=float)
+    )
+    E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
+    edges = points_between(everything.edges, everything.gaussian, settings.duration)
+    limited = np.flatnonzero(np.isfinite(limits))
+    positions = np.zeros((len(limited), n))
+    positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
+    H, duration = taps.unit, float(settings.duration)
+    forced, lasting = _split(waves_of(duration, (acting, plant.B * H), (pushes.size, E * H)), duration, H)
+    shown, wrong = _split(waves_of(duration, (errors, np.eye(n_y))), duration, H)
+    body = Body(
+        A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
+        acting=forced,
+        errors=shown, lasting=lasting.reach(0.0), wrong=wrong.reach(0.0),
+        edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
+        interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
+    )  # fmt: skip
+    track = Track(
+        t=np.zeros(2), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
+        X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
+        high=plant.C @ x, low=plant.C @ x,
+        rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
+        events=np.zeros((_TAPPED_EVENTS, 1 + n + 2 * n_y)),
+    )  # fmt: skip
+    track.X[:, 0] = x
+    rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode])[None, :]]
+    events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, marching()
+
+    def keep() -> Array:
+        with defer_interrupt():
+            rows.append(track.rows[: track.counts[2]].copy())
+            events.append(track.events[: track.counts[3]].copy())
+            track.counts[2:] = 0
+            return events[-1][:, 0]
+
+    try:
+        while outcome is None:
+            status = call(march, taps, body, history, now, track)
+            times, t = keep(), float(track.t[0])
+            body = body._replace(lasting=lasting.reach(t), wrong=wrong.reach(t))
+            if progress is not None:
+                progress(t / settings.duration)
+            if status == -1:
+                history, now = widen(history), queued(now)
+            elif status == Status.ENDED:
+                happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
+                least = realisation.sampling + realisation.wait if realisation.clock == np.inf else 0.0
+                outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least)
+            elif status == Status.FELL:
+                at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
+                outcome = ending.fell(t, names[at], limits[at], units[at])
+            elif status == Status.DIVERGED:
+                outcome = ending.diverged(t, "a state exceeded 1e+12")
+            elif (took := pace.stalled(*times)) is not None:
+                outcome = ending.stalled(t, took)
+    except KeyboardInterrupt:
+        keep()
+        if track.t[0] == 0:  # there is nothing to keep; it may have been compiling
+            raise
+        outcome = ending.interrupted(float(track.t[0]), settings.duration)
+    R, K = np.concatenate(rows), np.concatenate(events)
+    R = R[np.flatnonzero(np.diff(R[:, 0], append=np.inf) > 0)]  # what falls at the start is recorded there once
+    when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
+    none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
+    y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
+    return Simulation(
+        plant="linear",
+        control=law.kind,
+        t=when,
+        x=X,
+        y=X @ plant.C.T,
+        u=u,
+        x_o=none,
+        x_h=none,
+        E=np.full(len(R), np.nan),
+        events=Events(t=K[:, 0], x=K[:, 1 : 1 + n], x_o=before, x_h=before, y_max=y_max, y_min=y_min),
+        applied=u + acting(when) if len(acting) else np.zeros((0, 0)),
+        outcome=outcome,
+        precision={
+            "integrator": "Taylor series",
+            "order": "exact",
+            "event_tolerance": 1e-12,
+            "step": H,
+            "series_terms": POWERS,
+        },
+        noisy=settings.noisy,
+        labels=labels_of(plant),
+        **modes_of(realisation, R[:, -1]),
+        **collect_drives(law, pushes, when),
+    )
+
+
+class _Lasting:
+    """Sinusoids that last the whole run, on the cells of a grid: all of a cell are two products of matrices."""
+
+    def __init__(self, effect: Array, terms: Array, unit: float) -> None:
+        self._effect, which = np.unique(effect, axis=0, return_inverse=True)
+        amplitude, self._omega, self._phase, self._unit = *terms[:, :3].T, unit
+        j = np.arange(POWERS)
+        scale = amplitude[:, None] * (self._omega[:, None] * unit) ** j / np.array([factorial(n) for n in j])
+        scale *= np.array([1.0, -1.0, -1.0, 1.0])[j % 4]  # of the derivatives of a cosine
+        self._parts = [np.flatnonzero(which.ravel() == s) for s in range(len(self._effect))]
+        self._scale = [(scale[part, 0::2].copy(), scale[part, 1::2].copy()) for part in self._parts]
+        angle = np.outer(self._omega, np.arange(_BLOCK) * unit)
+        self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((2, *angle.shape))
+        self._grid = Grid(0, np.zeros((0, len(self._effect), POWERS)), np.ascontiguousarray(self._effect))
+
+    def reach(self, t: float) -> Grid:
+        """The grid from ``t`` on, for as many cells as are followed at once."""
+        from icmj.simulation.native.waves import turn
+
+        if not len(self._effect):
+            return self._grid
+        cell, (first, f, effect) = int(t // self._unit), self._grid
+        if not first <= cell < first + len(f) - _BLOCK // 2:
+            first = cell - 1
+            f = np.empty((_BLOCKS * _BLOCK, len(effect), POWERS))
+            for block in range(_BLOCKS):
+                begin = self._omega * ((first + block * _BLOCK + 0.5) * self._unit) + self._phase
+                turn(self._turns, np.cos(begin), np.sin(begin), self._room)
+                cos, sin = self._room
+                rows = f[block * _BLOCK : (block + 1) * _BLOCK]
+                for s, (part, (even, odd)) in enumerate(zip(self._parts, self._scale, strict=True)):
+                    rows[:, s, 0::2], rows[:, s, 1::2] = cos[part].T @ even, sin[part].T @ odd
+            self._grid = Grid(first, f, effect)
+        return self._grid
+
+
+def _split(waves: Waves, duration: float, unit: float) -> tuple[Waves, _Lasting]:
+    """What acts for a while only, and what lasts the whole run."""
+    lasts = (waves.terms[:, 3] <= 0) & (waves.terms[:, 4] >= duration)
+    rest = waves._replace(effect=waves.effect[~lasts], terms=waves.terms[~lasts])
+    return rest, _Lasting(waves.effect[lasts], waves.terms[lasts], unit)
+
+
+def _rate(plant: LinearPlant, realisation: Realisation) -> float:
+    """A bound on the rate of the loop's Taylor series: the norm of its matrices with and without undelayed taps."""
+    from scipy.linalg import matrix_balance
+
+    norms = [0.0]
+    for mode in realisation.modes:
+        read = realisation.read(plant.C, mode)
+        feedback = np.vstack([-plant.B @ mode.S[:, : len(read)], mode.N[:, : len(read)]]) @ read
+        alone = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((len(mode.M), plant.n)), mode.M]])
+        closed = alone + feedback
+        norms += [float(np.linalg.norm(matrix_balance(M, permute=False)[0], 2)) for M in (alone, closed)]
+    return max(norms)
+
+
+@limit_to_one_thread()
 def simulate(
     plant: LinearPlant,
     controller: Law,
@@ -42,7 +256,7 @@ def simulate(
     Args:
         plant: the actual plant; its order may differ from that of the controller's model.
         controller: design, hold and trigger (event, clock or continuous), or one that reads delayed outputs only
-            (:func:`icmj.linear.tapped.simulate_tapped`).
+            (:func:`icmj.linear.run.simulate_tapped`).
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0, x_o0: start of plant (n,) and observer (n̂,), instead of the named states in ``settings``.
         x_h0: start of the hold state (n̂,); the observer's by default, because t = 0 is an event.
@@ -65,7 +279,7 @@ def simulate(
     found, outcome = simulator.run(loop.state(x, a), progress)
     x, rows, at_events = (
         loop.x(found.Z),
-        *(kept(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
+        *(keep_rows(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
     )
     beside = simulator.disturbance
     return Simulation(
@@ -99,5 +313,5 @@ def simulate(
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant, controller.design.plant),
-        **driven(controller, simulator.pushes, found.t),
+        **collect_drives(controller, simulator.pushes, found.t),
     )

@@ -1,4 +1,7 @@
-"""A closed loop prepared for the compiled simulation, and its results: the whole run, or one interval."""
+"""A closed loop prepared for the compiled simulation, and its results: the whole run, or one interval.
+
+One open-loop interval on the linear plant, exactly: as a function, and its trajectory.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.signals import unhurried
-from icmj.controller.controller import Controller
+from icmj.base.process import defer_interrupt
+from icmj.controller.controller import Controller, compose, start_state
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
 from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Status, Tables
-from icmj.linear.response import Response
-from icmj.linear.tables import tables
+from icmj.linear.tables import Response, tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
-from icmj.simulation.ending import EventPace, Outcome
-from icmj.simulation.settings import Settings
+from icmj.simulation.ending import EventPace, OpenLoopInterval, Outcome, Sample, one_in_flight
+from icmj.simulation.settings import Bias, Settings, Step
 
 _ROWS, _EVENTS = 8192, 512  # of the buffers
 
 
 @dataclass(frozen=True, eq=False)
-class Collected:
+class Collection:
     """The result of a run, in z = (x, d, e).
 
     Attributes:
@@ -65,10 +67,10 @@ class Simulator:
             SimulationError: if plant and controller do not fit, or a disturbance or a limit names what the plant does
                 not have.
         """
-        from icmj.base.compilation import called
+        from icmj.base.compilation import call
         from icmj.linear.native.simulator import simulator
 
-        self._simulate, self._call = simulator(), called
+        self._simulate, self._call = simulator(), call
         self.disturbance, _, self.pushes = parts = acting_on(plant, settings, controller)
         shares = self.disturbance.shares
         self.loop = loop = linear_loop(plant, controller, [index for index, _ in shares])
@@ -119,7 +121,7 @@ class Simulator:
             run.now[Now.ACTION] = (counts[Count.ACTED] + T.ticks) * clock if on_tick else t + delay
         run.high[:] = run.low[:] = self.loop.plant.C @ self.loop.x(w)
 
-    def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collected, Outcome]:
+    def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collection, Outcome]:
         """The whole run from ``w`` at t = 0, which is an event; an interrupted run keeps its results so far."""
         duration, pace = self.duration, EventPace(self.duration)
         # a buffer that is large enough becomes the result, with room for a row at either end
@@ -133,7 +135,7 @@ class Simulator:
         def keep(last: bool = False) -> Array:
             """Store the rows recorded since the last call; returns the times of the events."""
             counts = self._run.counts
-            with unhurried():
+            with defer_interrupt():
                 n_rows, n_events = counts[Count.ROWS], counts[Count.EVENTS]
                 rows.append((self._run.rows_t[:n_rows], self._run.rows_z[:n_rows]))
                 events.append(self._run.events[:n_events])
@@ -170,7 +172,7 @@ class Simulator:
             if self.t > self._run.now[Now.ROW]:
                 rows.append((np.array([self.t]), self.z[None, :].copy()))
             t, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-        return Collected(t, Z, *self._parted(np.concatenate(events))), outcome
+        return Collection(t, Z, *self._split(np.concatenate(events))), outcome
 
     def outcome(self, status: Status) -> Outcome:
         """The outcome for a return code at the present state: a fall or divergence."""
@@ -206,9 +208,106 @@ class Simulator:
     def last_event(self) -> tuple[float, Array, Array, Array]:
         """Of the last event recorded: its time [s], z before the reset, largest and smallest outputs until then."""
         last = int(self._run.counts[Count.EVENTS]) - 1
-        t, z, high, low = self._parted(self._run.events[last : last + 1].copy())
+        t, z, high, low = self._split(self._run.events[last : last + 1].copy())
         return float(t[0]), z[0], high[0], low[0]
 
-    def _parted(self, events: Array) -> tuple[Array, Array, Array, Array]:
+    def _split(self, events: Array) -> tuple[Array, Array, Array, Array]:
         m, n_y = self._m, self._n_y
         return events[:, 0], events[:, 1 : 1 + m], events[:, 1 + m : 1 + m + n_y], events[:, 1 + m + n_y :]
+
+
+class LinearOpenLoop:
+    """Simulates from event to event; see :class:`icmj.simulation.ending.OpenLoop`. Not for two threads at once."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        one_in_flight(simulator.loop.controller)
+        self._simulator = simulator
+
+    def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
+        """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
+        simulator, loop = self._simulator, self._simulator.loop
+        x, x_o = np.asarray(x, float), np.asarray(x_o, float)
+        x_h = x_o if x_h is None else np.asarray(x_h, float)
+        simulator.begin(loop.state(x, start_state(loop.controller, x_o, x_h)), t)
+        while (status := simulator.advance(1)[0]) is Status.MORE:
+            pass
+        if status is Status.REACHED:
+            end, z, y_max, y_min = simulator.last_event()
+            outcome = None
+        else:
+            end, z = simulator.t, simulator.z.copy()
+            y_max, y_min = np.full(loop.plant.n_y, np.nan), np.full(loop.plant.n_y, np.nan)
+            outcome = ending.ran(end, np.zeros(0), 0.0) if status is Status.ENDED else simulator.outcome(status)
+        x = loop.x(z)
+        return OpenLoopInterval(end - t, x, loop.x_o(z), loop.x_h(z), loop.plant.C @ x, y_max, y_min, outcome)
+
+
+def open_loop(plant: LinearPlant, controller: Controller, settings: Settings) -> LinearOpenLoop:
+    """The open-loop interval of ``plant`` under ``controller``; ``settings`` give duration, limit and disturbance.
+
+    Raises:
+        SimulationError: if plant and controller do not fit, or a disturbance names an unknown input or output.
+    """
+    return LinearOpenLoop(Simulator(plant, controller, settings))
+
+
+class LinearCourse:
+    """See :class:`icmj.simulation.ending.Course`."""
+
+    def __init__(
+        self,
+        plant: LinearPlant,
+        controller: Controller,
+        settings: Settings,
+        x: Array,
+        x_o: Array,
+        x_h: Array,
+        length: float,
+    ) -> None:
+        """The trajectory from an event for ``length`` [s]; disturbances must be constant."""
+        loop = compose(plant, controller)
+        size = len(loop.F)
+        self.plant, self.controller, self._loop = plant, controller, loop
+        delay = controller.delay.t_d
+        self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
+        F = np.zeros((size + 1, size + 1))  # the last state is 1: a constant push
+        F[:size, :size] = loop.F
+        for source in settings.disturbance:
+            if isinstance(source, Step):
+                if source.push:
+                    F[: plant.n, size] += plant.effect(source.push) * source.size
+                else:
+                    F[:size, size] += loop.D[:, plant.inputs.index(str(source.input))] * source.size
+            elif isinstance(source, Bias):
+                F[:size, size] += loop.E[:, plant.outputs.index(source.output)] * source.size
+        self._F = F
+        w = np.concatenate([x, start_state(controller, x_o, x_h), [1.0]])
+        self._starts = [w]
+        if len(self.cuts) > 2:
+            from scipy.linalg import expm
+
+            w = expm(F * delay) @ w
+            w[:size] = loop.G @ w[:size]
+            self._starts.append(w)
+        self.rate = F[:size] @ self._states(np.array([length]))[0]
+
+    def _states(self, t: Array) -> Array:
+        from scipy.linalg import expm
+
+        states = np.zeros((len(t), len(self._F)))
+        for part, w in enumerate(self._starts):
+            here = (t >= self.cuts[part]) & ((t < self.cuts[part + 1]) | (part == len(self._starts) - 1))
+            if here.any():
+                states[here] = expm(self._F * (t[here] - self.cuts[part])[:, None, None]) @ w
+        return states
+
+    def sample(self, t: Array) -> Sample:
+        """Its states at given times."""
+        w = self._states(t)[:, :-1]
+        parts = self._loop.layout.split(w)
+        y, u = parts["x"] @ self.plant.C.T, -w @ self._loop.K.T
+        return Sample(t, parts["x"], parts["x_o"], parts["x_h"], y, u, np.zeros((len(t), 0)))
+
+    def generators(self, t: Array, part: int) -> Array:
+        """F, the same at all times."""
+        return np.broadcast_to(self._F[:-1, :-1], (len(t), len(self._F) - 1, len(self._F) - 1))

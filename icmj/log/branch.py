@@ -19,15 +19,14 @@ import rerun.blueprint as rrb
 from icmj.base.array import Array
 from icmj.base.files import whole
 from icmj.base.text import one_line
-from icmj.cycle.branch import Branch, packed, unpacked
+from icmj.cycle.branch import Branch, pack, unpack
 from icmj.errors import IcmjError, LogError
-from icmj.log import palette
-from icmj.log.blueprint import BACKGROUND, arranged
-from icmj.log.figure import eye, write_figures
+from icmj.log import figure
+from icmj.log.blueprint import BACKGROUND, arrange
+from icmj.log.figure import eye, in_memory, time_column, write_figures
 from icmj.log.reader import static_row
-from icmj.log.sink import in_memory, time_column
 from icmj.log.writer import APPLICATION, ARCHIVE, strictly
-from icmj.simulation.scene import Scene
+from icmj.simulation.simulation import Scene
 
 LASTS = 1.5  # s on each cycle, at least
 WIDE = 1.6  # width of the diagram's frame over its height
@@ -63,7 +62,7 @@ def read_branch_log(path: Path | str) -> Branch:
     try:
         head = row.pop("head")[0].as_py()
         flat = {name: values.to_numpy(zero_copy_only=False) for name, values in row.items()}
-        return unpacked(head, {name: flat.get(name, np.zeros(0)) for name in (*flat, "qpos")})
+        return unpack(head, {name: flat.get(name, np.zeros(0)) for name in (*flat, "qpos")})
     except IcmjError as error:
         raise LogError(f"{path}: {error}") from error
     except (LookupError, TypeError, ValueError) as error:
@@ -71,8 +70,8 @@ def read_branch_log(path: Path | str) -> Branch:
 
 
 def _write(branch: Branch, sink: Path) -> None:
-    head, flat = packed(branch)
-    scene, t, laid = _laid(branch)
+    head, flat = pack(branch)
+    scene, t, laid = _lay_out(branch)
     identity = uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(head.encode()).hexdigest())
     config = rr.ChunkBatcherConfig(flush_num_rows=1)
     recording = rr.RecordingStream(APPLICATION, recording_id=identity, batcher_config=config)
@@ -103,7 +102,7 @@ def _write(branch: Branch, sink: Path) -> None:
     recording.disconnect()
 
 
-def _laid(branch: Branch) -> tuple[Scene | None, Array, dict[str, Array]]:
+def _lay_out(branch: Branch) -> tuple[Scene | None, Array, dict[str, Array]]:
     """All cycles one after another: the moving body, times [s], and signals by name."""
     times, parts, start = [], {name: [] for name in ("x", "y", "u", "cycle")}, 0.0  # type: ignore[var-annotated]
     position = []
@@ -145,7 +144,7 @@ def _body(branch: Branch) -> tuple[Any, Array | None]:
 
 
 def _series(recording: rr.RecordingStream, path: str, t: Array, values: Array, names: tuple[str, ...]) -> None:
-    style = rr.SeriesLines(colors=list(palette.series(len(names))), names=list(names), widths=[1.5] * len(names))
+    style = rr.SeriesLines(colors=list(figure.series(len(names))), names=list(names), widths=[1.5] * len(names))
     recording.log(path, style, static=True)
     flat = np.ascontiguousarray(values, dtype=float).reshape(-1)
     columns = rr.Scalars.columns(scalars=flat).partition(np.full(len(t), values.shape[1]))
@@ -162,11 +161,11 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
         return np.column_stack([WIDE * (x - middle) / half, 1 - 2 * np.minimum(y, 1.05 * top) / top])
 
     frame = [[-WIDE, -1.0], [-WIDE, 1.0], [WIDE, 1.0]]
-    recording.log("diagram/frame", rr.LineStrips2D([frame], colors=[palette.GREY], radii=[-0.75]), static=True)
+    recording.log("diagram/frame", rr.LineStrips2D([frame], colors=[figure.GREY], radii=[-0.75]), static=True)
     ends = [f"{branch.parameter} = {branch.value[np.argmin(value)]:.4g}", f"{branch.value[np.argmax(value)]:.4g}"]
     labels = rr.Points2D(
         [[-WIDE, 1.12], [WIDE, 1.12], [-WIDE, -1.1]], labels=[*ends, f"Δ_ol = {top:.3g} s"], radii=[0.0] * 3,
-        colors=[palette.GREY] * 3, show_labels=True,
+        colors=[figure.GREY] * 3, show_labels=True,
     )  # fmt: skip
     recording.log("diagram/labels", labels, static=True)
     strips, colours = [], []
@@ -174,10 +173,10 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
         points = placed(value, branch.intervals[:, j])
         for i in range(len(branch) - 1):
             strips.append(points[i : i + 2])
-            colours.append(palette.SKY if branch.attracting[i] and branch.attracting[i + 1] else palette.VERMILION)
+            colours.append(figure.SKY if branch.attracting[i] and branch.attracting[i + 1] else figure.VERMILION)
     recording.log("diagram/branch", rr.LineStrips2D(strips, colors=colours, radii=[-1.2]), static=True)
     here = placed(value[at], branch.intervals[at].mean(axis=1))
-    recording.log("diagram/here", rr.Points2D.from_fields(colors=[palette.YELLOW], radii=[0.05]), static=True)
+    recording.log("diagram/here", rr.Points2D.from_fields(colors=[figure.YELLOW], radii=[0.05]), static=True)
     recording.send_columns("diagram/here", [time_column(t)], rr.Points2D.columns(positions=here))
 
 
@@ -209,7 +208,7 @@ def _blueprint(branch: Branch, scene: Scene | None) -> rrb.Blueprint:
         background=(24, 27, 31, 255),
         visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.3, 1.35]),
     )
-    return arranged(
+    return arrange(
         rrb.Vertical(*figures, diagram),
         rrb.Vertical(near("Outputs", "outputs"), near("Inputs", "inputs"), plot("Intervals [s]", "along/interval")),
         rrb.Vertical(

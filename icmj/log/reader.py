@@ -1,21 +1,121 @@
-"""Reading a log back: bit-exact numpy arrays and the summary."""
+"""Reading a log back, and replaying it in rerun's viewer.
+
+rerun's own program, from inside the wheel and never from PATH: the viewer, and checks in a process of their own.
+
+Reading a log back: bit-exact numpy arrays and the summary.
+
+The replay: a log in rerun's viewer, on the screen, in a browser on this machine, or as a picture.
+
+The viewer is the program inside the rerun wheel, never one found on PATH, and listens on the loopback address only.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time as clock
 import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from urllib.parse import quote
 
+from icmj.base.array import between
+from icmj.base.files import replaceable, write_bytes
+from icmj.base.process import interrupt_once, terminable
 from icmj.base.text import one_line
+from icmj.case.result import Result
 from icmj.controller.controller import has_trigger
 from icmj.controller.trigger import RecordedRule
 from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
-from icmj.log.program import verify
 from icmj.log.writer import ARCHIVE, FORMAT
-from icmj.result.result import Result
 from icmj.work.own_code import Code
+
+LONGEST = 120.0  # s on the clock; a log of a gigabyte takes a few
+SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of processor time; 240 MB take one second
+MEMORY, PER_BYTE = 2 << 30, 8  # of which 240 MB take a quarter
+_NONE = "0 files verified"
+
+
+def program() -> Path:
+    """The program in the rerun wheel.
+
+    Raises:
+        LogError: if rerun-sdk is not installed, or without its program.
+    """
+    spec = importlib.util.find_spec("rerun_cli")
+    if spec is not None and spec.origin is not None:
+        for name in ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun"):
+            if (path := Path(spec.origin).parent / name).is_file():
+                return path
+    raise LogError("rerun's viewer is not installed; reinstall it with: pip install --force-reinstall rerun-sdk")
+
+
+def verify(path: Path) -> str:
+    """Decode the whole recording in a separate process; returns a description of its fault, or nothing.
+
+    A damaged file can abort the process that decodes it (one in four thousand with a single bit flipped), or have it
+    ask for all the memory there is (one wrong byte among the sizes at the file's end); that must not be ours. Takes
+    0.05 s.
+    """
+    try:
+        done = _run_bounded(["verify", str(path)], path)
+    except subprocess.TimeoutExpired:
+        return f"reading it took more than {LONGEST:g} s"
+    none = _NONE in done.stderr  # so it ends, with status 0, where memory is short
+    if done.returncode == 0 and not none:
+        return ""
+    lines = [line for line in map(one_line, done.stderr.splitlines()) if line and not (none or " WARN " in line)]
+    reason = lines[0] if lines else "reading it takes more time or memory than a whole one"
+    return reason.removeprefix(f'"{path}":').strip()[:200]
+
+
+def salvage(path: Path, copy: Path) -> str:
+    """Copy every whole chunk of a recording cut short to ``copy``; returns one sentence on what was saved.
+
+    Raises:
+        LogError: if nothing can be saved.
+    """
+    lost = f"{path}: not a rerun recording, or cut so short that nothing can be saved; run the case again"
+    try:
+        done = _run_bounded(["merge", "--continue-on-error", "-o", str(copy), str(path)], path)
+    except subprocess.TimeoutExpired as error:
+        raise LogError(lost) from error
+    if done.returncode != 0 or not copy.is_file() or verify(copy):
+        raise LogError(lost)
+    kept, had = copy.stat().st_size / 1e6, path.stat().st_size / 1e6
+    return f"{path}: incomplete; salvaged {kept:.2f} MB of {had:.2f} MB, what came after is lost"
+
+
+def _run_bounded(arguments: list[str], path: Path) -> subprocess.CompletedProcess[str]:
+    """``rerun rrd`` with these arguments, held to what the recording at ``path`` could need if it were whole.
+
+    The shell sets the limits, because setting them in Python between fork and exec is not safe with threads. Where
+    the system has no such limits, only the one on time holds.
+    """
+    command = [str(program()), "rrd", *arguments]
+    if os.name == "posix":
+        size = path.stat().st_size
+        limits = {"d": (MEMORY + PER_BYTE * size) >> 10, "t": SECONDS + size // BYTES_A_SECOND, "c": 0}
+        shell = "; ".join(f"ulimit -{kind} {most} 2>/dev/null" for kind, most in limits.items())
+        command = ["/bin/sh", "-c", f'{shell}; exec "$@"', "sh", *command]
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=LONGEST,
+        env=os.environ | {"NO_COLOR": "1"},
+    )
+
 
 _REPLACED = 5  # how often a log may be replaced while it is read
 
@@ -28,7 +128,7 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
     """Read the result from which a log was written, bit for bit; ``scene`` is ``None``.
 
     An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`), and so is a
-    controller (:class:`icmj.controller.law.RecordedLaw`). Logs of controllers without an event rule that earlier
+    controller (:class:`icmj.controller.controller.RecordedLaw`). Logs of controllers without an event rule that earlier
     versions wrote are read, too.
 
     Args:
@@ -78,7 +178,7 @@ def _own(result: Result) -> Result:
     if code.digest(rule.reference) != rule.sha256:
         return result
     try:
-        made = code.made(rule.reference, **rule.parameters)
+        made = code.make(rule.reference, **rule.parameters)
     except RunFileError:  # the name is not there, or what it makes fails here
         return result
     return replace(result, controller=controller.triggered_by(made))
@@ -182,3 +282,200 @@ def _batch(chunk: Any) -> Any:
     if "\0" in chunk.format():
         raise ValueError("a name in it has a zero byte")
     return chunk.to_record_batch()
+
+
+LOOPBACK = "127.0.0.1"
+PATIENCE = 120.0  # s; a software renderer on a busy machine is slow to start
+PAUSE = 0.4  # s between two looks at the viewer
+NO_RENDERER = (
+    "no graphics adapter; install a software renderer (Debian: apt-get install mesa-vulkan-drivers libvulkan1)"
+)
+Say = Callable[[str], None]
+
+
+def say_to_stderr(message: str) -> None:
+    """Default of ``say``: one line on standard error."""
+    with contextlib.suppress(OSError, ValueError):  # nobody may listen
+        print(one_line(message), file=sys.stderr, flush=True)
+
+
+def replay(
+    path: Path | str,
+    *,
+    web: bool = False,
+    screenshot: Path | str | None = None,
+    time: float | None = None,
+    size: tuple[int, int] = (1920, 1200),
+    say: Say = say_to_stderr,
+) -> None:
+    """Show a log in its stored layout; returns when the viewer is closed, or the picture is written.
+
+    Args:
+        path: the log. One that was cut short is salvaged first, into a temporary copy, and ``say`` is told.
+        web: serve it to a browser on this machine (until interrupted) and say the address.
+        screenshot: render without a screen to this PNG file, which appears only when complete.
+        time: instant to show in the screenshot [s]; nine tenths into the run if ``None``.
+        size: width and height of the screenshot, in pixels.
+        say: takes messages for people.
+
+    Raises:
+        LogError: if there is no such log, nothing can be salvaged, or the viewer cannot run here.
+    """
+    path = Path(path)
+    with _sound(path, say) as log:
+        if screenshot is not None:
+            _screenshot(log, Path(screenshot), time, size)
+        elif web:
+            _serve(log, say)
+        else:
+            _view(log)
+
+
+@contextlib.contextmanager
+def _sound(path: Path, say: Say) -> Iterator[Path]:
+    """``path`` itself if it can be read, else a salvaged temporary copy."""
+    try:
+        read_summary(path)
+    except DamagedLog:
+        with tempfile.TemporaryDirectory(prefix="icmj-") as folder:
+            copy = Path(folder) / path.name
+            say(salvage(path, copy))
+            read_summary(copy)  # a recording, but is it a log?
+            yield copy
+    else:
+        yield path
+
+
+def _view(log: Path) -> None:
+    """The viewer in a window, until it is closed."""
+    with _running([*_base(_free_port()), str(log)]) as (process, messages):
+        _await_end(process)
+        if process.returncode not in (0, -2, -15):
+            raise LogError(f"the viewer cannot open a window ({_reason(messages)}); try --web or --screenshot PNG")
+
+
+def _serve(log: Path, say: Say) -> None:
+    """The viewer's web page and the log behind it, on the loopback address, until interrupted."""
+    port, web_port = _free_port(), _free_port()
+    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port), str(log)]
+    with _running(command) as (process, messages):
+        for each in (port, web_port):
+            _await_port(each, process, messages)
+        data = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
+        say(f"serving {log.name} at http://{LOOPBACK}:{web_port}/?url={data} (stop with Ctrl-C)")
+        _await_end(process)
+        if process.returncode not in (0, -2, -15):
+            raise LogError(f"the web viewer stopped ({_reason(messages)})")
+
+
+def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, int]) -> None:
+    """Render ``log`` at ``time`` without a screen."""
+    if not target.parent.is_dir():
+        raise LogError(f"{target}: no such folder {target.parent}")
+    try:
+        replaceable(target)
+    except OSError as error:
+        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
+    outcome = read_summary(log).get("outcome", {})
+    end = float(outcome.get("time", 0.0))
+    at = 0.9 * end if time is None else time
+    if not between(at, 0.0, end):
+        raise LogError(f"{log}: no instant {at:g} s in this log; it runs from 0 to {end:g} s")
+    port = _free_port()
+    command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}", str(log)]
+    with _running(command) as (process, messages):
+        _await_port(port, process, messages)
+        try:
+            picture = _picture(port, at)
+        except (RuntimeError, OSError, TimeoutError) as error:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(2)  # of a viewer that died, its own last words say more
+            why = one_line(error, 200) if process.poll() is None else _reason(messages)
+            raise LogError(f"{log}: no picture: {why}") from error
+    if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
+        raise LogError(f"{log}: the viewer gave no complete picture")
+    try:
+        write_bytes(target, picture)
+    except OSError as error:
+        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
+
+
+def _picture(port: int, at: float) -> bytes:
+    """Drive the viewer to an instant and take its picture, once two in a row are the same."""
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+    deadline = clock.monotonic() + PATIENCE
+    while True:
+        state = client.get_state()
+        if state.recordings and state.recordings[0].timelines and state.views and not state.loading:
+            break
+        if clock.monotonic() > deadline:
+            raise TimeoutError("the viewer did not finish loading")
+        clock.sleep(PAUSE)
+    client.set_time("time", duration=at, play_state="paused")
+    before = b""
+    while clock.monotonic() < deadline:
+        clock.sleep(PAUSE)
+        picture = client.take_screenshot()
+        if picture == before:
+            return picture
+        before = picture
+    return before
+
+
+def _base(port: int) -> list[str]:
+    return [str(program()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
+
+
+@contextlib.contextmanager
+def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
+    """The viewer as a child that does not outlive the block; its messages go to a temporary file."""
+    # errors only: every warning would be drawn over the picture as a notification
+    environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
+    with terminable(), interrupt_once(), tempfile.TemporaryFile() as messages:
+        process = subprocess.Popen(command, stdout=messages, stderr=messages, env=environment)
+        try:
+            yield process, messages
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                try:
+                    process.wait(5)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+
+def _await_port(port: int, process: subprocess.Popen[bytes], messages: IO[bytes]) -> None:
+    deadline = clock.monotonic() + PATIENCE
+    while clock.monotonic() < deadline:
+        if process.poll() is not None:
+            raise LogError(f"rerun's viewer stopped at once: {_reason(messages)}")
+        with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1):
+            return
+        clock.sleep(0.1)
+    raise LogError(f"rerun's viewer did not answer within {PATIENCE:g} s")
+
+
+def _await_end(process: subprocess.Popen[bytes]) -> None:
+    with contextlib.suppress(KeyboardInterrupt):
+        process.wait()
+
+
+def _reason(messages: IO[bytes]) -> str:
+    """Why the viewer stopped, in one line."""
+    messages.seek(0)
+    text = messages.read().decode(errors="replace")
+    if "adapter" in text.lower() or "vulkan" in text.lower():
+        return NO_RENDERER
+    if "DISPLAY" in text:
+        return "no display"
+    lines = [line for line in map(one_line, text.splitlines()) if line]
+    return lines[-1][:200] if lines else "no message"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])

@@ -1,29 +1,412 @@
-"""Writing a log: one ``.rrd`` with everything in it, in whole columns, complete or not at all."""
+"""Writing a log: one ``.rrd`` with everything in it, in whole columns, complete or not at all.
+
+The time series that the viewer shows, taken from a result.
+
+Plain numpy; how they are drawn is in :mod:`icmj.log.blueprint`, how they are stored in :mod:`icmj.log.writer`.
+
+The summary of a result: properties of the recording, and one page of Markdown for the replay.
+"""
 
 from __future__ import annotations
 
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from icmj.base.array import SAME, Array
 from icmj.base.files import whole
+from icmj.base.numbers import amount, collect_facts, relative
+from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.base.text import one_line
-from icmj.comparison.comparison import compare
+from icmj.case.comparison import COMPARED, RUN, Comparison, compare
+from icmj.case.result import (
+    Result,
+    acting,
+    has_prediction,
+    in_brackets,
+    in_unit,
+    lay_orbit,
+    modes,
+    reduce_state,
+    running_interval,
+    with_resets,
+)
+from icmj.controller.setpoint import Setpoint
 from icmj.errors import LogError
-from icmj.log import archive, signals, summary
-from icmj.log.blueprint import blueprint
-from icmj.log.figure import write_figures
-from icmj.log.phase_plane import write_phase_plane
-from icmj.log.sink import in_memory, time_column
-from icmj.result.result import Result, has_prediction
+from icmj.log import archive, figure
+from icmj.log.blueprint import blueprint, write_phase_plane
+from icmj.log.figure import Colour, in_memory, time_column, write_figures
+from icmj.measurement.statistics import Estimate
+from icmj.simulation.simulation import Simulation
+from icmj.theory.prediction import PREDICTION
+
+if TYPE_CHECKING:
+    from icmj.case.result import PredictedResult
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Series of one kind that share their times: one entity of the log.
+
+    Attributes:
+        path: entity path.
+        t: times [s], shape (M,); may repeat where a value jumps.
+        values: shape (M, w).
+        names, colours: for the legend, length w.
+        width: stroke width, or marker size of points [ui points].
+        kind: ``lines`` or ``points``.
+    """
+
+    path: str
+    t: Array
+    values: Array
+    names: tuple[str, ...]
+    colours: tuple[Colour, ...]
+    width: float = 1.5
+    kind: Literal["lines", "points"] = "lines"
+
+    @property
+    def aggregation(self) -> Literal["Off", "MinMax"]:
+        """How the viewer draws more points than pixels: a sawtooth is kept as it is, smooth curves by extremes."""
+        return "Off" if len(self.t) < 3000 else "MinMax"
+
+
+def groups(result: Result) -> Iterator[Group]:
+    """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
+    yield from _signals(result) if has_prediction(result) else _bare_signals(result)
+    yield from acting_groups(result)
+    yield from pressure_groups(result)
+    if has_prediction(result):
+        yield from _trigger(result)
+        yield from _intervals(result)
+        yield from _modes(result)
+    run = result.simulation
+    if run.mode.size:
+        yield Group("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (figure.RUNNING,))
+
+
+def _bare_signals(result: Result) -> Iterator[Group]:
+    """Outputs, inputs and states of a run with nothing to be compared with."""
+    run, plant = result.simulation, result.actual
+    for path, values, names in (
+        ("outputs/run", run.y, plant.outputs),
+        ("inputs/run", run.u, plant.inputs),
+        ("states/plant", run.x, plant.states),
+    ):
+        yield Group(path, run.t, values, names, figure.series(len(names)))
+    yield from setpoint_groups(run)
+
+
+def _signals(result: PredictedResult) -> Iterator[Group]:
+    """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
+    simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
+    y_names, u_names = result.actual.outputs, result.actual.inputs
+    y_colours, u_colours = figure.series(len(y_names)), figure.series(len(u_names))
+    laid = lay_orbit(result) if prediction.cycle else None
+    if laid is not None:
+        y, u = (laid.at(simulation.t, signal) for signal in (laid.orbit.y, laid.orbit.u))
+        for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
+            dim = tuple(figure.dim(colour) for colour in colours)
+            yield Group(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
+    if continuous is not None:
+        for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
+            grey = (figure.CONTINUOUS,) * len(names)
+            yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
+    yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
+    yield from setpoint_groups(simulation)
+    events, u_after = simulation.events, simulation.u_after(result.controller)
+    yield Group("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
+    for path, (t, values), names in (
+        ("states/plant", (simulation.t, simulation.x), result.actual.states),
+        ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),
+        ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
+    ):
+        yield Group(path, t, values, names, figure.series(len(names)))
+
+
+def setpoint_groups(simulation: Simulation) -> Iterator[Group]:
+    """The set-point that a run followed, if any."""
+    if simulation.setpoint:
+        names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
+        colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
+        yield Group("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
+
+
+def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
+    """The set-point at these times, and before and after each of its jumps between them."""
+    edges = r.edges[r.edges < t[-1]]
+    when = np.concatenate([edges, t, edges])
+    values = np.concatenate([r((1 - SAME) * edges), r(t), r(edges)])
+    order = np.argsort(when, kind="stable")
+    return when[order], values[order]
+
+
+def acting_groups(result: Result) -> Iterator[Group]:
+    """The inputs that act on the plant where they differ from the command: limited, and with disturbances."""
+    inputs = acting(result)
+    if inputs:
+        names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
+        colours = tuple(figure.pale(figure.series(result.actual.n_u)[i]) for i in inputs)
+        values = np.ascontiguousarray(result.simulation.applied[:, inputs])
+        yield Group("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
+    run = result.simulation
+    if run.pushes:
+        names = tuple(
+            f"push on {name}{in_brackets(unit)}" for name, unit in zip(run.push_names, run.push_units, strict=True)
+        )
+        colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
+        yield Group("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
+
+
+def pressure_groups(result: Result) -> Iterator[Group]:
+    """Centre of pressure, its value at rest, and the load of each contact."""
+    simulation, pressure = result.simulation, result.simulation.pressure
+    if pressure is None:
+        return
+    axes = pressure.axes or ("x",)
+    there = ["xy".index(axis) for axis in axes]
+    colours = figure.series(len(axes))
+    rest = np.tile(pressure.at_rest[there], (2, 1))
+    dim = tuple(figure.dim(colour) for colour in colours)
+    yield Group("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
+    for path, values, after, names in (
+        ("pressure/centre", pressure.centre[:, there], pressure.centre_after[:, there], axes),
+        ("load/borne", pressure.load, pressure.load_after, pressure.geoms),
+    ):
+        t = simulation.t
+        if len(after):
+            t, values = with_resets(simulation, values, after)
+        yield Group(path, t, np.ascontiguousarray(values), names, figure.series(len(names)))
+
+
+def _trigger(result: PredictedResult) -> Iterator[Group]:
+    """E over the square of the threshold, with the level at which an event is due and the events on it."""
+    simulation, controller = result.simulation, result.controller
+    faces = controller.trigger.faces(controller.design)
+    if not len(faces) or not np.isfinite(simulation.E).any():
+        return
+    events = simulation.events
+    t, E = with_resets(simulation, simulation.E[:, None] / faces.unit, -np.ones((len(events), 1)))
+    yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
+    yield Group("trigger/E", t, E, ("E / threshold²",), (figure.E,))
+    if len(events):
+        at = np.zeros((len(events), 1))
+        yield Group("trigger/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+
+
+def _intervals(result: PredictedResult) -> Iterator[Group]:
+    """Open-loop interval as it runs and at events, with Δ_crit."""
+    simulation, prediction = result.simulation, result.prediction
+    if simulation.control == "continuous":
+        return
+    t, since = running_interval(simulation)
+    yield Group("interval/running", t, since[:, None], ("time since last event",), (figure.RUNNING,), 1.0)
+    if prediction.delta_crit is not None:
+        name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
+        line = np.full((2, 1), prediction.delta_crit)
+        yield Group("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (figure.LEVEL,), 1.5)
+    if len(simulation.events):
+        at = simulation.events.interval[:, None]
+        yield Group("interval/events", simulation.events.t, at, ("Δ_i",), (figure.EVENT,), 4.0, "points")
+
+
+def _modes(result: PredictedResult) -> Iterator[Group]:
+    """χ, its real part, with ±γ and the critical mode at the events."""
+    simulation, prediction = result.simulation, result.prediction
+    if prediction.V_inv is None:
+        return
+    chi = modes(result, reduce_state(result, simulation.x, simulation.x_o, simulation.x_h)).real
+    if chi.shape[1] > 1:
+        others = ("other modes",) * (chi.shape[1] - 1)
+        grey = (figure.OTHER_MODES,) * len(others)
+        yield Group("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
+    if prediction.gamma is not None:
+        lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
+        yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (figure.LEVEL,) * 2, 1.5)
+    yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (figure.CRITICAL,))
+    if len(simulation.events):
+        events = simulation.events
+        at = modes(result, reduce_state(result, events.x, events.x_o, events.x_h)).real[:, :1].copy()
+        yield Group("modes/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+
+
+Properties = dict[str, dict[str, float | int | bool | str]]
+
+
+def summarise(result: Result, compared: Comparison | None) -> Properties:
+    """Facts of the run in full precision, by topic; a number that does not exist is left out.
+
+    Args:
+        result: the run.
+        compared: the run beside its prediction, if there is one.
+    """
+    if compared is None or not has_prediction(result):
+        return _join(result, result.words, {"controller": _settings(result)})
+    prediction, motion, outputs = result.prediction, result.measurement, result.actual.outputs
+    error = compared.relative_error
+    off = () if error.amplitude is None else error.amplitude
+    topics: dict[str, dict[str, Any]] = {
+        "outcome": {"converged": compared.measured.converged},
+        "predicted": _split(collect_facts(PREDICTION, prediction, "logged", outputs)),
+        "measured": collect_facts(RUN, result, "logged", outputs) | {"words": motion.words},
+        "relative_error": {"interval": error.interval, "period": error.period, "gamma": error.gamma}
+        | {f"amplitude_{k}": float(v) for k, v in zip(outputs, off, strict=False)},
+        "statistics": _statistics(result),
+    }
+    return _join(result, compared.words, topics)
+
+
+def _join(result: Result, verdict: str, topics: Mapping[str, Mapping[str, Any]]) -> Properties:
+    """Topics that not every result has, with those that all have; without what does not exist."""
+    run, simulation = result.run, result.simulation
+    outcome = simulation.outcome
+    of_all: dict[str, dict[str, Any]] = {
+        "case": {
+            "name": run.case.name,
+            "title": run.case.title,
+            "plant": simulation.plant,
+            "control": simulation.control,
+            "rows": len(simulation.t),
+            "events": len(simulation.events),
+        },
+        "outcome": {"kind": outcome.kind, "time": outcome.t, "message": outcome.message, "verdict": verdict},
+        "measures": dict(result.measures),
+        "precision": dict(simulation.precision),
+        "pressure": {} if simulation.pressure is None else dict(simulation.pressure.facts),
+        "provenance": dict(result.provenance),
+        "run_file": {"path": run.path.as_posix(), "text": run.text},
+    }
+    told = {name: {**of_all.get(name, {}), **topics.get(name, {})} for name in (*of_all, *topics)}
+    return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in told.items()}
+
+
+def markdown(result: Result, compared: Comparison | None) -> str:
+    """One page: the verdict, the numbers side by side if there is a prediction, how the run ended and what made it."""
+    if compared is None or not has_prediction(result):
+        return _plain_page(result)
+    run, simulation = result.run, result.simulation
+    predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
+    outputs, units = result.actual.outputs, result.actual.output_units or ("",) * result.actual.n_y
+    rows: list[tuple[str, Any, Any, Any]] = []
+    for fact, expected in COMPARED:
+        three = (getattr(predicted, expected.name), getattr(measured, fact.name), getattr(error, fact.name))
+        if fact.kind == "outputs":
+            each = zip(*(repeat(None) if values is None else values for values in three), strict=False)
+            rows += [
+                (in_unit(fact.label_of(name), unit), *values)
+                for name, unit, values in zip(outputs, units, each, strict=False)
+            ]
+        else:
+            mean = fact.name == "interval" and measured.kind == "noisy"  # which is not a cycle's interval
+            rows.append((in_unit(fact.label, fact.unit), *three[:2], None if mean else three[2]))
+    cycle = "a limit cycle" if predicted.cycle else "no limit cycle"
+    eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
+    lines = [
+        f"# {run.case.title}",
+        f"**{PLANTS[simulation.plant]}**, {CONTROLS[simulation.control]}.",
+        "",
+        f"{compared.words}",
+        "",
+        "| | predicted | measured | error |",
+        "| :-- | --: | --: | --: |",
+        *(f"| {name} | {amount(p)} | {amount(m)} | {relative(e)} |" for name, p, m, e in rows),
+        "",
+        "## Prediction",
+        f"The linear theory predicts {cycle};{eigenvalue} the orbit under the event rule: {predicted.verdict}.",
+        "",
+        "## Run",
+        f"- outcome: the run {simulation.outcome.message}",
+        f"- motion: {result.measurement.words}",
+        f"- {len(simulation.events)} events, {len(simulation.t)} rows",
+        *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in simulation.precision.items()),
+        *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
+        *(f"- {name}: {in_words(value)}" for name, value in result.measures.items()),
+        "",
+        "## Provenance",
+        *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _plain_page(result: Result) -> str:
+    """One page without a prediction: what the run did, the controller, how it was computed and what made it."""
+    run = result.simulation
+    parts = {
+        "Controller": _settings(result),
+        "Run": {
+            "outcome": f"the run {run.outcome.message}",
+            "switches": len(run.events),
+            "rows": len(run.t),
+            **result.measures,
+            **run.precision,
+        },
+        "Provenance": result.provenance,
+    }
+    lines = [f"# {result.run.case.title}", f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
+    lines.append(result.words)
+    for title, facts in parts.items():
+        lines += ["", f"## {title}", *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in facts.items())]
+    if run.pressure is not None:
+        lines += ["", "## Ground", *(f"- {words}" for words in run.pressure.words)]
+    return "\n".join(lines) + "\n"
+
+
+def _settings(result: Result) -> dict[str, Any]:
+    """The facts of the controller as a log's properties hold them."""
+    found: dict[str, Any] = {}
+    for key, value in result.controller.facts().items():
+        if value is None:
+            continue
+        if not isinstance(value, bool | int | float | str):
+            array = np.asarray(value)
+            value = float(array.item()) if array.size == 1 else str(array.tolist())
+        found[key] = value
+    return found
+
+
+def _statistics(result: Result) -> dict[str, float | None]:
+    """Distributions under noise; nothing without."""
+    found = result.statistics
+    if found is None:
+        return {}
+    facts: dict[str, Estimate | None] = {
+        "interval": found.interval,
+        "interval_deviation": found.interval_deviation,
+        "binding": found.binding,
+    }
+    for name, mean, rms in zip(result.actual.outputs, found.mean, found.rms, strict=True):
+        facts |= {f"mean_{name}": mean, f"rms_{name}": rms}
+    known = {name: fact for name, fact in facts.items() if fact is not None}
+    values: dict[str, float | None] = {"events": found.events, "least": found.least}
+    return values | {
+        key: value for name, fact in known.items() for key, value in ((name, fact.value), (f"{name}_error", fact.error))
+    }
+
+
+PLANTS = {"linear": "Linear plant", "mujoco": "MuJoCo plant"}
+CONTROLS = {"event": "event-driven", "clock": "clock-driven", "continuous": "continuous control"}
+
+
+def in_words(value: float | int | str) -> str:
+    """A fact as readable text."""
+    return amount(value) if isinstance(value, float) else str(value)
+
+
+def _split(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts with a complex number as two."""
+    λ = facts.pop("eigenvalue")
+    return facts | {"eigenvalue_re": None if λ is None else λ.real, "eigenvalue_im": None if λ is None else λ.imag}
+
 
 APPLICATION = "icmj"
 LITTLE = 20_000_000  # bytes; the longest shipped run logs half of it
@@ -77,13 +460,13 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
     compared = compare(result) if has_prediction(result) else None
-    properties, words = summary.properties(result, compared), summary.markdown(result, compared)
+    properties, words = summarise(result, compared), markdown(result, compared)
     for name, facts in properties.items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
     recording.log("summary", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN), static=True)
     _write_archive(recording, tree, arrays, digest)
-    for group in signals.groups(result):
+    for group in groups(result):
         _write_group(recording, group)
     if has_prediction(result):
         write_phase_plane(recording, result)
@@ -93,7 +476,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording.disconnect()
 
 
-def _write_group(recording: rr.RecordingStream, group: signals.Group) -> None:
+def _write_group(recording: rr.RecordingStream, group: Group) -> None:
     colours, names = list(group.colours), list(group.names)
     style = (
         rr.SeriesPoints(colors=colours, names=names, marker_sizes=[group.width] * len(names))

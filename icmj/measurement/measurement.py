@@ -1,18 +1,166 @@
-"""The motion of a simulation: the cycle on which it settled, or that it grew, decayed, wandered or was too short."""
+"""The motion of a simulation: the cycle on which it settled, or that it grew, decayed, wandered or was too short.
+
+The classification of a motion from its events, as data.
+
+Recurrence in a sequence of states: closure after q steps, its trend, and the separation of neighbouring states.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.base.environment import single_threaded
-from icmj.measurement.motion import Measurement, MotionKind
-from icmj.measurement.recurrence import Trend, closure, dominant_growth, separation, trend
+from icmj.base.numbers import Card, WithCard, amount, amounts
+from icmj.base.process import limit_to_one_thread
 from icmj.measurement.statistics import statistics
 from icmj.simulation.simulation import Simulation
+
+MotionKind = Literal[
+    "cycle", "quasi-periodic", "irregular", "growth", "decay", "homoclinic", "noisy", "too short", "no events"
+]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurement(WithCard):
+    """The motion at the end of a run, read from its events.
+
+    Attributes:
+        kind: kind of the motion. ``homoclinic``: the interval keeps growing while the state decays; ``noisy``: noise
+            drives the motion, which is then described by its :mod:`icmj.measurement.statistics`.
+        p: events per period (1, 2, ... 8), or ``None`` without a cycle. A mirrored cycle has an even p.
+        mirrored: whether the second half of the cycle is the first with opposite sign.
+        asymmetry: largest relative departure of the second half of a cycle of an even number of events from the mirror
+            image of the first, of x̄ and of the intervals; NaN with an odd number or without a cycle.
+        interval: mean open-loop interval over the last period [s] or, without a cycle, over the last intervals or,
+            under noise, over the run; ``None`` without events.
+        intervals: the intervals of the last period [s], shape (p,); empty without a cycle.
+        period: time after which the state repeats [s], or ``None``.
+        amplitude: peak magnitude of every output over the last period or, without a cycle, over the last ten events;
+            shape (n_y,).
+        residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
+            a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
+        words: the motion in one sentence.
+        outputs, output_units: names and units of the outputs; empty if unknown.
+    """
+
+    kind: MotionKind
+    p: int | None
+    mirrored: bool
+    interval: float | None
+    intervals: Array
+    period: float | None
+    amplitude: Array
+    residual: float
+    words: str
+    asymmetry: float = float("nan")
+    outputs: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+
+    def card(self) -> Card:
+        """Its representation at a prompt or in a notebook."""
+        name: str = self.kind
+        if self.p is not None:
+            name = f"{'mirrored ' if self.mirrored else ''}period-{self.p} cycle"
+        interval = "" if self.interval is None else f", open-loop interval {amount(self.interval, 's')}"
+        rows = (
+            ("motion", name),
+            ("period", amount(self.period, "s")),
+            ("open-loop interval", amount(self.interval, "s")),
+            ("peak of the outputs", amounts(self.amplitude, self.outputs, self.output_units)),
+            ("closes to", amount(self.residual, figures=2)),
+        )
+        return Card(name + interval, rows, self.words)
+
+
+MOST = 2000  # states that are compared pair by pair
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A fit of log r_i = a + i·log(ratio).
+
+    Attributes:
+        ratio: factor per step.
+        clear: whether the fit explains more than 80 % of the variance.
+    """
+
+    ratio: float
+    clear: bool
+
+
+def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
+    """Closure error after q steps, of states and intervals; shape (K − q,).
+
+    It is the larger of |s_i − sign·s_{i−q}| and |Δ_i − Δ_{i−q}|, each relative to the larger of the two it compares.
+
+    Args:
+        states: shape (K, m).
+        intervals: shape (K,).
+        q: steps, at least 1.
+        sign: +1, or −1 for a mirrored return.
+    """
+    norms = np.linalg.norm(states, axis=1)
+    size = np.maximum(norms[q:], norms[:-q])
+    gap = np.linalg.norm(states[q:] - sign * states[:-q], axis=1)
+    state = np.divide(gap, size, out=np.full(len(size), np.inf), where=size > 0)
+    longer = np.maximum(np.maximum(intervals[q:], intervals[:-q]), 1e-300)
+    return np.maximum(state, np.abs(intervals[q:] - intervals[:-q]) / longer)
+
+
+def trend(values: Array) -> Trend:
+    """Geometric trend of positive values; zeros count as the smallest normal number."""
+    if len(values) < 3:
+        return Trend(1.0, False)
+    logs = np.log(np.maximum(values, np.finfo(float).tiny))
+    steps = np.arange(len(logs)) - (len(logs) - 1) / 2
+    slope = steps @ logs / (steps @ steps)
+    variance = ((logs - logs.mean()) ** 2).sum()
+    explained = slope**2 * (steps @ steps) / variance if variance > 0 else 0.0
+    return Trend(float(np.exp(np.clip(slope, -700, 700))), bool(explained > 0.8))
+
+
+def dominant_growth(states: Array, cut: float = 1e-6) -> float:
+    """Largest |eigenvalue| of the linear map s_i ↦ s_{i+1} that fits best, all steps weighted alike.
+
+    Args:
+        states: shape (K, m), none of them zero.
+        cut: directions in which the states extend less than this, relative to their largest extent, are left out;
+            there the map cannot be told from round-off.
+    """
+    size = np.linalg.norm(states[:-1], axis=1)[:, None]
+    U, extents, V = np.linalg.svd((states[:-1] / size).T, full_matrices=False)
+    kept = extents > cut * extents[0]
+    reduced = U[:, kept].T @ (states[1:] / size).T @ V[kept].T / extents[kept]
+    return float(np.abs(np.linalg.eigvals(reduced)).max())
+
+
+def separation(states: Array, ahead: int = 12, apart: int = 9) -> float:
+    """Growth factor per step of the distance between neighbouring states (the largest Lyapunov exponent's e-power).
+
+    Close to 1 on a quasi-periodic motion, clearly above 1 on an irregular one (Rosenstein, Collins & De Luca 1993).
+
+    Args:
+        states: shape (K, m), K > ahead + apart; of very many the last :data:`MOST` are looked at, pair by pair.
+        ahead: steps over which the distance is followed.
+        apart: least number of steps between neighbours.
+    """
+    states = states[-MOST:]
+    count = len(states) - ahead
+    distance = np.linalg.norm(states[:count, None] - states[None, :count], axis=2)
+    near_in_time = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) < apart
+    distance[near_in_time] = np.inf
+    neighbour = distance.argmin(axis=1)
+    # the closest pairs have most room to part before they are as far apart as the motion is wide
+    closest = np.argsort(distance[np.arange(count), neighbour])[: max(count // 3, 5)]
+    steps = np.arange(ahead + 1)
+    gaps = np.linalg.norm(states[closest[:, None] + steps] - states[neighbour[closest][:, None] + steps], axis=2)
+    typical = np.median(np.log(np.maximum(gaps, 1e-300)), axis=0)
+    return float(np.exp(np.polyfit(steps, typical, 1)[0]))
+
 
 NOTHING = ": it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance"
 MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
@@ -58,7 +206,7 @@ class _Return:
         return fit.ratio < 1 and self.residual / (1 - fit.ratio) <= tolerance
 
 
-@single_threaded()
+@limit_to_one_thread()
 def measure(
     simulation: Simulation, *, T_hat: Array, max_period: int = 8, tolerance: float = 1e-6, floor: float = 1e-11
 ) -> Measurement:
@@ -156,7 +304,8 @@ def growth_per_interval(states: Array) -> float:
     """Growth factor of x̄ per interval over the second half of the events: a point of panel (a) under the clock.
 
     It is the largest |eigenvalue| of the linear map that best takes each x̄ to the next, so that a complex pair, under
-    which |x̄| swings, is measured as sharply as a real one. NaN with fewer than six events or where the motion dies out.
+    which |x̄| swings, is measured as sharply as a real one. NaN with fewer than six events or where the motion dies
+    out.
 
     Args:
         states: x̄ at successive events, shape (K, n + n̂).

@@ -2,6 +2,19 @@
 
 Successive values of a motion are not independent, so their scatter says little about the error of their mean. Averages
 over blocks much longer than the motion's memory are nearly independent, and theirs does (batch means).
+
+Power spectra of signals whose rows are not evenly spaced, because events are recorded when they come.
+
+Whether a distribution has one mode or several: Silverman's critical bandwidth, compared with surrogates of one mode.
+
+A Gaussian kernel of width h smooths a sample; the wider it is, the fewer modes are left. The *critical bandwidth* is
+the least width with a single one: large relative to the standard deviation where there are two clusters (Silverman
+1981, J. R. Stat. Soc. B 43:97–99). Independent values are compared with samples of the smoothed distribution itself,
+which has one mode, as Silverman does. Values of a signal are not independent: a slow signal of one mode also stays
+near some values for long. They are compared with signals of the same spectrum and random phases, which are Gaussian
+(Theiler et al. 1992, Physica D 58:77–94). The test is conservative where the single mode is peaked, and not where it
+is flat, so that only a very small p indicates several modes. The outermost 5 % of the values are left out: bumps of a
+tail are no modes.
 """
 
 from __future__ import annotations
@@ -10,10 +23,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import Array, between, extent
-from icmj.measurement.spectrum import Spectrum, spectrum
-from icmj.series.even import evenly
+from icmj.base.array import SAME, Array, between, extent
+from icmj.errors import DataError
+from icmj.series.series import evenly
 from icmj.simulation.simulation import Simulation
+
+SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
+_SHARED = 1 / 36  # correlation of the powers of two Hann windows that overlap by half (Welch 1967)
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """One-sided power spectra of some signals (Welch 1967: Hann windows, overlapping by half).
+
+    Attributes:
+        frequency: [Hz], shape (F,), rising from 0.
+        power: density [unit²/Hz], shape (F, w).
+        low, high: its 95 % confidence interval, shape (F, w): each segment's power is as that of Gaussian noise, and
+            segments that overlap by half are almost independent.
+    """
+
+    frequency: Array
+    power: Array
+    low: Array
+    high: Array
+
+
+def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
+    """Spectra of smooth signals about their mean.
+
+    Args:
+        t: times of the rows [s], rising, shape (N,).
+        values: shape (N, w).
+        segments: lengths of a segment in the signal.
+    """
+    from scipy.signal import welch
+    from scipy.special import chdtri
+
+    even, smooth = evenly(t, values)
+    length = max(len(even) // segments, 2)
+    frequency, power = welch(smooth, 1 / (even[1] - even[0]), "hann", length, detrend="constant", axis=0)
+    count = max((len(even) - length) // (length - length // 2) + 1, 1)
+    degrees = 2 * count / (1 + 2 * _SHARED * (count - 1) / count)
+    return Spectrum(
+        frequency, power, power * degrees / chdtri(degrees, 0.025), power * degrees / chdtri(degrees, 0.975)
+    )
+
 
 BLOCKS = 10
 TRANSIENT = 0.1  # part of the run that is left to the start
@@ -103,14 +158,14 @@ class Statistics:
     @property
     def words(self) -> str:
         """The statistics in one sentence."""
-        sizes = ", ".join(shown(rms) for rms in self.rms)
+        sizes = ", ".join(show(rms) for rms in self.rms)
         sway = f"RMS of the outputs {sizes}"
         if self.interval is None or self.interval_deviation is None or self.binding is None:
             return f"Driven by noise: {sway}."
-        least = f", at the least of {self.least:g} s in {shown(self.binding, 100)} % of them" if self.least > 0 else ""
+        least = f", at the least of {self.least:g} s in {show(self.binding, 100)} % of them" if self.least > 0 else ""
         return (
-            f"Driven by noise: open-loop interval {shown(self.interval)} s on average, "
-            f"deviation {shown(self.interval_deviation)} s, over {self.events} events{least}; {sway}."
+            f"Driven by noise: open-loop interval {show(self.interval)} s on average, "
+            f"deviation {show(self.interval_deviation)} s, over {self.events} events{least}; {sway}."
         )
 
 
@@ -144,7 +199,7 @@ def statistics(simulation: Simulation) -> Statistics | None:
     )
 
 
-def shown(estimate: Estimate, unit: float = 1.0) -> str:
+def show(estimate: Estimate, unit: float = 1.0) -> str:
     """``0.52 ± 0.03``; in another unit, times ``unit``."""
     value, error = estimate.value * unit, estimate.error * unit
     return f"{value:.3g}" + (f" ± {error:.2g}" if np.isfinite(error) and error > 0 else "")
@@ -153,3 +208,106 @@ def shown(estimate: Estimate, unit: float = 1.0) -> str:
 def _bins(intervals: Array) -> int:
     """Edges of the bins, whose number follows Rice's rule, at least ten."""
     return max(10, int(np.ceil(2 * len(intervals) ** (1 / 3))))
+
+
+_BINS, _STEPS = 256, 20  # of the range, and halvings of the bandwidth's logarithm
+_NOTHING = 1e-9  # of the highest density: a rise that is less is rounding
+_NARROWEST = 1 / 100  # of the range
+_INNER = (0.025, 0.975)  # quantiles between which values are looked at
+
+
+@dataclass(frozen=True)
+class Modality:
+    """The result of a test of one mode against several.
+
+    Attributes:
+        bandwidth: critical bandwidth divided by the standard deviation.
+        p: share of samples with one mode whose critical bandwidth is at least as large; it is small if there are
+            several modes.
+        count: number of values that were tested.
+    """
+
+    bandwidth: float
+    p: float
+    count: int
+
+
+def modality(values: Array, *, signal: bool = False, resamples: int = 199, seed: int = 0) -> Modality:
+    """Test whether values have one mode.
+
+    Args:
+        values: the values, shape (N,).
+        signal: whether they are an evenly sampled signal over time rather than independent values.
+        resamples: number of samples with one mode with which they are compared.
+        seed: seed of these samples.
+
+    Raises:
+        DataError: if there are too few values, one is not finite, or all are equal. Where only the outermost 5 % differ
+            from the others, there is one mode, of no width: p = 1.
+    """
+    x = np.asarray(values, dtype=float)
+    if x.ndim != 1 or len(x) < FEWEST or not np.isfinite(x).all():
+        raise DataError(f"{x.size} values; expected at least {FEWEST}, all finite")
+    x = x - x.mean()
+    deviation = float(x.std())
+    if not deviation > 1e-12 * np.abs(values).max():
+        raise DataError("all values are the same; they have no distribution")
+    x, random = x / deviation, np.random.default_rng(seed)
+    if np.ptp(_inner(x)) <= SAME:  # deviations
+        return Modality(0.0, 1.0, len(x))
+    h = _critical(x)
+    larger = 0
+    for _ in range(resamples):
+        if signal:
+            larger += _critical(_surrogate(x, random)) >= h
+        else:
+            # of the smoothed distribution, drawn in to the variance of the sample
+            drawn = random.choice(x, len(x)) + h * random.standard_normal(len(x))
+            larger += _modes(_Histogram(drawn / np.sqrt(1 + h**2)), h) > 1
+    return Modality(h, (1 + larger) / (1 + resamples), len(x))
+
+
+class _Histogram:
+    """Counts of the inner values in fine bins with room on either side, ready to be smoothed."""
+
+    def __init__(self, x: Array) -> None:
+        x = _inner(x)
+        self.range = float(np.ptp(x))
+        middle = (x.max() + x.min()) / 2
+        # a range on either side: what a transform wraps around comes to nothing
+        counts, _ = np.histogram(x, 3 * _BINS, (middle - 1.5 * self.range, middle + 1.5 * self.range))
+        self.spectrum = np.fft.rfft(counts)
+        self.turn = 2 * np.pi * np.fft.rfftfreq(3 * _BINS, self.range / _BINS)
+
+
+def _inner(x: Array) -> Array:
+    low, high = np.quantile(x, _INNER)
+    return x[(x >= low) & (x <= high)]
+
+
+def _modes(histogram: _Histogram, h: float) -> int:
+    density = np.fft.irfft(histogram.spectrum * np.exp(-((histogram.turn * h) ** 2) / 2), 3 * _BINS)
+    change = np.diff(density)
+    change = change[np.abs(change) > _NOTHING * density.max()]
+    return int(((change[:-1] > 0) & (change[1:] < 0)).sum())
+
+
+def _critical(x: Array) -> float:
+    """The least bandwidth with a single mode, to a hundredth: fewer modes are left the wider it is."""
+    histogram = _Histogram(x)
+    low, high = _NARROWEST * histogram.range, histogram.range / 2
+    for _ in range(_STEPS):
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if _modes(histogram, middle) <= 1 else (middle, high)
+        if high < 1.001 * low:
+            break
+    return float(high)
+
+
+def _surrogate(x: Array, random: np.random.Generator) -> Array:
+    """A signal of the same spectrum with random phases, of deviation 1."""
+    Y = np.fft.rfft(x)
+    phases = np.exp(2j * np.pi * random.random(len(Y)))
+    phases[0] = 1
+    found = np.fft.irfft(np.abs(Y) * phases, len(x))
+    return np.asarray(found / found.std(), float)

@@ -1,10 +1,18 @@
-"""The linear plant ẋ = A x + B u, y = C x (paper, eq. sys) with names for its states, inputs and outputs."""
+"""The linear plant ẋ = A x + B u, y = C x (paper, eq. sys) with names for its states, inputs and outputs.
+
+The place at which a force acts on the plant itself, not through the actuator.
+
+It acts along an input, on a body, or on all bodies, as their support surface moves: seen from a surface that moves,
+gravity turns, and every mass has the force of its inertia.
+
+Inputs and outputs of two plants matched: by name where both have names, else by their place.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +20,102 @@ from numpy.typing import ArrayLike, NDArray
 from icmj.base.array import Array, falling, real
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, SimulationError
-from icmj.plant.push import Push
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem, StateSpace
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+Surface = Literal["translation", "gravity", "turning"]
+
+
+def vector(values: Sequence[float] | np.ndarray) -> Vector:
+    """Three numbers."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class Push:
+    """A generalised force of size 1.
+
+    Attributes:
+        input: the push acts on the joint or tendon that this input moves, in the direction in which its length
+            increases: 1 N m about a hinge, 1 N along a slide or a spatial tendon, whatever the actuator's gear, gain
+            and dynamics. Give one of ``input``, ``body`` and ``surface``.
+        body: name of the body on which it acts.
+        force: force on the body [N], along the axes of the world.
+        torque: torque on the body [N m], about the axes of the world.
+        point: point of action, fixed in the frame of the body [m]; its centre of mass if ``None``.
+        surface: motion of the support surface, to first order; all coordinates are relative to the surface.
+            ``translation``: an acceleration of 1 m/s² along ``axis``; ``gravity``: a tilt of 1 rad about ``axis``,
+            which changes the direction of gravity; ``turning``: an angular acceleration of 1 rad/s² about the line
+            along ``axis`` through ``point`` (the origin of the world if ``None``).
+        axis: direction of a translation, or axis of a rotation by the right-hand rule; of length 1.
+
+    Raises:
+        SimulationError: on construction, if not exactly one of input, body and surface is given, a vector does not have
+            three finite numbers, or neither force nor torque is given for a body.
+    """
+
+    input: str | None = None
+    body: str | None = None
+    force: Vector = ZERO
+    torque: Vector = ZERO
+    point: Vector | None = None
+    surface: Surface | None = None
+    axis: Vector = ZERO
+
+    def __post_init__(self) -> None:
+        if (self.input, self.body, self.surface).count(None) != 2:
+            raise SimulationError("a push acts on an input, on a body or by the surface; give one of them")
+        for name in ("force", "torque", "point", "axis"):
+            given: Sequence[float] | None = getattr(self, name)
+            if given is None:
+                continue
+            vector = tuple(float(part) for part in given)
+            if len(vector) != 3 or not np.isfinite(vector).all():
+                raise SimulationError(f"push on {self.where!r}: {name} {list(vector)}: expected three finite numbers")
+            object.__setattr__(self, name, vector)
+        acts = any(self.force) or any(self.torque)
+        if self.surface is not None:
+            if self.surface not in get_args(Surface) or acts:
+                raise SimulationError(
+                    f"surface {self.surface!r}: expected translation, gravity or turning, without force"
+                )
+            length = float(np.linalg.norm(self.axis))
+            if length == 0:
+                raise SimulationError(f"surface {self.surface!r}: its axis has no direction")
+            object.__setattr__(self, "axis", tuple(part / length for part in self.axis))
+            return
+        if self.input is not None and (acts or self.point is not None):
+            raise SimulationError(
+                f"push on input {self.input!r}: force, torque and point are those of a push on a body"
+            )
+        if self.body is not None and not acts:
+            raise SimulationError(f"push on body {self.body!r}: give it a force [N], a torque [N m], or both")
+
+    @property
+    def where(self) -> str:
+        """The name of what is pushed."""
+        if self.surface is not None:
+            return f"surface {'tilt' if self.surface == 'gravity' else self.surface}"
+        return self.input if self.input is not None else str(self.body)
+
+    @property
+    def magnitude(self) -> float:
+        """Magnitude of the force [N] or, without a force, of the torque [N m]; 1 if both are given, or an input."""
+        sizes = [float(np.linalg.norm(vector)) for vector in (self.force, self.torque) if any(vector)]
+        return sizes[0] if len(sizes) == 1 else 1.0
+
+    def unit(self, input_unit: str = "") -> str:
+        """Unit of a size times the magnitude, if known; ``input_unit`` is that of the input's command."""
+        if self.surface is not None:
+            return {"translation": "m/s²", "gravity": "rad", "turning": "rad/s²"}[self.surface]
+        if self.body is not None:
+            return "" if any(self.force) and any(self.torque) else "N" if any(self.force) else "N m"
+        return next((unit for unit in ("N m", "N") if f" {input_unit}".endswith(f" {unit}")), "")
+
 
 _AT_REST = 1e-6  # of the plant's fastest rate: what a root finder leaves
 
@@ -201,7 +301,7 @@ class LinearPlant:
             except ValueError as error:
                 raise AnalysisError(f"the transfer function has no states: {one_line(error, 200)}") from error
         elif isinstance(system, control.NonlinearIOSystem) and not isinstance(system, control.StateSpace):
-            system = _linearised(system, x0, u0, params)
+            system = _linearise(system, x0, u0, params)
         elif not isinstance(system, control.StateSpace):
             if hasattr(system, "to_zpk"):  # of scipy.signal
                 try:
@@ -217,7 +317,7 @@ class LinearPlant:
         return cls.from_statespace(system)
 
 
-def _linearised(
+def _linearise(
     system: NonlinearIOSystem, x0: ArrayLike | None, u0: ArrayLike | None, params: Mapping[str, Any] | None
 ) -> StateSpace:
     """A nonlinear system linearised about its equilibrium, with its names."""
@@ -285,3 +385,84 @@ def transformation(assumed: LinearPlant, actual: LinearPlant) -> Array:
     not depend on this choice of coordinates.
     """
     return np.array([[float(name == other) for other in actual.states] for name in assumed.states])
+
+
+Match = Literal["name", "position"]
+# what a plant gets that has no names, in this order: of icmj, and of python-control
+_GENERATED = {"inputs": ("u{}", "u[{}]"), "outputs": ("y{}", "y[{}]")}
+
+
+def match_ports(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") -> LinearPlant:
+    """``actual`` with its inputs and outputs in the order of those of the same name in ``assumed``.
+
+    Where both have the same names they are matched by these, whatever they are; else, where either plant has no names
+    of its own (u0, u1, … in this order, or python-control's u[0], …), by position, and for ``match="position"`` in any
+    case.
+
+    Raises:
+        AnalysisError: if inputs or outputs differ in number, or both plants have names and not the same ones.
+    """
+    u, y = ports(actual, assumed, match)
+    if (u == np.arange(actual.n_u)).all() and (y == np.arange(actual.n_y)).all():
+        return actual
+    return pick(actual, u, y)
+
+
+def ports(actual: LinearPlant, assumed: LinearPlant, match: Match = "name") -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the inputs and outputs of ``actual`` that correspond to those of ``assumed``, shapes (n_u,), (n_y,).
+
+    Raises:
+        AnalysisError: see :func:`match_ports`.
+    """
+    expect_linear(actual, "the actual plant")
+    if (actual.n_u, actual.n_y) != (assumed.n_u, assumed.n_y):
+        raise AnalysisError(
+            f"the actual plant has {actual.n_u} inputs and {actual.n_y} outputs, the assumed one "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+    if match == "position":
+        return np.arange(actual.n_u), np.arange(actual.n_y)
+    return _order("inputs", actual.inputs, assumed.inputs), _order("outputs", actual.outputs, assumed.outputs)
+
+
+def pick(plant: LinearPlant, u: np.ndarray, y: np.ndarray) -> LinearPlant:
+    """The plant with inputs ``u`` and outputs ``y``, by their indices, in that order."""
+
+    def of(names: tuple[str, ...], at: np.ndarray) -> tuple[str, ...]:
+        return tuple(names[i] for i in at)
+
+    return replace(
+        plant,
+        B=plant.B[:, u], B_d=plant.B_d[:, u], inputs=of(plant.inputs, u), input_units=of(plant.input_units, u),
+        C=plant.C[y], outputs=of(plant.outputs, y), output_units=of(plant.output_units, y),
+    )  # fmt: skip
+
+
+def deviate(assumed: LinearPlant, actual: LinearPlant, rho: float) -> LinearPlant:
+    """The paper's family A = Â − ρÃ₁, same for B, C and B_d: ``assumed`` at ρ = 0, ``actual`` at ρ = 1.
+
+    Raises:
+        AnalysisError: if the two plants differ in size, or in names.
+    """
+    if (assumed.n, assumed.n_u, assumed.n_y) != (actual.n, actual.n_u, actual.n_y):
+        raise AnalysisError("the family in ρ needs assumed and actual plant of the same size")
+    actual = match_ports(actual, assumed)
+    if assumed.states != actual.states:
+        raise AnalysisError("the family in ρ needs assumed and actual plant with the same states, in the same order")
+    mixed = {name: (1 - rho) * getattr(assumed, name) + rho * getattr(actual, name) for name in ("A", "B", "C", "B_d")}
+    return replace(assumed, **mixed)
+
+
+def _order(what: str, here: tuple[str, ...], there: tuple[str, ...]) -> np.ndarray:
+    if sorted(here) == sorted(there):
+        return np.array([here.index(name) for name in there], dtype=int)
+    if _nameless(what, here) or _nameless(what, there):
+        return np.arange(len(here))
+    raise AnalysisError(
+        f"the actual plant has the {what} {', '.join(here)}, the assumed one {', '.join(there)}; name them alike, "
+        f'or match them by position: match="position"'
+    )
+
+
+def _nameless(what: str, names: tuple[str, ...]) -> bool:
+    return any(names == tuple(form.format(i) for i in range(len(names))) for form in _GENERATED[what])

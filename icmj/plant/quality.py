@@ -3,15 +3,156 @@
 A prediction applies to small departures of a smooth plant from rest. Violations of these conditions are found here
 before the prediction: a plant that is not at rest, an input that can only push one way, dry friction, an output that
 depends directly on the input, an uncontrollable or unobservable mode.
+
+Notices to the user: kind, severity, and a text that says what to do.
+
+Neutral, uncontrollable and unobservable modes of a linear plant, by the names of their states.
+
+A plant given by its matrices, in place of a model of the engine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
 
-from icmj.plant.modes import Mode
-from icmj.plant.notice import Notice
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.errors import ModelError
+from icmj.plant.linear_plant import LinearPlant
+
+Kind = Literal[
+    "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
+    "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "saturation", "joint limit", "not linear",
+    "large step", "not smooth", "paper", "slow noise", "set-point", "sampling delay",
+]  # fmt: skip
+KINDS: tuple[str, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """One notice.
+
+    Attributes:
+        kind: name by which a run file allows it.
+        severity: ``error`` if it would make a prediction meaningless, otherwise ``warning``.
+        words: one sentence: what is wrong, where, and what to do.
+    """
+
+    kind: Kind
+    severity: Literal["warning", "error"]
+    words: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.words}"
+
+
+def permit(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple[Notice, ...]:
+    """The notices, with allowed errors turned into warnings; raises if one is an error that is not allowed.
+
+    Raises:
+        ModelError: the first error not allowed, with how to allow it; it begins with ``where``.
+    """
+    allowed, result = set(allow), []
+    for notice in notices:
+        if notice.severity == "error" and notice.kind not in allowed:
+            raise ModelError(f'{where}: {notice} (or go on with [analysis] allow = ["{notice.kind}"])')
+        result.append(replace(notice, severity="warning"))
+    return tuple(dict.fromkeys(result))
+
+
+# of the plant's size: finite differences err by 1e-9, and a double integrator's eigenvalues by the root of that
+_RANK, _NEUTRAL, _SHARE = 1e-7, 1e-4, 0.1
+
+
+@dataclass(frozen=True)
+class Mode:
+    """An eigenvalue of A and the states that take part in it.
+
+    Attributes:
+        eigenvalue: [rad/s]; of a complex pair the upper one.
+        states: those that take at least a tenth of the largest share.
+    """
+
+    eigenvalue: complex
+    states: tuple[str, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the mode decays."""
+        return self.eigenvalue.real < -_NEUTRAL * max(1.0, abs(self.eigenvalue))
+
+
+def neutral(plant: LinearPlant) -> tuple[Mode, ...]:
+    """Modes with eigenvalue zero, such as integrators and positions without a preferred value."""
+    values, vectors = np.linalg.eig(plant.A)
+    size = max(1.0, float(np.abs(values).max(initial=0.0)))
+    found = [Mode(0j, _names(plant, v)) for λ, v in zip(values, vectors.T, strict=True) if abs(λ) < _NEUTRAL * size]
+    return tuple(dict.fromkeys(found))
+
+
+def unobservable(plant: LinearPlant) -> tuple[Mode, ...]:
+    """Modes that no output shows (Popov, Belevitch, Hautus): C v = 0 for a right eigenvector v."""
+    return _find_hidden(plant, plant.A, plant.C)
+
+
+def uncontrollable(plant: LinearPlant) -> tuple[Mode, ...]:
+    """Modes that no input moves: wᵀB = 0 for a left eigenvector w."""
+    return _find_hidden(plant, plant.A.T, plant.B.T)
+
+
+def idle(plant: LinearPlant) -> tuple[str, ...]:
+    """States on which no rate depends, such as a place on a level floor."""
+    size = np.abs(plant.A).max(initial=0.0)
+    return tuple(
+        name for name, column in zip(plant.states, plant.A.T, strict=True) if np.abs(column).max() < 1e-8 * size
+    )
+
+
+def adrift(plant: LinearPlant) -> tuple[str, ...]:
+    """States on which no rate depends and that no input brings back: where on a level floor a body stands.
+
+    Without them the plant has no such mode.
+    """
+    size = max(1.0, float(np.abs(plant.A).max(initial=0.0)))
+    columns = np.linalg.norm(plant.B, axis=0)
+    whole = np.hstack([plant.A, size * plant.B / np.where(columns > 0, columns, 1.0)])
+    U, values, _ = np.linalg.svd(whole)
+    kept = U[:, values < _RANK * size].T  # wᵀ[A, B] = 0: what wᵀx is never changes
+    found: list[str] = []
+    for name in idle(plant):
+        w = kept[:, plant.states.index(name)]
+        if np.linalg.norm(w) < _RANK:
+            continue
+        found.append(name)
+        # what else never changes, once this state is gone
+        kept = np.linalg.svd(w[None, :])[2][1:] @ kept
+    return tuple(found)
+
+
+def _find_hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[Mode, ...]:
+    # rows and outputs brought to one size, so that neither units nor a weak input look like a missing rank
+    size = max(1.0, float(np.abs(A).max(initial=0.0)))
+    rows = np.linalg.norm(C, axis=1, keepdims=True)
+    seen = size * C / np.where(rows > 0, rows, 1.0)
+    modes: dict[Mode, None] = {}
+    for λ in np.linalg.eigvals(A):
+        if λ.imag < 0:
+            continue
+        _, values, V = np.linalg.svd(np.vstack([A - λ * np.eye(plant.n), seen]))
+        for value, v in zip(values, V.conj(), strict=True):
+            if value < _RANK * size:
+                modes[Mode(complex(np.round(λ, 4)) + 0, _names(plant, v))] = None
+    return tuple(modes)
+
+
+def _names(plant: LinearPlant, vector: np.ndarray) -> tuple[str, ...]:
+    share = np.abs(vector)
+    return tuple(name for name, part in zip(plant.states, share, strict=True) if part > _SHARE * share.max())
+
 
 AT_REST = 1e-6
 """Largest acceleration, as a fraction of gravity, of a plant that is at rest."""
@@ -161,7 +302,7 @@ class Quality:
         return words
 
 
-def dropped(names: tuple[str, ...]) -> Notice:
+def notice_omission(names: tuple[str, ...]) -> Notice:
     """The notice that states were left out that affect nothing and are affected by nothing."""
     named = ", ".join(f'"{name}"' for name in names)
     words = f"nothing depends on {_list(names)}, and no input moves it: dropped, as drop = [{named}] would say"
@@ -183,3 +324,48 @@ def _pole(mode: Mode) -> str:
 
 def _list(names: tuple[str, ...]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLinearisation:
+    """The linearisation of a plant that is linear: the plant itself."""
+
+    plant: LinearPlant
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixPlant:
+    """A plant that is linear everywhere, and at rest at zero.
+
+    Attributes:
+        linearisation: holds the plant.
+    """
+
+    linearisation: GivenLinearisation
+
+    @classmethod
+    def of(cls, plant: LinearPlant) -> MatrixPlant:
+        """The plant in the form that a case holds."""
+        return cls(GivenLinearisation(plant))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All states."""
+        return self.linearisation.plant.states
+
+    @property
+    def told(self) -> tuple[Notice, ...]:
+        """Notices on choices that were made for the user: none."""
+        return ()
+
+    @cached_property
+    def quality(self) -> Quality:
+        """The quality of the operating point: its modes; all other checks apply to models only."""
+        plant = self.linearisation.plant
+        return Quality(
+            Residual(0.0, plant.states[0], "", 0.0),
+            neutral=neutral(plant),
+            uncontrollable=uncontrollable(plant),
+            unobservable=unobservable(plant),
+            idle=idle(plant),
+        )

@@ -12,7 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.parameter import unit_of
+from icmj.cycle.curve import unit_of
 from icmj.errors import ReportError
 from icmj.report import style
 
@@ -105,7 +105,7 @@ def draw_amplitude(axes: Axes, branches: Sequence[Branch], linear: Sequence[Bran
     first = _first(branches)
     if not 0 <= output < len(first.outputs):
         raise ReportError(f"no output {output} on this branch; it has {len(first.outputs)}")
-    factor, unit = _shown(first.units[output])
+    factor, unit = _show(first.units[output])
 
     def quantity(of: Branch) -> tuple[Array, Array]:
         at = np.array([s.y_peak[[output]] for s in of.specials])
@@ -161,7 +161,7 @@ def draw_orbits(axes: Axes, branch: Branch, linear: Branch | None = None, output
     """
     from matplotlib import colormaps
 
-    factor, unit = _shown(branch.units[output])
+    factor, unit = _show(branch.units[output])
     by_size = branch.parameter == "q_t"
     chosen = _spread(branch)
     shades = colormaps["cividis"](np.linspace(0.9, 0.0, len(chosen)))
@@ -285,5 +285,5 @@ def _logarithmic(branches: Sequence[Branch]) -> bool:
     return bool(value.min() > 0 and value.max() >= 10 * value.min())
 
 
-def _shown(unit: str) -> tuple[float, str]:
+def _show(unit: str) -> tuple[float, str]:
     return (180 / np.pi, "deg") if unit == "rad" else (1.0, unit)

@@ -13,18 +13,27 @@ import numpy as np
 from icmj.base.files import scratch, write_bytes
 from icmj.base.text import one_line
 from icmj.base.version import VERSION
+from icmj.case.result import Result, SweepTable, has_prediction
 from icmj.errors import ReportError
 from icmj.report import sections, style
-from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
-from icmj.report.moving import joined, moving, script
-from icmj.report.notation import SYMBOLS, notation, unbroken
-from icmj.report.overview import overview_figure
-from icmj.report.pairing import CaseRuns, paired
-from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
-from icmj.report.sections import DrawnPanel, Picture, Section, numbered
-from icmj.report.sections.statements import in_paper_order
-from icmj.result.result import Result, has_prediction
-from icmj.result.swept import Swept
+from icmj.report.drawing import (
+    Drawing,
+    draw_case,
+    join_scripts,
+    law_of,
+    moving,
+    noise_of,
+    panels_of,
+    picture,
+    save,
+    script,
+)
+from icmj.report.figures import Rival, paths_figure, rivals, spectra_figure
+from icmj.report.sections import DrawnPanel, Picture, Section, count_figures
+from icmj.report.statements import in_paper_order
+from icmj.report.style import SYMBOLS, notation, unbroken
+from icmj.report.summary import overview_figure
+from icmj.report.wording import CaseRuns, pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +58,7 @@ def build_report(
     out: Path,
     *,
     figures: Path | None = None,
-    sweeps: Sequence[Swept] = (),
+    sweeps: Sequence[SweepTable] = (),
     branches: Sequence[Branch] = (),
     draw: Draw | None = None,
 ) -> None:
@@ -73,7 +82,7 @@ def build_report(
     """
     others = [result for result in results if not has_prediction(result)]
     predicted = [result for result in results if has_prediction(result)]
-    cases = in_paper_order(paired(predicted)) if predicted or not (sweeps or branches or others) else []
+    cases = in_paper_order(pair(predicted)) if predicted or not (sweeps or branches or others) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
@@ -105,7 +114,7 @@ def draw_all(cases: Sequence[CaseRuns], folder: Path) -> None:
 def render(
     cases: Sequence[CaseRuns],
     folder: Path,
-    sweeps: Sequence[Swept] = (),
+    sweeps: Sequence[SweepTable] = (),
     branches: Sequence[Branch] = (),
     alone: Sequence[Result] = (),
 ) -> str:
@@ -114,8 +123,8 @@ def render(
     motions, of_case, of_other = _motions(cases, alone)
     before = len(cases) + len(noisy) + len(laws)
     swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
-    grown = sections.branches(_grown(branches, folder), first_number=before + 1 + numbered(swept))
-    after = before + 1 + numbered(swept) + numbered(grown)
+    grown = sections.branches(_group_branches(branches, folder), first_number=before + 1 + count_figures(swept))
+    after = before + 1 + count_figures(swept) + count_figures(grown)
     controllers = _rivals(cases, alone, folder)
     beside = sections.rivals(controllers, after)
     others = sections.others(alone, _others(alone, folder), after + len(controllers), of_other)
@@ -136,7 +145,7 @@ def render(
             sections.settings(cases),
         ]
     title, subtitle = _headed(cases, sweeps, branches, alone)
-    return filled(
+    return render_page(
         [part for part in parts if part is not None],
         title=title,
         subtitle=subtitle,
@@ -152,7 +161,7 @@ def render(
 
 
 def _headed(
-    cases: Sequence[CaseRuns], sweeps: Sequence[Swept], branches: Sequence[Branch], alone: Sequence[Result]
+    cases: Sequence[CaseRuns], sweeps: Sequence[SweepTable], branches: Sequence[Branch], alone: Sequence[Result]
 ) -> tuple[str, str]:
     """Title and subtitle, which say what the page is of."""
     if alone:
@@ -168,7 +177,7 @@ def _headed(
     return TITLE, f"{'; '.join(many[:3])}{' …' if len(many) > 3 else ''}"
 
 
-def filled(parts: Sequence[Section], **said: Any) -> str:
+def render_page(parts: Sequence[Section], **said: Any) -> str:
     """The page's HTML from its sections, its head (``title``, ``subtitle``, ``findings``, ``abstract`` …) and its foot.
 
     The foot says ``source``, what the page was built from, and ``beside``, where its figures lie; it names Gawthrop's
@@ -186,7 +195,7 @@ def filled(parts: Sequence[Section], **said: Any) -> str:
     )
     environment.filters["notation"] = notation
     environment.globals["symbols"] = SYMBOLS
-    environment.globals["scripts"] = joined
+    environment.globals["scripts"] = join_scripts
     environment.globals["next_table"] = count(1).__next__
     usual = {
         "kicker": "Comparison report", "abstract": "", "findings": (), "first": None, "motions": "", "paper": False,
@@ -220,10 +229,10 @@ def _first(
     """The first screen: the sentence, the overview of the cases, and the body of most parts that settled on a cycle."""
     drawn = narrow = None
     if cases:
-        with style.applied():
+        with style.apply():
             alt = "Predicted and measured open-loop interval of each case, and their relative errors"
-            drawn = _drawn(overview_figure(cases), folder, "overview", alt)
-            narrow = _drawn(overview_figure(cases, narrow=True), folder, "overview_narrow", alt)
+            drawn = _draw(overview_figure(cases), folder, "overview", alt)
+            narrow = _draw(overview_figure(cases, narrow=True), folder, "overview_narrow", alt)
     bodies = {name: motions[key]["body"] for name, key in named.items() if motions[key]["body"]}
     settled = {case.name for case in cases if any(c.measured.converged for c in case.comparisons.values())}
     best = max(bodies, key=lambda name: (name in settled, len(bodies[name]["shapes"])), default=None)
@@ -256,16 +265,16 @@ def _pictures(
     return panels, laws, noisy
 
 
-def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture, str]]]:
+def _maps(sweeps: Sequence[SweepTable], folder: Path) -> dict[str, list[tuple[Picture, str]]]:
     """Pictures and captions of every sweep."""
-    from icmj.report.maps.pictures import pictures
+    from icmj.report.maps import pictures
 
     found = {}
-    with style.applied():
+    with style.apply():
         for swept in sweeps:
             try:
                 found[swept.name] = [
-                    (_drawn(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
+                    (_draw(each.figure, folder, f"{swept.name}_{each.name}", each.caption), each.caption)
                     for each in pictures(swept)
                 ]
             except (ValueError, ArithmeticError) as error:  # matplotlib's, of numbers near the ends of their range
@@ -273,7 +282,7 @@ def _maps(sweeps: Sequence[Swept], folder: Path) -> dict[str, list[tuple[Picture
     return found
 
 
-def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch], Picture]]:
+def _group_branches(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch], Picture]]:
     """Branches of one run file along one parameter, together, with their picture."""
     from icmj.report.branch import branch_figure
 
@@ -281,7 +290,7 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
     for branch in branches:
         groups.setdefault((branch.run.case.name, branch.parameter), []).append(branch)
     found = []
-    with style.applied():
+    with style.apply():
         for (name, parameter), branches_of in groups.items():
             born = [branch for branch in branches_of if _is_born(branch, branches_of)]
             group = [*(branch for branch in branches_of if branch not in born), *born]
@@ -289,7 +298,7 @@ def _grown(branches: Sequence[Branch], folder: Path) -> list[tuple[list[Branch],
             above = [branch for branch in group if branch.plant != "linear"]
             figure = branch_figure(above or beneath, beneath if above else ())
             alt = f"{group[0].run.case.title}, cycles along {parameter}"
-            found.append((group, _drawn(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
+            found.append((group, _draw(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
     return found
 
 
@@ -301,14 +310,14 @@ def _is_born(branch: Branch, group: Sequence[Branch]) -> bool:
 
 def _others(runs: Sequence[Result], folder: Path) -> dict[str, Picture]:
     """Outputs over time of every case under another controller."""
-    from icmj.report.rivals import run_figure
+    from icmj.report.figures import run_figure
 
     cases: dict[str, list[Result]] = {}
     for run in runs:
         cases.setdefault(run.run.case.name, []).append(run)
-    with style.applied():
+    with style.apply():
         return {
-            name: _drawn(run_figure(same), folder, f"{name}_run", f"{same[0].run.case.title}, over time")
+            name: _draw(run_figure(same), folder, f"{name}_run", f"{same[0].run.case.title}, over time")
             for name, same in cases.items()
         }
 
@@ -320,15 +329,15 @@ def _rivals(
     found = []
     if others:
         runs = [result for case in cases for result in case.runs.values()]
-        with style.applied():
+        with style.apply():
             for n, group in enumerate(rivals([*runs, *others]), 1):
-                spectra = _drawn(spectra_figure(group), folder, f"controllers_{n}_spectra", "Spectra of the outputs")
-                paths = _drawn(paths_figure(group), folder, f"controllers_{n}_paths", "Rates against outputs")
+                spectra = _draw(spectra_figure(group), folder, f"controllers_{n}_spectra", "Spectra of the outputs")
+                paths = _draw(paths_figure(group), folder, f"controllers_{n}_paths", "Rates against outputs")
                 found.append((group, (spectra, paths)))
     return found
 
 
-def _drawn(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
+def _draw(figure: Figure, folder: Path, name: str, alt: str) -> Picture:
     name = re.sub(r"[^\w.+-]", "-", name).lstrip(".")  # a file may say anything
     save(figure, folder, name)
     return picture(folder, Drawing(name, alt, lambda: figure))

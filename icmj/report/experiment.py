@@ -14,7 +14,7 @@ from icmj.base.numbers import MISSING, count, number, readable
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.measurement.sway import MEASURES
 from icmj.report import style
-from icmj.report.builder import filled
+from icmj.report.builder import render_page
 from icmj.report.sections import Picture, Section
 
 PLANTS = {"linear": "linear plant", "mujoco": "MuJoCo", "recording": "recorded"}
@@ -64,7 +64,7 @@ def experiment_page(
         **_table(kind, rows),
     }
     methods = {"words": [*METHODS[kind](settings, recorded), *((_YOUNG,) if results["people"] else ())]}
-    return filled(
+    return render_page(
         [
             Section("results", "Results", "experiment.html.j2", results),
             Section("methods", "Methods", "methods.html.j2", methods),

@@ -2,7 +2,7 @@
 
 The script (``loop.js``, ``theory.js``, ``live.js`` in ``templates/``) has no controller of its own. It is given the
 controller's :class:`icmj.controller.realisation.Realisation` as numbers, which do not depend on b, and on q_t by a
-factor alone; maps J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.chain`) and as matrices;
+factor alone; maps J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.pose`) and as matrices;
 and a table of predictions over b and delay. Sliders move within these.
 """
 
@@ -17,28 +17,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.environment import single_threaded
 from icmj.base.files import write_text
+from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.base.version import VERSION
 from icmj.case.case import Case, has_prediction
 from icmj.case.plants import AnyPlant
+from icmj.case.result import quantities
 from icmj.controller.controller import has_trigger
-from icmj.controller.delay import Delay
+from icmj.controller.design import Delay
 from icmj.controller.realisation import Realisation
-from icmj.engine.chain import chain_of
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.tableau import fastest_rate
+from icmj.engine.pose import chain_of
+from icmj.engine.schedule import fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.report.moving import chain_body, joined, links_of, script
+from icmj.report.drawing import chain_body, join_scripts, links_of, script
 from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
 from icmj.simulation.ending import limits_of
-from icmj.simulation.settings import Settings, plant_start
-from icmj.simulation.sources import Gridded, Noise, Placed
+from icmj.simulation.settings import Gridded, Noise, Placed, Settings, plant_start
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
-from icmj.view.quantity import quantities
 
 if TYPE_CHECKING:
     from icmj.case.case import PredictedCase
@@ -79,14 +78,14 @@ def page(description: Mapping[str, Any]) -> str:
         loader=PackageLoader("icmj.report", "templates"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    code = joined("loop.js", "theory.js", "body.js", "live.js")
+    code = join_scripts("loop.js", "theory.js", "body.js", "live.js")
     return environment.get_template("live.html.j2").render(
         title=description["title"], heading=HEADING if description["table"] else "", version=VERSION,
         description=script(description), code=code,
     )  # fmt: skip
 
 
-@single_threaded()
+@limit_to_one_thread()
 def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
     """All that the page's script reads, as plain data.
 
@@ -147,7 +146,7 @@ def _refusal(case: Case) -> str:
         return "modes and events of the page follow from readings alone, and this controller's also from its state"
     if real.tapped and real.taps[-1] > LONGEST:
         return f"the page remembers readings of {LONGEST:g} s, and the delay is {real.taps[-1]:g} s"
-    if any(source.push is not None or isinstance(source, Gridded) for source in _placed(settings)):
+    if any(source.push is not None or isinstance(source, Gridded) for source in _place(settings)):
         return (
             "disturbances of the page are sinusoids, impulses and steps of commands or readings; leave out the others"
         )
@@ -157,7 +156,7 @@ def _refusal(case: Case) -> str:
     return ""
 
 
-def _placed(settings: Settings) -> list[Placed]:
+def _place(settings: Settings) -> list[Placed]:
     return [source for source in settings.disturbance if isinstance(source, Placed)]
 
 

@@ -22,21 +22,31 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from icmj.case.result import Result, SweepTable, threshold_unit
 from icmj.errors import ReportError
-from icmj.experiments.double_step.reconstruction import Reconstruction
-from icmj.experiments.double_step.refractoriness import Refractoriness
+from icmj.experiments.reconstruction import Reconstruction
+from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
-from icmj.report import law, noise
-from icmj.report.double_step import draw_reactions, draw_reconstruction
+from icmj.report import figures
+from icmj.report.figures import draw_diffusion, draw_path, draw_spectra
+from icmj.report.findings import draw_reactions, draw_reconstruction
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
-from icmj.report.pairing import CaseRuns, paired
-from icmj.report.panels import eigenvalues, ground, modes, time
-from icmj.report.panels.phase import draw_phase
+from icmj.report.panels import (
+    acting_inputs,
+    draw_acting,
+    draw_critical,
+    draw_interval_errors,
+    draw_intervals,
+    draw_mode_errors,
+    draw_norm,
+    draw_others,
+    draw_output,
+    draw_phase,
+    draw_pressure,
+    pressed_axes,
+)
 from icmj.report.style import Journal, journal
-from icmj.report.sway import draw_diffusion, draw_path, draw_spectra
-from icmj.result.result import Result
-from icmj.result.swept import Swept
-from icmj.view.quantity import threshold_unit
+from icmj.report.wording import CaseRuns, pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,22 +98,22 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
 
 def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(a) Largest |λ| of φ(Δ_ol) for the actual plant and for an exact model; points: growth measured under a clock."""
-    return _panel(eigenvalues.draw_modulus, axes, results, legend)
+    return _panel(figures.draw_modulus, axes, results, legend)
 
 
 def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
     """(b) Eigenvalues of φ and the unit circle for increasing Δ_ol; ``scale`` adds a colour scale right of the axes."""
     case = _case(results)
-    eigenvalues.draw_locus(axes, case)
+    figures.draw_locus(axes, case)
     if scale:
-        eigenvalues.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+        figures.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return _legend(axes, legend)
 
 
 def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """(c) One output, by number or name, against time, also under continuous control if that is there; dots: events."""
     case = _case(results)
-    time.draw_output(axes, case, _output(case, output))
+    draw_output(axes, case, _output(case, output))
     return _legend(axes, legend)
 
 
@@ -117,44 +127,44 @@ def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 def intervals(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(e) Open-loop intervals against the time of the event that ends them; dotted: Δ_crit."""
-    return _panel(time.draw_intervals, axes, results, legend)
+    return _panel(draw_intervals, axes, results, legend)
 
 
 def critical_mode(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), upper part: the critical mode χ_k1 during the last intervals; dotted: events and ±γ."""
-    return _panel(modes.draw_critical, axes, results, legend)
+    return _panel(draw_critical, axes, results, legend)
 
 
 def other_modes(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), lower part: the norm of the other modes during the last intervals; on a cycle it is zero at events."""
-    return _panel(modes.draw_others, axes, results, legend)
+    return _panel(draw_others, axes, results, legend)
 
 
 def interval_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(e), strip: relative error of each open-loop interval with respect to Δ_crit, on a logarithmic axis."""
-    return _panel(time.draw_interval_errors, axes, results, legend)
+    return _panel(draw_interval_errors, axes, results, legend)
 
 
 def mode_errors(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(f), strip: relative error of |χ_k1| at the last events with respect to γ, on a logarithmic axis."""
-    return _panel(modes.draw_mode_errors, axes, results, legend)
+    return _panel(draw_mode_errors, axes, results, legend)
 
 
 def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """The norm of x̄ on a logarithmic scale; panel (f) shows it if there is no Δ_crit and therefore no χ."""
-    return _panel(modes.draw_norm, axes, results, legend)
+    return _panel(draw_norm, axes, results, legend)
 
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the minimum interval."""
-    noise.draw_histogram(axes, _under_noise(_case(results)))
+    figures.draw_histogram(axes, _under_noise(_case(results)))
     return _legend(axes, legend)
 
 
 def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
     case = _under_noise(_case(results))
-    noise.draw_spectrum(axes, case, _output(case, output))
+    figures.draw_spectrum(axes, case, _output(case, output))
     return _legend(axes, legend)
 
 
@@ -164,35 +174,35 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
         raise ReportError(f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.measure_law")
-    law.draw_law(axes, found.law, threshold_unit(found))
+    figures.draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 
 
 def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> Axes:
     """(g) The command and the acting input, for an input (number or name); by default the first where they differ."""
     case = _case(results)
-    there, names = ground.acting_inputs(case), case.first.actual.inputs
+    there, names = acting_inputs(case), case.first.actual.inputs
     if not there:
         raise ReportError(f"case {case.name!r}: nothing but the command acts on its inputs")
-    wanted = there[0] if input is None else _named("input", names, input, case)
+    wanted = there[0] if input is None else _find_output("input", names, input, case)
     if wanted not in there:
         raise ReportError(f"case {case.name!r}: nothing but the command acts on {names[wanted]!r}")
-    ground.draw_acting(axes, case, wanted)
+    draw_acting(axes, case, wanted)
     return _legend(axes, legend)
 
 
 def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> Axes:
     """(h) The centre of pressure along ``x`` or ``y`` against time, for a body that stands on a floor."""
     case = _case(results)
-    there = ground.pressed_axes(case)
+    there = pressed_axes(case)
     if axis not in ("x", "y", None) or not there:
         why = f"no axis {axis!r}; expected x or y" if there else "nothing stands on a floor"
         raise ReportError(f"case {case.name!r}: {why}")
-    ground.draw_pressure(axes, case, axis or there[0])
+    draw_pressure(axes, case, axis or there[0])
     return _legend(axes, legend)
 
 
-def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> Axes:
+def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> Axes:
     """Relative error of the predicted interval over columns ``x`` and ``y`` of a sweep; contours: 0.1, 1 and 10 %."""
     draw_validity(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
@@ -200,13 +210,13 @@ def validity(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "mujoco",
     return axes
 
 
-def critical_interval(axes: Axes, swept: Swept, x: str, *, legend: bool = True) -> Axes:
+def critical_interval(axes: Axes, swept: SweepTable, x: str, *, legend: bool = True) -> Axes:
     """Δ_crit and the intervals of the measured cycles over the column ``x`` of a sweep."""
     draw_curve(axes, swept, x)
     return _legend(axes, legend)
 
 
-def basins(axes: Axes, swept: Swept, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> Axes:
+def basins(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> Axes:
     """The motion that each initial state leads to, over the two columns of initial states of a sweep."""
     draw_basins(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
@@ -245,7 +255,7 @@ def reconstruction(axes: Axes, found: Reconstruction, pair: int = 0, *, legend: 
 
 
 def _case(results: tuple[Result, ...]) -> CaseRuns:
-    cases = paired(results)
+    cases = pair(results)
     if len(cases) > 1:
         names = ", ".join(case.name for case in cases)
         raise ReportError(f"results of different cases in one picture ({names}); draw each into axes of its own")
@@ -264,10 +274,10 @@ def _under_noise(case: CaseRuns) -> CaseRuns:
 
 
 def _output(case: CaseRuns, output: int | str) -> int:
-    return _named("output", case.first.actual.outputs, output, case)
+    return _find_output("output", case.first.actual.outputs, output, case)
 
 
-def _named(what: str, names: tuple[str, ...], wanted: int | str, case: CaseRuns) -> int:
+def _find_output(what: str, names: tuple[str, ...], wanted: int | str, case: CaseRuns) -> int:
     if wanted in names:
         return names.index(str(wanted))
     if isinstance(wanted, int) and -len(names) <= wanted < len(names):

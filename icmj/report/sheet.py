@@ -8,11 +8,10 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from icmj.report import style
-from icmj.report.pairing import CaseRuns
-from icmj.report.panels import eigenvalues, modes, time
-from icmj.report.panels.phase import draw_phase
+from icmj.report import figures, panels, style
+from icmj.report.panels import draw_phase
 from icmj.report.style import Journal
+from icmj.report.wording import CaseRuns
 
 MOST = 4  # outputs in panel (c)
 
@@ -40,11 +39,11 @@ def draw_sheet(case: CaseRuns, settings: Journal, letters: bool) -> Sheet:
     """Panels (a) to (f) in three rows of two, each with its legend above its axes."""
     outputs = min(case.last.actual.n_y, MOST)
     drawn: tuple[Callable[[SubFigure], list[Axes]], ...] = (
-        lambda place: _single(place, case, eigenvalues.draw_modulus),
+        lambda place: _single(place, case, figures.draw_modulus),
         lambda place: _locus(place, case),
         lambda place: _outputs(place, case, outputs),
         lambda place: _single(place, case, draw_phase),
-        lambda place: _single(place, case, time.draw_intervals),
+        lambda place: _single(place, case, panels.draw_intervals),
         lambda place: _modes(place, case),
     )
     rows = (1.0, 1.0 + 0.15 * (outputs - 1), 1.0)
@@ -66,25 +65,25 @@ def _single(place: SubFigure, case: CaseRuns, draw: Callable[[Axes, CaseRuns], N
 
 def _locus(place: SubFigure, case: CaseRuns) -> list[Axes]:
     axes = place.subplots()
-    eigenvalues.draw_locus(axes, case)
-    eigenvalues.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+    figures.draw_locus(axes, case)
+    figures.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return [axes]
 
 
 def _outputs(place: SubFigure, case: CaseRuns, count: int) -> list[Axes]:
     stack = list(place.subplots(count, sharex=True, squeeze=False)[:, 0])
     for i, axes in enumerate(stack):
-        time.draw_output(axes, case, i)
+        panels.draw_output(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     return stack
 
 
 def _modes(place: SubFigure, case: CaseRuns) -> list[Axes]:
     if case.prediction.V_inv is None:
-        return _single(place, case, modes.draw_norm)
+        return _single(place, case, panels.draw_norm)
     critical, others = place.subplots(2, sharex=True)
-    modes.draw_critical(critical, case)
-    modes.draw_others(others, case)
+    panels.draw_critical(critical, case)
+    panels.draw_others(others, case)
     critical.set_xlabel("")
     return [critical, others]
 

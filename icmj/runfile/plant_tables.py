@@ -10,10 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from icmj.errors import ModelError
-from icmj.plant.activation import Activation
-from icmj.plant.change import Change, What
-from icmj.plant.person import Person
-from icmj.plant.selection import OperatingKind, OperatingRule, Selection
+from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Selection, What
 from icmj.runfile.table import (
     CHOICE,
     LISTED,
@@ -76,7 +73,7 @@ class MatrixTable(TomlTable):
 
 
 class SegmentTable(TomlTable):
-    """Values of a segment that replace the default ones; see :class:`icmj.plant.person.Segment`."""
+    """Values of a segment that replace the default ones; see :class:`icmj.plant.body.Segment`."""
 
     mass: Positive | None = None
     """Mass as a fraction of that of the body, both sides together."""
@@ -89,7 +86,7 @@ class SegmentTable(TomlTable):
 
 
 class PersonTable(TomlTable):
-    """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.person.Person`."""
+    """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.body.Person`."""
 
     height: Positive = 1.80
     """Height of the person [m]."""
@@ -229,7 +226,7 @@ class Assumed(PlantTable):
 
 
 class ChangeTable(TomlTable):
-    """One change of a property; :mod:`icmj.plant.change` lists the properties."""
+    """One change of a property; :mod:`icmj.plant.body` lists the properties."""
 
     what: What
     """Property to change."""

@@ -1,39 +1,191 @@
-"""The run file as a whole: its tables, its text, and changes to it."""
+"""The run file as a whole: its tables, its text, and changes to it.
+
+Plain data of a run file: values put where dotted keys lead, ``simulation.disturbance[0].size``; its TOML text.
+
+Files that a run file refers to, as stored in a log: models with their included files, matrices, set-points.
+
+Values of a run file changed from outside: ``controller.q_t=0.02``, its key dotted, its value as TOML writes it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
+import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from copy import deepcopy
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal, cast
 
+import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
-from icmj.plant.activation import Activation
-from icmj.plant.person import Person
-from icmj.runfile.control_tables import Analysis, Control, Weights
-from icmj.runfile.kept import Kept
-from icmj.runfile.keys import plain, put, to_toml
-from icmj.runfile.law_tables import AnyController
-from icmj.runfile.messages import in_words
+from icmj.plant.body import Activation, Person
+from icmj.runfile.control_tables import Analysis, AnyController, Control, Weights
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
-from icmj.runfile.setpoint_tables import SetpointTable, followed_files
-from icmj.runfile.simulation_tables import SimulationTable, StudyTable
-from icmj.runfile.source_tables import drawn_of
-from icmj.runfile.table import (
-    CHOICE,
-    MOST,
-    Line,
-    Positive,
-    TomlTable,
-)
-from icmj.work.own_code import Code
-from icmj.work.shipped import MODELS
+from icmj.runfile.setpoint_tables import SetpointTable, SimulationTable, StudyTable, find_files
+from icmj.runfile.source_tables import draw_tables
+from icmj.runfile.table import CHOICE, MOST_ENTRIES, Line, Positive, TomlTable, in_words
+from icmj.work.own_code import MODELS, Code
+
+Place = tuple[str | int, ...]
+
+_PART = re.compile(r"""(?:"([^"]*)"|'([^']*)'|([^."'\[\]]+))((?:\[\d{1,6}\])*)(\.|$)""")
+
+
+def place_of(key: str) -> Place:
+    """Tables, lists and the key that ``simulation.disturbance[0].size`` leads through; quotes hold dots together.
+
+    Raises:
+        RunFileError: if it is not a dotted key.
+    """
+    parts: list[str | int] = []
+    at, end = 0, "."
+    while end == ".":
+        found = _PART.match(key, at)
+        if found is None:
+            raise RunFileError(f"{one_line(key, 80)!r} is no key; expected one such as actual.gain")
+        *names, indices, end = found.groups()
+        parts.append(next(name for name in names if name is not None).strip())
+        parts += [int(index) for index in re.findall(r"\d+", indices)]
+        at = found.end()
+    return tuple(parts)
+
+
+def put(data: dict[str, Any], key: str, value: object) -> None:
+    """Put a value at its place into plain data, and tables where there are none on the way; ``None`` takes it out.
+
+    Raises:
+        RunFileError: if something on the way is no table, or a list has no such entry.
+    """
+    *way, last = place_of(key)
+    inside: Any = data
+    said = "the run file"
+    for part in way:
+        _check(key, said, inside, part)
+        inside = inside[part] if isinstance(part, int) else inside.setdefault(part, {})
+        said = f"{said}[{part}]" if isinstance(part, int) else part
+    _check(key, said, inside, last)
+    if value is None and isinstance(inside, dict):
+        inside.pop(last, None)
+    else:
+        inside[last] = value
+
+
+def plain(value: object) -> Any:
+    """A copy in the types of TOML: of NumPy's numbers and arrays, and of tuples."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else deepcopy(value)
+
+
+def _check(key: str, said: str, inside: object, part: str | int) -> None:
+    if isinstance(part, int) and not (isinstance(inside, list) and part < len(inside)):
+        raise RunFileError(f"{key}: {said} has no entry [{part}]")
+    if isinstance(part, str) and not isinstance(inside, dict):
+        raise RunFileError(f"{key}: {said} is no table")
+
+
+def to_toml(data: Mapping[str, Any]) -> str:
+    """``data`` as TOML: tables of numbers, texts, lists and tables; what is ``None`` is left out."""
+    return "\n".join(_table(data, ())).strip() + "\n"
+
+
+def _table(data: Mapping[str, Any], at: tuple[str, ...]) -> Iterator[str]:
+    below = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping) or (isinstance(value, list) and value and isinstance(value[0], Mapping)):
+            below[key] = value
+        elif value is not None:
+            yield f"{key_text(key)} = {value_text(value)}"
+    for key, value in below.items():
+        name = ".".join(map(key_text, (*at, key)))
+        for entry in value if isinstance(value, list) else [value]:
+            yield f"\n[[{name}]]" if isinstance(value, list) else f"\n[{name}]"
+            yield from _table(entry, (*at, key))
+
+
+def key_text(key: str) -> str:
+    """A key as TOML writes it."""
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else value_text(key)
+
+
+def value_text(value: Any) -> str:
+    """A value as TOML writes it, on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, but for one that TOML wants and JSON does not
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(value_text, value))}]"
+    return repr(value)
+
+
+MOST_BYTES = 10_000_000  # of all files together; a log of more goes without them
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Files by their paths below a folder that holds them all, and the run file, too.
+
+    Attributes:
+        place: path of the run file there.
+        files: contents by path.
+        assumed, actual: paths of the two plants' files, where the run file names them by absolute paths; else "".
+    """
+
+    place: str = "run.toml"
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    assumed: str = ""
+    actual: str = ""
+
+    @contextmanager
+    def written(self) -> Iterator[tuple[Path, dict[str, str]]]:
+        """A temporary folder with the files: the run file's path there, and the keys of it that change."""
+        with tempfile.TemporaryDirectory(prefix="icmj-models-") as folder:
+            place = self.write(Path(folder))
+            named = {"assumed": self.assumed, "actual": self.actual}
+            yield (
+                place,
+                {
+                    f"{plant}.{'matrices' if name.endswith(('.npz', '.json')) else 'model'}": str(Path(folder, name))
+                    for plant, name in named.items()
+                    if name
+                },
+            )
+
+    def write(self, folder: Path) -> Path:
+        """Write the files into ``folder``; returns the path that the run file has there.
+
+        Raises:
+            RunFileError: if a path leads out of the folder, or a file cannot be written.
+        """
+        try:
+            for name, content in self.files.items():
+                target = folder / _inside(name)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(content)
+            place = folder / _inside(self.place)
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunFileError(f"{folder}: the model of the log cannot be written: {error.strerror}") from error
+        return place
+
+
+def _inside(name: str) -> PurePosixPath:
+    path = PurePosixPath(name)
+    if path.is_absolute() or not path.parts or {"..", ""} & set(path.parts) or "\\" in name or ":" in name:
+        raise RunFileError(f"the log carries a file at {one_line(name, 80)!r}, which leads out of a folder")
+    return path
 
 
 class Paper(TomlTable):
@@ -83,7 +235,7 @@ class RunFile(TomlTable):
     """Weights of the linear-quadratic design."""
     controller: AnyController
     """The controller: hold and event rule of the intermittent one, or another one by its ``kind``."""
-    setpoint: Annotated[list[SetpointTable], Field(max_length=MOST)] = []
+    setpoint: Annotated[list[SetpointTable], Field(max_length=MOST_ENTRIES)] = []
     """Set-points over time, each for one output or combination; without them the plant is to remain upright."""
     analysis: Analysis = Analysis()
     """Range of the analysis."""
@@ -138,7 +290,7 @@ class RunFile(TomlTable):
             RunFileError: if the code may not be executed, fails, or draws no sinusoids, or a file cannot be read.
         """
         try:
-            drawn = drawn_of(self.simulation.disturbance, self.code, self._path.parent, self.simulation.duration)
+            drawn = draw_tables(self.simulation.disturbance, self.code, self._path.parent, self.simulation.duration)
         except RunFileError as error:
             raise RunFileError(f"{self._path}: {error}") from error
         return self.with_(**{f"simulation.disturbance[{i}]": one for i, one in drawn.items()}) if drawn else self
@@ -250,7 +402,7 @@ class RunFile(TomlTable):
         Raises:
             RunFileError: if the files cannot be written.
         """
-        files = (self.assumed_path, self.actual_path, *followed_files(self.setpoint, self._path))
+        files = (self.assumed_path, self.actual_path, *find_files(self.setpoint, self._path))
         if not self._kept.files or all(file.exists() for file in files):
             yield self
             return
@@ -298,3 +450,44 @@ class RunFile(TomlTable):
         """A model, which may be a shipped one, or another file that this one names."""
         folder = self._path.parent
         return folder / other if model is None else MODELS.beside(folder, model)
+
+
+_WORD = re.compile(r"[A-Za-z][\w .-]*")
+
+
+def overridden(run: RunFile, changes: Iterable[str]) -> RunFile:
+    """The run file with values changed as ``KEY=VALUE`` says, all at once; the same one if there are none.
+
+    A value is TOML; a plain word that is none, such as zero-order, is text, for the quotes that a shell takes away;
+    ``KEY=`` takes the key out, so that its default holds.
+
+    Raises:
+        RunFileError: if a change is not written so, a key is unknown, or a value not allowed.
+    """
+    changes = tuple(changes)
+    if not changes:
+        return run
+    try:
+        return run.with_(**dict(_read(change) for change in changes))
+    except RunFileError as error:
+        given = one_line(" ".join(f"--set {change}" for change in changes), 200)
+        raise RunFileError(f"{given}: {error}") from error
+
+
+def _read(change: str) -> tuple[str, object]:
+    key, equals, value = change.partition("=")
+    if not equals or not key.strip():
+        raise RunFileError("expected KEY=VALUE, such as actual.gain=0.85")
+    return key.strip(), _value(value.strip()) if value.strip() else None
+
+
+def _value(text: str) -> object:
+    try:
+        data = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError) as error:
+        if _WORD.fullmatch(text):
+            return text
+        raise RunFileError(f"{one_line(text, 60)} is not a value as TOML writes it") from error
+    if len(data) > 1:
+        raise RunFileError(f"{one_line(text, 60)} is more than one value")
+    return data["value"]

@@ -1,4 +1,11 @@
-"""The tables of disturbances: each kind with its shape, and the place where it acts."""
+"""The tables of disturbances: each kind with its shape, and the place where it acts.
+
+The keys of a disturbance that determine where it acts: on an input, on a body, or on the support surface.
+
+The tables of disturbances that are given at the points of a grid: a ramp, values, or a column of a file.
+
+The tables of disturbances that are sums of chosen sinusoids: some, or those of a pseudo-random sequence.
+"""
 
 from __future__ import annotations
 
@@ -9,34 +16,290 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from icmj.errors import RunFileError, SimulationError
-from icmj.runfile.messages import short
-from icmj.runfile.periodic_tables import SinesTable, TernaryTable
-from icmj.runfile.place_table import PlaceTable
-from icmj.runfile.sampled_tables import FileTable, RampTable, SampledTable
+from icmj.base.array import Array, steps_in
+from icmj.errors import DataError, RunFileError, SimulationError
+from icmj.plant.linear_plant import ZERO
 from icmj.runfile.table import (
     LARGEST,
+    LISTED,
     Finite,
     Line,
     NonNegative,
+    Numbers,
     Parameters,
     Positive,
+    Positives,
     Reference,
     TomlTable,
+    short,
 )
-from icmj.simulation.sources import (
+from icmj.simulation.disturbance import ternary_lines, tilt_sources
+from icmj.simulation.settings import (
     GRID,
     MOST_TERMS,
+    MOST_VALUES,
     NOISE_TERMS,
     Bias,
     Gaussian,
     Impulse,
     Noise,
+    On,
+    Sampled,
     Sinusoids,
     Source,
     Step,
 )
-from icmj.work.own_code import Code, accepted, digest_of
+from icmj.work.own_code import Code, digest_of, pick_accepted
+
+Vector = Annotated[tuple[Finite, Finite, Finite], LISTED]
+
+
+class PlaceTable(TomlTable):
+    """The place at which a disturbance acts: an input, any point of any body of a model, or the support surface."""
+
+    input: str | None = None
+    """Name of the input that is disturbed; give either ``input`` or ``body``."""
+    on: On | None = None
+    """For an input: with ``"body"``, the disturbance acts on the body itself, in the direction in which the length of
+    the actuator increases, independent of its gain, gear and dynamics: 1 N m about a hinge (default for impulses and
+    steps). With ``"command"``, it is added to the command, before gain, gear and dynamics (default for noise)."""
+    body: str | None = None
+    """Name of the body that is pushed; needs a model."""
+    force: Vector = ZERO
+    """Force on the body in world axes, multiplied by ``size`` [N]."""
+    torque: Vector = ZERO
+    """Torque on the body in world axes, multiplied by ``size`` [N m]."""
+    point: Vector | None = None
+    """Point of application in the frame of the body [m] (default: its centre of mass). For a tilt, a point of its axis
+    in the world (default: the origin)."""
+    surface: Literal["translation", "tilt", "gravity", "turning"] | None = None
+    """Instead of an input or body, the support surface moves: ``"translation"`` with an acceleration of this ``size``
+    [m/s²], or ``"tilt"`` by an angle of this ``size`` [rad], which must be a sum of sinusoids. A tilt consists of
+    ``"gravity"``, whose direction turns by this angle, and ``"turning"`` with its angular acceleration [rad/s²]. Needs
+    a model."""
+    axis: Vector | None = None
+    """Direction of a translation (default: x, forwards), or axis of a tilt (default: y; positive angles tilt the
+    surface forwards)."""
+    vertical: dict[str, Finite] = {}
+    """For a tilt: share of the tilt that is added to the observer's reading of an output, by name: 0 (default) for an
+    angle to the surface, as joint receptors sense it; 1 for an angle to the vertical."""
+    vertical_rate: dict[str, Finite] = {}
+    """The same share of the rate of the tilt, for outputs that are rates."""
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The keys of the place that are given, as :class:`icmj.simulation.settings.Placed` takes them."""
+        if self.surface is not None:
+            axis = self.axis or ((1.0, 0.0, 0.0) if self.surface == "translation" else (0.0, 1.0, 0.0))
+            moves = "gravity" if self.surface == "tilt" else self.surface
+            return {"surface": moves, "axis": axis, "point": self.point, "on": "body"}
+        keys = ("on", "body", "force", "torque", "point")
+        return {
+            key: getattr(self, key) for key in keys if key in self.model_fields_set and getattr(self, key) is not None
+        }
+
+    def source(self) -> Source | None:
+        """The source that it stands for; ``None`` before code of the user's own has drawn it."""
+        raise NotImplementedError
+
+    def sources(self) -> Iterator[Source]:
+        """The sources that it stands for: of a tilt, the angle, its acceleration, and what is read of it.
+
+        Raises:
+            SimulationError: if they do not fit, or a tilt has no acceleration.
+        """
+        given = {"axis": any(self.axis or ()), "vertical": self.vertical, "vertical_rate": self.vertical_rate}
+        of_surface = [key for key, there in given.items() if there]
+        if of_surface and self.surface is None:
+            raise SimulationError(f"{of_surface[0]} belongs to a motion of the support surface; give surface, too")
+        if self.surface is not None and (self.on == "command" or any(self.force) or any(self.torque)):
+            raise SimulationError("command, force and torque do not apply to a motion of the support surface")
+        found = self.source()
+        if self.surface == "tilt" and found is not None:
+            yield from tilt_sources(found, self.vertical, self.vertical_rate, self.point)
+        elif self.vertical or self.vertical_rate or (self.surface not in (None, "turning") and self.point):
+            raise SimulationError("vertical and point apply only to a tilt of the support surface")
+        elif found is not None:
+            yield found
+
+    def sized(self, size: float | None) -> float:
+        """The size; 1 where force and torque are given and it is left out."""
+        if size is None and self.body is None and self.surface is None:
+            raise SimulationError("size is required")
+        return 1.0 if size is None else size
+
+
+_SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 0.01), "mm": ("m", 0.001)}
+
+
+class SampledTable(PlaceTable):
+    """Values at the points of a regular grid from t = 0 on, with linear interpolation; the last value is held."""
+
+    kind: Literal["sampled"]
+    """Kind of the disturbance."""
+    values: Annotated[list[Finite], Field(min_length=1, max_length=MOST_VALUES)]
+    """Values at the points of the grid [unit of the disturbed signal]. For a body, factors on force and torque."""
+    interval: Positive = GRID
+    """Distance between the points of the grid [s]. Those of several grids must be integer multiples of the shortest."""
+    start: NonNegative = 0.0
+    """Time before which the disturbance is zero [s]."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+    made_by: Line = ""
+    """File and column from which the values were read."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        keys = {key: getattr(self, key) for key in ("input", "output", "interval", "start")}
+        return Sampled(values=tuple(self.values), **keys, **self.placed)
+
+
+class RampTable(PlaceTable):
+    """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
+
+    kind: Literal["ramp"]
+    """Kind of the disturbance."""
+    size: Finite | None = None
+    """Value at the end of the ramp [unit of the disturbed signal]. For a body, a factor on force and torque (default:
+    1)."""
+    start: NonNegative = 0.0
+    """Start [s], an integer multiple of ``interval``."""
+    duration: Positive
+    """Duration [s], an integer multiple of ``interval``."""
+    interval: Positive = GRID
+    """Distance between the points of the grid on which it starts and ends [s]."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+
+    def source(self) -> Source:
+        """The source that it stands for."""
+        first, last = self.start / self.interval, (self.start + self.duration) / self.interval
+        if max(abs(first - round(first)), abs(last - round(last))) > 1e-6 or last > MOST_VALUES - 1:
+            raise SimulationError(
+                f"ramp: start {self.start:g} s and duration {self.duration:g} s must be integer multiples of its "
+                f"interval, {self.interval:g} s, and at most {MOST_VALUES} of them"
+            )
+        share = np.clip((np.arange(round(last) + 1) - round(first)) / (round(last) - round(first)), 0.0, 1.0)
+        values = tuple((self.sized(self.size) * share).tolist())
+        return Sampled(
+            input=self.input, output=self.output, values=values, interval=self.interval, **self.placed
+        )  # fmt: skip
+
+
+class FileTable(PlaceTable):
+    """A disturbance whose values are a column of a file of time series; the log contains these values."""
+
+    kind: Literal["file"]
+    """Kind of the disturbance."""
+    file: Annotated[Line, Field(min_length=1)]
+    """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
+    column: Annotated[Line, Field(min_length=1)]
+    """Name of the column in the file; degrees are converted to radians, millimetres and centimetres to metres."""
+    size: Finite = 1.0
+    """Factor on the column."""
+    start: NonNegative = 0.0
+    """Time of the run at which the file begins [s]. Before this time, the disturbance is zero."""
+    interval: Positive = GRID
+    """Distance between the points at which the column is sampled, with linear interpolation between its rows [s]."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+
+    def source(self) -> None:
+        """Nothing before the file has been read (:meth:`drawn`)."""
+
+    def drawn(self, folder: Path, duration: float) -> dict[str, Any]:
+        """The table of kind ``sampled`` for a run of ``duration`` [s] whose run file lies in ``folder``.
+
+        Raises:
+            RunFileError: if the file cannot be read, has gaps, or makes too many values.
+        """
+        times, values, _ = read_column("disturbance", folder / self.file, self.column)
+        count = min(times[-1] + self.start, duration) / self.interval
+        if count > MOST_VALUES - 2:
+            raise RunFileError(
+                f"disturbance: {self.file} makes {count:.3g} values {self.interval:g} s apart; expected at most "
+                f"{MOST_VALUES}; set its interval"
+            )
+        at = self.interval * np.arange(1 - steps_in(-count))
+        taken = self.size * np.interp(at, times + self.start, values)
+        kept = self.model_dump(exclude={"kind", "file", "column", "size"}, exclude_unset=True, mode="json")
+        return {**kept, "kind": "sampled", "values": taken.tolist(), "made_by": f"{self.file}: {self.column}"}
+
+
+def read_column(what: str, path: Path, column: str) -> tuple[Array, Array, str]:
+    """Times from zero on [s], values, and their unit, which is radians or metres for an angle or a length.
+
+    Raises:
+        RunFileError: if the file cannot be read, or a value is missing; ``what`` it is for begins the message.
+    """
+    from icmj.series.reading import read_series
+
+    try:
+        series = read_series(path, columns=(column,))
+    except DataError as error:
+        raise RunFileError(f"{what}: {error}") from error
+    unit, scale = _SCALES.get(series.units[0].lower(), (series.units[0], 1.0))
+    values = scale * series.values[:, 0]
+    if not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise RunFileError(f"{what}: {path}: {column} has no number in row {row + 1}; fill its gaps")
+    return series.t - series.t[0], values, unit
+
+
+class SinesTable(PlaceTable):
+    """A sum of sinusoids, Σ a cos(2πf t + φ), with given frequencies."""
+
+    kind: Literal["sines"]
+    """Kind of the disturbance."""
+    size: Finite | Numbers
+    """Amplitude a: one number for all, or one for each sinusoid [unit of the disturbed signal]."""
+    frequencies: Positives
+    """Frequency f of each sinusoid [Hz]."""
+    phases: Numbers | None = None
+    """Phase φ of each sinusoid [rad]. By default, phases are drawn at random."""
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    """Seed of the phases."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+
+    def source(self) -> Source:
+        count = len(self.frequencies)
+        drawn = 2 * np.pi * np.random.default_rng(self.seed).random(count)
+        phases = drawn if self.phases is None else np.array(self.phases)
+        size = np.atleast_1d(np.asarray(self.size, dtype=float))
+        if len(phases) != count or len(size) not in (1, count):
+            raise SimulationError(f"sines: {count} frequencies; expected as many phases, and one size or as many")
+        terms = np.column_stack([np.broadcast_to(size, count), 2 * np.pi * np.array(self.frequencies), phases])
+        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, terms.tolist())), **self.placed)
+
+
+class TernaryTable(PlaceTable):
+    """A pseudo-random ternary sequence of velocities −v, 0, v, integrated: the sum of its lines up to ``bandwidth``.
+
+    It repeats after 242 intervals. As a sum of sinusoids it is smooth, like the motion of a platform.
+    """
+
+    kind: Literal["ternary"]
+    """Kind of the disturbance."""
+    size: Finite
+    """Peak-to-peak size of the sequence [unit of the disturbed signal]. A negative size gives the mirror image."""
+    interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
+    """Duration of each velocity [s]."""
+    bandwidth: Positive | None = None
+    """Highest line [Hz] (default: half of 1 / interval)."""
+    output: str | None = None
+    """Name of the output whose reading is disturbed, instead of an input or body."""
+
+    def source(self) -> Source:
+        highest = 0.5 / self.interval if self.bandwidth is None else self.bandwidth
+        terms = ternary_lines(self.size, self.interval, highest)
+        if not len(terms) and abs(self.size) < np.finfo(float).tiny:
+            raise SimulationError(f"ternary: nothing is left of a size of {self.size:g}; leave the disturbance out")
+        if not len(terms):
+            raise SimulationError(
+                f"ternary: no line up to {highest:g} Hz; the first is at {1 / 242 / self.interval:g} Hz"
+            )
+        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, terms.tolist())), **self.placed)
 
 
 class ImpulseTable(PlaceTable):
@@ -76,7 +339,7 @@ class NoiseTable(PlaceTable):
     """Coloured noise on one input or body, or on one output as the observer reads it.
 
     Its standard deviation is ``size``. Its spectrum is flat up to ``bandwidth`` [Hz], or a first-order low-pass with a
-    ``corner`` [Hz]; see :class:`icmj.simulation.sources.Noise`.
+    ``corner`` [Hz]; see :class:`icmj.simulation.settings.Noise`.
     """
 
     kind: Literal["noise"]
@@ -109,7 +372,7 @@ class GaussianTable(PlaceTable):
     """Gaussian noise on one input or body, or on one output as the observer reads it.
 
     Its spectrum is white, or a first-order low-pass with a ``corner`` [Hz]. Its distribution is exact at the points of
-    a grid; see :class:`icmj.simulation.sources.Gaussian`.
+    a grid; see :class:`icmj.simulation.settings.Gaussian`.
     """
 
     kind: Literal["gaussian"]
@@ -161,7 +424,7 @@ class BiasTable(TomlTable):
 class SinusoidsTable(PlaceTable):
     """A sum of sinusoids on one input or body, or on one output as the observer reads it.
 
-    See :class:`icmj.simulation.sources.Sinusoids`. Noise from user code is also recorded in this form.
+    See :class:`icmj.simulation.settings.Sinusoids`. Noise from user code is also recorded in this form.
     """
 
     kind: Literal["sinusoids"]
@@ -201,8 +464,8 @@ class OwnNoiseTable(PlaceTable):
         Raises:
             RunFileError: if the code may not be run, fails, or draws no terms.
         """
-        make = code.named(self.kind)
-        told = code.made(self.kind, **{**accepted(make, {"duration": duration}), **self.parameters})
+        make = code.find(self.kind)
+        told = code.make(self.kind, **{**pick_accepted(make, {"duration": duration}), **self.parameters})
         try:
             terms = np.atleast_2d(np.asarray(told, dtype=float))
         except (TypeError, ValueError):
@@ -214,7 +477,7 @@ class OwnNoiseTable(PlaceTable):
         return {**kept, "kind": "sinusoids", **drawn}
 
 
-def drawn_of(tables: Sequence[Any], code: Code, folder: Path, duration: float) -> dict[int, dict[str, Any]]:
+def draw_tables(tables: Sequence[Any], code: Code, folder: Path, duration: float) -> dict[int, dict[str, Any]]:
     """Those of these tables that stand for code or a file in ``folder``, as numbers for a run of ``duration`` [s].
 
     Raises:

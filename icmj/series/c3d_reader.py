@@ -18,7 +18,7 @@ REFUSED = 3  # exit status with a reason on standard error
 
 
 def read(path: str) -> dict[str, Any]:
-    """Arrays by the number of the group and what they are; see :class:`icmj.series.c3d.Group`.
+    """Arrays by the number of the group and what they are; see :class:`icmj.series.formats.Group`.
 
     ``frames`` is the number of frames that were read; ``ends`` are the first and the last one as the group TRIAL has
     them, in two words each.

@@ -1,7 +1,13 @@
-"""Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D."""
+"""Reading and writing time series.
+
+Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D.
+
+Writing time series for other tools: CSV, Parquet, npz; a file is either complete or absent.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,16 +17,12 @@ from typing import BinaryIO
 
 import numpy as np
 
-from icmj.base.array import Array
-from icmj.base.files import open_file
-from icmj.base.npz import each_npz, npz_headers, read_npz
+from icmj.base.array import Array, each_npz, npz_headers, read_npz
+from icmj.base.files import open_file, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.c3d import group_for, groups_of
-from icmj.series.csv_shape import HEAD, LONGEST, CsvShape, csv_shape
-from icmj.series.even import step_of
-from icmj.series.opensim import LINES, header_of
-from icmj.series.series import Series, place, see_names_differ
+from icmj.series.formats import HEAD, LINES, LONGEST_LINE, CsvShape, csv_shape, group_for, groups_of, header_of
+from icmj.series.series import Series, place, see_names_differ, step_of
 
 MOST_BYTES = 500_000_000
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
@@ -141,7 +143,7 @@ class _Choice:
 
 
 def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    header = header_of(islice(iter(lambda: file.readline(LONGEST + 1), b""), LINES + 1))
+    header = header_of(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
     file.seek(0)
     series = _read_csv(path, file, columns, rate)
     if header.rows is not None and header.rows != len(series):
@@ -159,7 +161,7 @@ def _read_c3d(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | 
 
 
 def _read_csv(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST + 1), b""), HEAD)))
+    shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
     if len(shape.headers) > MOST_COLUMNS:
         raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
     numeric = [i for i, number in enumerate(shape.numeric) if number]
@@ -277,3 +279,78 @@ READERS: dict[str, Callable[[Path, BinaryIO, Sequence[str], float | None], Serie
     ".sto": _read_opensim,
     ".c3d": _read_c3d,
 }
+
+
+def write_series(series: Series, path: Path | str) -> None:
+    """Write ``series`` to a file whose suffix determines the format.
+
+    ============  ===================================================================================================
+    ``.csv``      a header such as ``t [s],ankle [rad]``, then numbers that are restored bit for bit; UTF-8
+    ``.parquet``  columns ``t``, ``ankle``; the ``unit`` in the metadata of each field, the facts in that of the schema
+    ``.npz``      arrays ``t``, ``ankle``; ``names`` and ``units`` (including those of ``t``), ``facts`` as JSON text
+    ============  ===================================================================================================
+
+    Raises:
+        DataError: if the suffix is not one of these, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in FORMATS:
+        raise DataError(
+            f"{path}: cannot write {path.suffix or 'a file without a suffix'}; expected {', '.join(FORMATS)}"
+        )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole(path) as part:
+            FORMATS[path.suffix](series, part)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def _write_csv(series: Series, part: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    columns = (series.t, *series.values.T)
+    table = pa.table([pa.array(column) for column in columns], names=[str(i) for i in range(len(columns))])
+    with open(part, "wb") as file:
+        file.write((",".join(_quote(name) for name in series.headers) + "\n").encode())
+        pc.write_csv(table, file, pc.WriteOptions(include_header=False, quoting_style="none"))
+
+
+def _quote(name: str) -> str:
+    name = " ".join(name.split())
+    return '"' + name.replace('"', '""') + '"' if "," in name or '"' in name else name
+
+
+def _write_parquet(series: Series, part: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields = [
+        pa.field(name, pa.float64(), metadata={"unit": unit})
+        for name, unit in zip(("t", *series.names), ("s", *series.units), strict=True)
+    ]
+    schema = pa.schema(fields, metadata={f"icmj.{key}": value for key, value in series.facts.items()})
+    pq.write_table(pa.table([pa.array(column) for column in (series.t, *series.values.T)], schema=schema), part)
+
+
+def _write_npz(series: Series, part: Path) -> None:
+    arrays = {"t": series.t, **{name: series.values[:, i] for i, name in enumerate(series.names)}}
+    own = sorted({"t", "names", "units", "facts"} & set(series.names))
+    if own:
+        raise DataError(f"the name {own[0]!r} is reserved in npz files; rename the signal")
+    facts = {
+        "names": np.array(["t", *series.names]),
+        "units": np.array(["s", *series.units]),
+        "facts": np.array(json.dumps(dict(series.facts), ensure_ascii=False)),
+    }
+    with open(part, "wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays, **facts)
+
+
+FORMATS: dict[str, Callable[[Series, Path], None]] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".npz": _write_npz,
+}
+"""What writes a file of each suffix."""

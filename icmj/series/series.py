@@ -1,17 +1,29 @@
-"""A time series: some signals that share their times, each with a name and a unit."""
+"""A time series: some signals that share their times, each with a name and a unit.
+
+Resampling to even times: recorded times are only nearly even, and rows at events are not.
+
+Interpolation of piecewise smooth signals between recorded rows.
+
+A controlled motion jumps, or bends, whenever new feedback, a delayed action or a push sets in. Across such an instant
+nothing is interpolated: each piece between two of them has a cubic spline of its own (not-a-knot, so of fourth order in
+the distance of the rows), which is extended to the piece's ends where there is no row.
+
+At the instant itself one side is given, the same as in a row there: at an event the value before the reset, which
+belongs to the interval that ends; at any other break the value from there on.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.card import Card, Shown
-from icmj.base.numbers import MISSING, amount
+from icmj.base.numbers import MISSING, Card, WithCard, amount
 from icmj.errors import DataError
 
 if TYPE_CHECKING:
@@ -39,7 +51,7 @@ DIMENSIONS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Series(Shown):
+class Series(WithCard):
     """Signals over time, with names and units.
 
     Attributes:
@@ -224,3 +236,201 @@ def _variables(names: Sequence[str]) -> dict[str, list[int]]:
         kind = name.split(".", 1)[0]
         found.setdefault(kind if "." in name and kind in DIMENSIONS else name, []).append(i)
     return found
+
+
+MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
+LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
+GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
+_SAME = 1e-9  # of a step: what rounding leaves between two times
+_ROUGH = 0.25  # of a step: rounding to few digits leaves the mean rate as it is; a lost row moves others by half a step
+_CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
+
+
+def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, Array]:
+    """Smooth signals at even times, by a cubic spline through their rows.
+
+    Args:
+        t: times of the rows [s], rising, shape (N,), N > 1.
+        values: shape (N, w).
+        step: between the times [s]; the usual distance of the rows by default, and where most crowd in few places
+            (events without a least interval) a tenth of the mean one.
+
+    Returns:
+        times (M,) and values (M, w).
+    """
+    from scipy.interpolate import CubicSpline
+
+    usual = max(float(np.median(np.diff(t))), float(t[-1] - t[0]) / (10 * len(t)))
+    step = usual if step is None else step
+    kept = np.concatenate([[True], np.diff(t) > _CLOSE * usual])
+    even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step + EVEN) + 1)
+    if len(even) == len(t) and np.abs(even - t).max() <= _SAME * step:
+        return even, values
+    return even, CubicSpline(t[kept], values[kept])(even)
+
+
+def even_series(series: Series, rate: float | None = None) -> Series:
+    """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
+
+    Args:
+        series: its values may not be missing.
+        rate: rows per second [Hz]; that of the rows by default.
+
+    Returns:
+        The series, and among its facts ``resampled`` where it was.
+
+    Raises:
+        DataError: if values are missing, rows are too few, there is a gap between them, or the rate is unusable.
+    """
+    check_complete(series)
+    steps = np.diff(series.t)
+    usual = float(np.median(steps))
+    widest = int(steps.argmax())
+    if steps[widest] > GAP * usual:
+        raise DataError(
+            f"a gap of {steps[widest]:.4g} s after {series.t[widest]:.6g} s, where rows are {usual:.4g} s apart; "
+            "measure a part without gaps"
+        )
+    # the mean step is better known than any single one
+    mean = float(series.t[-1] - series.t[0]) / (len(series) - 1)
+    off = np.abs(series.t - (series.t[0] + mean * np.arange(len(series)))).max()
+    own = mean if off <= _ROUGH * mean else usual
+    step = own if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
+    if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
+        return replace(series, t=series.t[0] + mean * np.arange(len(series)))
+    t, values = evenly(series.t, series.values, step)
+    return replace(
+        series, t=t, values=values, facts={**series.facts, "resampled": f"cubic spline at {1 / step:.6g} Hz"}
+    )
+
+
+def check_complete(series: Series, fewest: int = 2) -> None:
+    """Check that there are rows with a finite number for every signal.
+
+    Raises:
+        DataError: if not.
+    """
+    if len(series) < fewest:
+        raise DataError(f"{len(series)} rows; expected at least {fewest}")
+    for name, column in zip(series.names, series.values.T, strict=True):
+        missing = np.flatnonzero(~np.isfinite(column))
+        if len(missing):
+            raise DataError(
+                f"{name}: {len(missing)} of {len(column)} values are missing or not finite, the first at "
+                f"{series.t[missing[0]]:.6g} s; fill them or measure a part without them"
+            )
+        if (largest := np.abs(column).max()) > LARGEST:
+            raise DataError(f"{name}: has a value of {largest:.2g}; expected at most {LARGEST:g}, whatever its unit")
+    steps = np.diff(series.t)
+    if len(steps) and not (np.median(steps) > 1 / LONGEST and steps.max() < LONGEST):
+        raise DataError(f"rows are {steps.min():.2g} to {steps.max():.2g} s apart; are the times in seconds?")
+
+
+def step_of(rate: float, duration: float) -> float:
+    """The step [s] of a rate [Hz].
+
+    Raises:
+        DataError: if it is no rate, or gives more rows than can be kept.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise DataError(f"a rate must be positive and finite, got {rate:g} Hz")
+    if rate * duration > MOST_ROWS:
+        raise DataError(
+            f"{rate:g} Hz over {duration:.4g} s are {rate * duration:.2g} rows; expected at most {MOST_ROWS:.0e}"
+        )
+    return 1 / rate
+
+
+NEAR = 1e-9  # [s]: instants this close are one
+
+
+def piecewise(
+    t: Array,
+    values: Array,
+    at: Array,
+    *,
+    jumps: Array | None = None,
+    after: Array | None = None,
+    breaks: Array | None = None,
+) -> Array:
+    """Interpolate piecewise smooth signals from their rows, whose values are given where there is one.
+
+    Args:
+        t: times of the rows [s], increasing, shape (N,).
+        values: values of the signals at the rows, shape (N, w). A NaN affects the values up to the neighbouring rows.
+        at: times of the result [s], increasing, from t[0] to t[-1], shape (M,).
+        jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
+        after: values right after each jump, NaN if unknown, shape (K, w).
+        breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
+
+    Returns:
+        The values at ``at``, shape (M, w).
+    """
+    # of rows at one instant but for rounding the last tells what is there
+    kept = np.append(np.diff(t) > NEAR, True)
+    t, values = t[kept], values[kept]
+    jumps = np.zeros(0) if jumps is None else jumps
+    after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after
+    breaks = np.zeros(0) if breaks is None else np.asarray(breaks, float)
+    # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
+    shared = _near(jumps, breaks)
+    inner = np.concatenate([jumps, _apart_from(np.unique(breaks[~_near(breaks, jumps)]))])
+    kind = np.concatenate([np.arange(len(jumps)), np.full(len(inner) - len(jumps), -1)])
+    order = np.argsort(inner, kind="stable")
+    order = order[(inner[order] > t[0]) & (inner[order] < t[-1])]
+    inner, kind = inner[order], kind[order]
+    # of its results and rows, those at a jump belong to the piece before it, and those at a break to the one after
+    side = np.where(kind >= 0, NEAR, -NEAR)
+    cuts = [np.concatenate([[0], np.searchsorted(times, inner + side), [len(times)]]) for times in (at, t)]
+    usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    result = np.empty((len(at), values.shape[1]))
+    for number, (here, there) in enumerate(zip(pairwise(cuts[0]), pairwise(cuts[1]), strict=True)):
+        if here[0] >= here[1]:
+            continue
+        begin, end = kind[number - 1] if number else -1, kind[number] if number < len(kind) else -1
+        wanted, last = slice(*here), there[1] - 1 if end >= 0 and shared[end] else there[1]
+        knots, rows = t[there[0] : last], values[there[0] : last]
+        head = after[begin] if begin >= 0 else np.full(values.shape[1], np.nan)
+        known = np.isfinite(head)
+        for columns, with_head in ((known, True), (~known, False)):
+            if columns.any():
+                times = np.concatenate([[jumps[begin]], knots]) if with_head else knots
+                piece = np.vstack([head, rows])[:, columns] if with_head else rows[:, columns]
+                apart = _apart(times, _CLOSE * usual)
+                result[wanted, columns] = _smooth(times[apart], piece[apart], at[wanted], t, values[:, columns])
+    row = np.minimum(np.searchsorted(t, at - NEAR), len(t) - 1)
+    met = np.abs(t[row] - at) <= NEAR
+    result[met] = values[row[met]]
+    return result
+
+
+def _near(times: Array, others: Array) -> np.ndarray:
+    """Mask of the times at which there is one of the others, shape (N,), bool."""
+    others = np.sort(others)
+    return np.searchsorted(others, times + NEAR, side="right") > np.searchsorted(others, times - NEAR)
+
+
+def _apart_from(times: Array) -> Array:
+    """The first of all increasing times that are one."""
+    return times[np.diff(times, prepend=-np.inf) > NEAR]
+
+
+def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> Array:
+    """A spline through the knots of one piece; straight lines between all rows where it has none, or NaN."""
+    from scipy.interpolate import CubicSpline
+
+    result = np.empty((len(at), piece.shape[1]))
+    good = np.isfinite(piece).all(axis=0) & (len(knots) > 1)
+    if good.any():
+        result[:, good] = CubicSpline(knots, piece[:, good])(at)
+    for i in np.flatnonzero(~good):
+        result[:, i] = np.interp(at, knots, piece[:, i]) if len(knots) > 1 else np.interp(at, t, values[:, i])
+    return result
+
+
+def _apart(times: Array, least: float) -> Array:
+    """Mask of times of which no two are closer than ``least``; the first and last are kept; shape (N,), bool."""
+    kept = np.ones(len(times), dtype=bool)
+    if len(times) > 2:
+        kept[1:-1] = (np.diff(times)[:-1] >= least) & (times[-1] - times[1:-1] >= least)
+    return kept

@@ -1,34 +1,206 @@
 """The result of a simulation on either plant: rows over time, events, and how it ended.
 
 A *row* is a recorded instant; an *event* is an instant at which the controller takes new feedback.
+
+Names and units of the recorded signals, for export.
+
+The ground reaction on a body that stands on a floor: centre of pressure and load of each contact, over time.
+
+Notices about a run: limits that were reached, and a step that is too large.
+
+The moving body for display: its geoms and their poses over a run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, instants
-from icmj.base.card import Card, Shown
-from icmj.base.numbers import amount, amounts, count
+from icmj.base.array import Array, between, instants
+from icmj.base.numbers import Card, WithCard, amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
-from icmj.plant.push import Push
-from icmj.series.even import step_of
-from icmj.series.pieces import NEAR, piecewise
-from icmj.series.series import Series
+from icmj.plant.linear_plant import LinearPlant, Push
+from icmj.plant.quality import Notice
+from icmj.series.series import NEAR, Series, piecewise, step_of
 from icmj.simulation.ending import Outcome
-from icmj.simulation.labels import UNKNOWN, Block, Labels, columns
-from icmj.simulation.pressure import Pressure
 
 if TYPE_CHECKING:
     from control import TimeResponseData
     from pandas import DataFrame
     from xarray import Dataset
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Names of the columns of a run; empty where they are not known.
+
+    Attributes:
+        states, inputs, outputs: of the actual plant.
+        assumed: states of the controller's model, which observer and hold have.
+        state_units, input_units, output_units, assumed_units: of these; "" where a unit is not known.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    assumed_units: tuple[str, ...] = ()
+
+
+UNKNOWN = Labels()
+
+
+def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
+    """The labels of a run of ``actual`` under a controller whose observer believes in ``assumed``, if it has one."""
+    return Labels(
+        actual.states,
+        actual.inputs,
+        actual.outputs,
+        assumed.states if assumed else (),
+        actual.state_units,
+        actual.input_units,
+        actual.output_units,
+        assumed.state_units if assumed else (),
+    )
+
+
+def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
+    """Names of inputs, outputs and states of a closed loop for python-control.
+
+    Inputs are d_<input> and n_<output>, outputs <output> and u_<input>, states those of the plant, then for each
+    segment of the controller, such as x_o, x_o_<state>.
+    """
+    return {
+        "inputs": plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
+        "outputs": plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
+        "states": plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
+    }
+
+
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Names without points, which python-control reserves."""
+    return [name.replace(".", "_") for name in names]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
+
+    kind: str
+    bare: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    after: Array | None
+
+    def right_after(self, count: int) -> Array:
+        """Values right after the first events, NaN where not known."""
+        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, each with the kind before it."""
+        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
+
+
+def columns(
+    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
+) -> Block:
+    """The columns of ``values``, with numbers for names that are not known."""
+    width = values.shape[1]
+    names = names if len(names) == width else tuple(str(i) for i in range(width))
+    units = units if len(units) == width else ("",) * width
+    return Block(kind, names, units, values, after)
+
+
+_MOVES = 1e-9  # m: an axis along which the centre moves less is not shown
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """The ground reaction over time.
+
+    Attributes:
+        t: times of the rows [s], shape (N,).
+        centre: centre of pressure (x, y) in the world [m], shape (N, 2); NaN in flight.
+        at_rest: the same at the operating point, shape (2,).
+        geoms: names of the geoms in contact with the ground.
+        load: normal force on each of these geoms [N], shape (N, G).
+        load_at_rest: the same at the operating point, shape (G,).
+        t_after: times of the events [s], shape (K,); empty if the state after them is not known, as with a delay.
+        centre_after, load_after: the same right after each event, when the torque has jumped; shapes (K, 2), (K, G).
+    """
+
+    t: Array
+    centre: Array
+    at_rest: Array
+    geoms: tuple[str, ...]
+    load: Array
+    load_at_rest: Array
+    t_after: Array
+    centre_after: Array
+    load_after: Array
+
+    def since(self, t: float) -> Pressure:
+        """The rows and events from ``t`` on, to leave out the beginning."""
+        late, after = between(self.t, t), between(self.t_after, t)
+        return replace(
+            self,
+            t=self.t[late], centre=self.centre[late], load=self.load[late],
+            t_after=self.t_after[after], centre_after=self.centre_after[after], load_after=self.load_after[after],
+        )  # fmt: skip
+
+    @property
+    def lifted(self) -> bool:
+        """Whether a geom that bears load at rest bears none at some time."""
+        return bool((self._borne <= 0).any())
+
+    @property
+    def unloading(self) -> float:
+        """The largest relative unloading: 0 at rest, 1 at lift-off; at small sway proportional to the threshold."""
+        share = self._borne / self.load_at_rest[self.load_at_rest > 0]
+        return float((1 - share[np.isfinite(share)]).max(initial=0.0))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes, among x and y, along which the centre moves."""
+        with np.errstate(invalid="ignore"):
+            far = np.abs(np.concatenate([self.centre, self.centre_after]) - self.at_rest) > _MOVES
+        return tuple(name for i, name in enumerate("xy") if far[:, i].any())
+
+    @property
+    def facts(self) -> Mapping[str, float]:
+        """Its main numbers: the centre at rest, its extremes along each axis of its motion [m], and the unloading."""
+        found = {"unloading": self.unloading}
+        whole = np.concatenate([self.centre, self.centre_after])
+        for name in self.axes:
+            i = "xy".index(name)
+            values = whole[np.isfinite(whole[:, i]), i]
+            found |= {f"{name}_at_rest": float(self.at_rest[i]), f"{name}_least": float(values.min())}
+            found |= {f"{name}_most": float(values.max())}
+        return found
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The same in words: the range of the centre, and the unloading."""
+        facts, said = self.facts, []
+        for axis in self.axes:
+            least, most, rest = (1e3 * facts[f"{axis}_{which}"] for which in ("least", "most", "at_rest"))
+            said.append(f"centre of pressure, {axis}: {least:.3g} to {most:.3g} mm, at rest {rest:.3g} mm")
+        lifts = "lifts for a moment" if self.lifted else f"is unloaded by {facts['unloading']:.2g} of its load at most"
+        return (*said, f"what stands on the ground ({', '.join(self.geoms)}) {lifts}")
+
+    @property
+    def _borne(self) -> Array:
+        """Load at rows and right after events on the geoms that bear load at rest."""
+        return np.concatenate([self.load, self.load_after])[:, self.load_at_rest > 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +233,7 @@ class Events:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulation(Shown):
+class Simulation(WithCard):
     """One simulated run; states are deviations from the operating point.
 
     Attributes:
@@ -156,7 +328,7 @@ class Simulation(Shown):
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. At a
                 recorded row the series has its values. Values between rows are interpolated by a cubic spline within
-                each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.pieces`).
+                each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.series`).
             controller: controller of the run; if given, the inputs and the event function right after each event are
                 computed instead of extrapolated from the next row.
             breaks: further times [s] across which values are not interpolated, such as those of pushes; there the
@@ -308,3 +480,105 @@ class Simulation(Shown):
                 columns("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
             ]
         return blocks
+
+
+LARGE = 1e-3
+"""Largest relative error of an interval, or of the outputs, that goes without a word."""
+
+
+def remarks(simulation: Simulation) -> tuple[Notice, ...]:
+    """Notices on a run, from its facts."""
+    return tuple(_remarks(simulation))
+
+
+def relative_error(simulation: Simulation) -> float:
+    """Estimated error of the last interval relative to it, or of the outputs where there is none; NaN if not known."""
+    facts = simulation.precision
+    error, stretch = (float(facts.get(name, np.nan)) for name in ("interval_error", "error_stretch"))
+    if np.isfinite(error) and stretch > 0:
+        return error / stretch
+    return float(facts.get("output_error", np.nan))
+
+
+def _remarks(simulation: Simulation) -> Iterator[Notice]:
+    facts = simulation.precision
+    if float(facts.get("saturated_share", 0.0)) > 0:
+        words = (
+            f"the actuators reach their limits ({facts.get('saturated', '')} of the time), where the plant is not "
+            "linear: u is the command, applied what acts; widen their ranges, or lower the threshold"
+        )
+        yield Notice("saturation", "warning", words)
+    if facts.get("clipped"):
+        words = (
+            f"sensors reach their cutoff ({facts['clipped']} of the time), where the controller sees less than there "
+            "is; widen cutoff, or lower the threshold"
+        )
+        yield Notice("saturation", "warning", words)
+    if facts.get("not_adaptive"):
+        words = (
+            f"the motion is not smooth ({facts['not_adaptive']}), so no tolerance can be kept to: "
+            f"{facts['integrator']} steps by {float(facts['timestep']):g} s; give [simulation] a timestep instead of it"
+        )
+        yield Notice("not smooth", "warning", words)
+    error = relative_error(simulation)
+    if error > LARGE and facts.get("tolerance"):
+        words = f"the tolerance of {float(facts['tolerance']):g} let an interval err by {error:.1g} of itself"
+        yield Notice("large step", "warning", words)
+    elif error > LARGE:
+        words = (
+            f"the step of {float(facts['timestep']):g} s with {facts['integrator']} errs by {error:.1g} of an interval;"
+            ' shorten [simulation] timestep, or take integrator = "RK4"'
+        )
+        yield Notice("large step", "warning", words)
+
+
+FRAME = 0.02  # s between two poses: a screen shows no more
+
+
+@dataclass(frozen=True, eq=False)
+class Geom:
+    """One visual geom: body index, MuJoCo's type name, size, pose in its body (quaternion wxyz), colour 0–1."""
+
+    name: str
+    body: int
+    type: str
+    size: Array
+    pos: Array
+    quat: Array
+    rgba: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The moving body in world coordinates, for the 3D replay.
+
+    Attributes:
+        t: times of the poses [s], shape (N,).
+        bodies: names, length nb (body 0 is the world).
+        geoms: visual geoms.
+        xpos, xquat: body positions [m] and orientations (wxyz), shapes (N, nb, 3), (N, nb, 4).
+        com: whole-body centre of mass [m], shape (N, 3).
+        magnified_xpos, magnified_xquat, magnified_com: the same with the sway magnified.
+        magnification: the factor.
+        target, magnified_target: the skeleton of the posture that the set-point asks for, as line segments from body to
+            body [m], shape (N, M, 2, 3); ``None`` without a set-point.
+    """
+
+    t: Array
+    bodies: tuple[str, ...]
+    geoms: tuple[Geom, ...]
+    xpos: Array
+    xquat: Array
+    com: Array
+    magnified_xpos: Array
+    magnified_xquat: Array
+    magnified_com: Array
+    magnification: float
+    target: Array | None = None
+    magnified_target: Array | None = None
+
+
+def frames(t: Array) -> np.ndarray:
+    """Indices of the rows to show as frames, one in every :data:`FRAME` seconds, and the last."""
+    picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
+    return np.union1d(picked, len(t) - 1)

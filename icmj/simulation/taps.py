@@ -10,18 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from icmj.base.array import Array
-from icmj.base.bernstein import from_powers
+from icmj.base.array import Array, from_powers
 from icmj.base.roots import DEEPEST
-from icmj.controller.law import Law
+from icmj.controller.controller import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Acting, Disturbance, expect_held
-from icmj.simulation.gaussian import at_points, points_of
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Settings, at_points, points_of
 
 POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
 ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
@@ -181,7 +179,7 @@ def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> 
     )  # fmt: skip
 
 
-def begun(
+def begin(
     taps: Taps, realisation: Realisation, r: Array, a: Array | None = None, capacity: int = 256
 ) -> tuple[History, Now]:
     """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,).
@@ -245,7 +243,7 @@ def first_command(taps: Taps, history: History, now: Now) -> Array:
     return np.asarray(-taps.K[mode] @ now.a - taps.S[mode] @ np.pad(v, (0, taps.S.shape[2] - len(v))))
 
 
-def widened(history: History) -> History:
+def widen(history: History) -> History:
     """The same with history arrays of twice the size.
 
     Raises:

@@ -18,17 +18,16 @@ from icmj.base.numbers import lapse
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
-from icmj.controller.delay import NO_DELAY
+from icmj.controller.design import NO_DELAY
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
-from icmj.engine.tableau import fastest_rate
-from icmj.errors import SimulationError, StudyError, named
+from icmj.engine.schedule import fastest_rate
+from icmj.errors import SimulationError, StudyError, prefix_errors
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate as simulate_linear
-from icmj.plant.matching import matched
+from icmj.plant.linear_plant import match_ports
 from icmj.simulation.disturbance import acting_on
-from icmj.simulation.settings import Settings, plant_start, start_states
-from icmj.simulation.sources import Gridded
+from icmj.simulation.settings import Gridded, Settings, plant_start, start_states
 from icmj.simulation.taps import expect_no_observer, expect_readings
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
@@ -54,7 +53,7 @@ def startable(case: Case, plant: PlantKind) -> None:
     """
     expect_measures(case.run)
     law, settings, there = case.controller, case.settings, linear_plant(case.actual, case.settings)
-    with named(case.run.path):
+    with prefix_errors(case.run.path):
         if has_trigger(law):
             start_states(there, law, settings)
             if plant == "linear":
@@ -99,8 +98,8 @@ def _seconds(case: Case, plant: PlantKind, simulated: float, rows: float, growth
     if weight * steps > few or rows > ROWS:
         try:
             seconds += simulated * _pace(case, plant, case.settings)
-        except _Ended:  # soon over; what is driven by the clock begins near rest, and is not
-            with suppress(_Ended):
+        except _EarlyEnd:  # soon over; what is driven by the clock begins near rest, and is not
+            with suppress(_EarlyEnd):
                 seconds += growth * _pace(case, plant, replace(case.settings, initial={}, observer={}))
     return seconds
 
@@ -173,7 +172,7 @@ def _rate(case: Case) -> float:
         A, design = case.actual.linearisation.plant.A, law.design
         own = max(float(np.linalg.norm(M, 2)) for M in (A, design.A_c, design.A_o))
     else:  # a series is no longer than the shortest delay of a reading
-        there = matched(linear_plant(case.actual, case.settings), law.plant, "position")
+        there = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")
         own = max([fastest_rate(there, law), *(1 / tau for tau in law.realisation.delayed[:1])])
     return max(own, float(_acting(case).max(initial=0.0)))
 
@@ -190,7 +189,7 @@ class _Enough(Exception):
     """A probe has taken long enough."""
 
 
-class _Ended(Exception):
+class _EarlyEnd(Exception):
     """The run of a probe fell, or diverged: it tells nothing of others."""
 
 
@@ -203,11 +202,11 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
     end = settings.duration
     length = min(50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9), end)
     try:
-        _timed(case, plant, settings, length)  # compiles, and loads what is loaded once
-        first, least = length, _timed(case, plant, settings, length)[0]
+        _time_beginning(case, plant, settings, length)  # compiles, and loads what is loaded once
+        first, least = length, _time_beginning(case, plant, settings, length)[0]
         while True:
             length = min(6 * length, end)
-            took, pace = _timed(case, plant, settings, length)
+            took, pace = _time_beginning(case, plant, settings, length)
             if pace is not None:
                 return pace
             if took - least > _PROBE or length >= end / 4:
@@ -216,7 +215,7 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
         return 0.0  # which the run itself will say
 
 
-def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
+def _time_beginning(case: Case, plant: PlantKind, settings: Settings, length: float) -> tuple[float, float | None]:
     """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
     law = case.controller
@@ -236,7 +235,7 @@ def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> t
 
     try:
         if plant == "linear":
-            there = matched(linear_plant(case.actual, settings), law.plant, "position")
+            there = match_ports(linear_plant(case.actual, settings), law.plant, "position")
             run = simulate_linear(there, law, settings, progress=tell)
         else:
             assert isinstance(case.actual, MujocoPlant)
@@ -247,5 +246,5 @@ def _timed(case: Case, plant: PlantKind, settings: Settings, length: float) -> t
         # where it hardly moves any more, it is the rest that counts
         return last[0], (last[0] - before[0]) / max(last[1] - before[1], 1e-300)
     if run.outcome.kind in ("fell", "diverged"):
-        raise _Ended
+        raise _EarlyEnd
     return time.process_time() - begin, None

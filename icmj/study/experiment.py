@@ -8,37 +8,208 @@
 
 What an experiment is, its kind says (:mod:`icmj.study.kind`). The trials of a folder are recordings like anybody's:
 ``icmj experiment FILE --recording OUT/trials/…`` analyses them again.
+
+The folder of an experiment: trials that are done, each whole or not there; its curves, numbers, figure and page.
 """
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from icmj.base.environment import single_threaded
+from icmj.base.array import read_parquet
+from icmj.base.files import whole, write_bytes, write_text
+from icmj.base.numbers import plain
+from icmj.base.process import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, expect_prediction, prepare, simulate
+from icmj.case.plants import digests
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
-from icmj.errors import DataError, IcmjError, RunFileError
+from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.experiments.many import LAST
-from icmj.experiments.recording import Recording
+from icmj.experiments.quiet_standing import Recording
+from icmj.report import style
+from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
-from icmj.series.reading import read_series
+from icmj.series.reading import FORMATS, read_series
+from icmj.series.series import Series
 from icmj.simulation.settings import reseeded
-from icmj.study.double_step import DoubleStepKind
 from icmj.study.estimate import refuse_trials
-from icmj.study.intersection_point import IntersectionPointKind
-from icmj.study.kind import Experiment, Kind, Told
-from icmj.study.multisine import MultisineKind
-from icmj.study.perturbed_stance import PerturbedStanceKind
-from icmj.study.quiet_standing import QuietStandingKind
-from icmj.study.trials import has_trial, read_trial, resume_experiment, write_results, write_trial
-from icmj.work.folder import Folder
+from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
+from icmj.study.stance import IntersectionPointKind, MultisineKind, PerturbedStanceKind
+from icmj.work.folder import Description, Folder, fingerprint_of, provenance, resume
 from icmj.work.workers import Task, Workers, processes
+
+TRIALS = "trials"
+_MOST_BYTES, _MOST_ROWS = 500e6, 10_000_000
+
+
+def resume_experiment(path: Path | str | None, file: ExperimentFile) -> AbstractContextManager[Folder]:
+    """The folder of an experiment, new or taken up again; a temporary one without a path.
+
+    Raises:
+        StudyError: as :func:`icmj.work.folder.resume`.
+    """
+    more = {
+        "name": file.experiment.name,
+        "kind": file.kind,
+        "provenance": provenance(file.path.parent),
+        "experiment": file.text,
+        "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
+    }
+    mark = {"fingerprint": fingerprint(file)}
+    of = Description("experiment", TRIALS, mark, "experiment file, run file, model or code", more)
+    return resume(path, of, StudyError, again="simulated")
+
+
+def fingerprint(file: ExperimentFile) -> str:
+    """Sixteen hexadecimal digits of all that makes the trials, except versions of software."""
+    identity: dict[str, Any] = {
+        "file": file.model_dump(exclude={"experiment": {"title", "repetitions"}}),
+        "runs": [run.model_dump() for run in file.runs],
+        "files": [digests(run) for run in file.runs],
+    }
+    return fingerprint_of(identity)
+
+
+def has_trial(path: Path, name: str, index: int) -> bool:
+    """Whether the files of a trial are in a folder."""
+    return all(map(os.path.lexists, _files(path, name, index)))
+
+
+def write_trial(folder: Folder, name: str, index: int, trial: Recording) -> None:
+    """Keep a trial: its events first, so that signals that are there are the sign of a whole one.
+
+    Raises:
+        StudyError: if it cannot be written.
+    """
+    signals, events = _files(folder.path, name, index)
+    times = np.diff(trial.events, prepend=0.0)[:, None]
+    events_of = Series(trial.events, times, ("interval",), ("s",), {"outcome": trial.outcome})
+    for series, path in ((events_of, events), (trial.series, signals)):
+        with folder.seal(path) as part:
+            FORMATS[path.suffix](series, part)
+
+
+def read_trial(folder: Folder, name: str, index: int) -> Recording | None:
+    """A trial of a folder; ``None`` if there is none.
+
+    Raises:
+        StudyError: if it cannot be read, or was changed.
+    """
+    if not has_trial(folder.path, name, index):
+        return None
+    signals, events = (folder.read(path, _MOST_BYTES, _series) for path in _files(folder.path, name, index))
+    return Recording(signals, events.t, events.facts.get("outcome", ""))
+
+
+def _series(content: bytes) -> Series:
+    """The series that was written; the facts of that of events say how the run ended."""
+    table = read_parquet(content, _MOST_ROWS, _MOST_BYTES)
+    if any(field.type != pa.float64() for field in table.schema) or sum(c.null_count for c in table.columns):
+        raise ValueError("has a column of something else than numbers")
+    t, *values = (column.to_numpy() for column in table.columns)
+    units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+    outcome = (table.schema.metadata or {}).get(b"icmj.outcome", b"").decode()
+    names = tuple(table.column_names[1:])
+    return Series(t, np.column_stack(values), names, tuple(units[1:]), {"outcome": outcome} if outcome else {})
+
+
+def _files(path: Path, name: str, index: int) -> tuple[Path, Path]:
+    stem = path / TRIALS / f"{name}.{index:04d}"
+    return stem.with_name(f"{stem.name}.parquet"), stem.with_name(f"{stem.name}.events.parquet")
+
+
+RESULTS, SUMMARY, FIGURE, PAGE = "results.parquet", "summary.json", "figure", "report.html"
+
+
+def table(experiment: Experiment) -> pa.Table:
+    """The curves of all cases and plants as one table, one below the other."""
+    parts = []
+    for told in experiment.found:
+        if told.finding is None:
+            continue
+        curves = told.finding.curves
+        rows = len(next(iter(curves.values()), ()))
+        named = {"case": pa.array([told.case] * rows), "plant": pa.array([told.plant] * rows)}
+        parts.append(pa.table(named | {name: pa.array(np.asarray(values)) for name, values in curves.items()}))
+    return pa.concat_tables(parts, promote_options="default") if parts else pa.table({"case": [], "plant": []})
+
+
+def summary(experiment: Experiment) -> dict[str, object]:
+    """The numbers of all cases and plants, for programs; ``null`` if there is no number."""
+    found = [
+        {
+            "case": told.case,
+            "title": told.title,
+            "plant": told.plant,
+            "trials": told.trials,
+            "told": told.finding is not None,
+            "words": told.words,
+            "numbers": {} if told.finding is None else plain(dict(told.finding.numbers)),
+        }
+        for told in experiment.found
+    ]
+    head = experiment.file.experiment
+    return {"name": head.name, "kind": experiment.file.kind, "found": found}
+
+
+def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
+    """Write everything but the trials.
+
+    Raises:
+        StudyError: if a file cannot be written.
+    """
+    path = folder.path
+    try:
+        with whole(path / RESULTS) as part:
+            pq.write_table(table(experiment), part)
+        write_text(path / SUMMARY, json.dumps(summary(experiment), indent=1, ensure_ascii=False) + "\n")
+        svg = _draw(experiment, kind, path)
+        file = experiment.file
+        rows = _rows(experiment)
+        page = experiment_page(_title(experiment), file.kind, file.settings, rows, svg, experiment.recordings)
+        write_text(path / PAGE, page)
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be written to: {error.strerror}; choose another --out") from error
+
+
+def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
+    if not any(told.finding is not None for told in experiment.found):
+        return None
+    with style.apply():
+        figure = kind.drawn(experiment.found)
+        svg, png = style.save(figure, "svg"), BytesIO()
+        figure.savefig(png, format="png", dpi=200, metadata={"Software": None})
+    write_bytes(path / f"{FIGURE}.svg", svg)
+    write_bytes(path / f"{FIGURE}.png", png.getvalue())
+    return svg
+
+
+def _title(experiment: Experiment) -> str:
+    return experiment.file.experiment.title or experiment.file.experiment.name
+
+
+def _rows(experiment: Experiment) -> list[Row]:
+    return [_row(told) for told in experiment.found]
+
+
+def _row(told: CaseResult) -> Row:
+    finding = told.finding
+    numbers, deviations = ({}, {}) if finding is None else (dict(finding.numbers), dict(finding.deviations))
+    return Row(told.title, told.plant, told.trials, numbers, told.words, deviations)
+
 
 KIND_OF: dict[str, type[Kind]] = {
     "double_step": DoubleStepKind,
@@ -83,18 +254,18 @@ def run_experiment(
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
     kind, conditions = kind_of(made), list(conditions_of(made))
-    cases = {one.case: _prepared(kind, one, made.experiment.seed) for one in conditions}
+    cases = {one.case: _prepare(kind, one, made.experiment.seed) for one in conditions}
     if longest is not None:
         work, count = [], made.experiment.repetitions
         for one in conditions:
             stored = sum(out is not None and has_trial(Path(out), one.label, i) for i in range(count))
-            work.append((_controlled(one, cases[one.case]), one.plant, count - stored))
+            work.append((_set_controller(one, cases[one.case]), one.plant, count - stored))
         refuse_trials(made.path, work, processes(jobs), longest)
     with resume_experiment(out, made) as folder:
         trials = _trials(made, kind, conditions, folder, jobs, progress)
         if progress is not None:
             progress("analysing", 0.97)
-        told = tuple(_told(kind, one, cases[one.case], trials[one]) for one in conditions)
+        told = tuple(_analyse(kind, one, cases[one.case], trials[one]) for one in conditions)
         experiment = Experiment(made, told)
         if out is not None:
             write_results(experiment, kind, folder)
@@ -130,12 +301,12 @@ def analyse_recordings(
     if not trials:
         raise DataError("no recording; give one file at least")
     try:
-        finding = kind.analysed(trials)
+        finding = kind.analyse(trials)
     except DataError as error:
         which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
         raise DataError(f"{which}: {error}") from error
     name = Path(recordings[0]).stem
-    told = Told(name, name, "recording", finding, len(trials), finding.words)
+    told = CaseResult(name, name, "recording", finding, len(trials), finding.words)
     experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings))
     if out is not None:
         with resume_experiment(out, made) as folder:
@@ -194,9 +365,9 @@ def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
             yield Condition(name, title, plant, table, run)
 
 
-def _prepared(kind: Kind, one: Condition, seed: int) -> Case:
+def _prepare(kind: Kind, one: Condition, seed: int) -> Case:
     """The case of its first trial; errors come before anything is simulated."""
-    return prepare(kind.stimulated(one.run, seed))
+    return prepare(kind.stimulate(one.run, seed))
 
 
 def _trials(
@@ -242,10 +413,10 @@ def _trials(
     return {one: [known[one, i] for i in range(count)] for one in conditions}
 
 
-@single_threaded()
+@limit_to_one_thread()
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
-    case = LAST.get(kind.stimulated(one.run, seed))
+    case = LAST.get(kind.stimulate(one.run, seed))
     case = replace(case, settings=reseeded(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
@@ -254,17 +425,17 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     return Recording(kind.recorded(case, found), events.copy(), "completed" if whole else found.outcome.kind)
 
 
-def _controlled(one: Condition, case: Case) -> Case:
+def _set_controller(one: Condition, case: Case) -> Case:
     """The case with the controller of this condition."""
     if (trigger := one.trigger(case)) is not None:
         return replace(case, controller=expect_prediction(case, "another trigger").controller.triggered_by(trigger))
     return case
 
 
-def _told(kind: Kind, one: Condition, case: Case, trials: Sequence[Recording]) -> Told:
+def _analyse(kind: Kind, one: Condition, case: Case, trials: Sequence[Recording]) -> CaseResult:
     """The result of the analysis or, if there is none, the reason."""
     try:
-        finding = kind.analysed(trials, _controlled(one, case), one.plant)
-        return Told(one.case, one.title, one.plant, finding, len(trials), finding.words)
+        finding = kind.analyse(trials, _set_controller(one, case), one.plant)
+        return CaseResult(one.case, one.title, one.plant, finding, len(trials), finding.words)
     except IcmjError as error:
-        return Told(one.case, one.title, one.plant, None, len(trials), f"no conclusion, because {error}")
+        return CaseResult(one.case, one.title, one.plant, None, len(trials), f"no conclusion, because {error}")

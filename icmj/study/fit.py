@@ -1,14 +1,20 @@
 """The fit: families trained once, then each person's posterior, what it predicts, and which family.
 
-    TRAINED/           banks and networks (:mod:`icmj.study.families`)
+    TRAINED/           banks and networks (:mod:`icmj.study.fit`)
     OUT/people/*.npz   what draws of each posterior measure: what stands there is done; digests in SHA256SUMS there
 
 Whatever is finished is kept and found again by what it was made of, so that a fit goes on where it was killed.
+
+Families that were simulated and trained, once for all people; what is finished is found again.
+
+FOLDER/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on; others to set the width, to calibrate
+FOLDER/NAME-FINGERPRINT/flow-*.npz, posterior-*.npz, FOLDER/choice-*.npz   networks
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
@@ -18,21 +24,151 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, read_npz
 from icmj.base.files import ready
-from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
-from icmj.fitting.choice import Confusion, confusion
+from icmj.fitting.bank import Bank, simulate_bank
+from icmj.fitting.choice import Choice, Confusion, Difference, compare, confusion, train_choice
 from icmj.fitting.family import RATE, Family, load_family
-from icmj.fitting.groups import Difference, compare
-from icmj.fitting.predictive import Predictive, predicted
-from icmj.fitting.seen import Misfit
-from icmj.fitting.summaries import MEASURES, SUMMARIES, measures, summarise
-from icmj.study.families import SIMULATIONS, Trained, choice_among, train_family
+from icmj.fitting.network import Misfit
+from icmj.fitting.posterior import (
+    MEMBERS,
+    Calibration,
+    Posterior,
+    Predictive,
+    calibrate,
+    check_prediction,
+    train_posterior,
+)
+from icmj.fitting.recordings import MEASURES, SUMMARIES, measures, summarise
 from icmj.work.folder import SUMS, Folder
 
 Tell = Callable[[str, float], None]
+SIMULATIONS, CHECK = 6000, 200
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedFamily:
+    """A family that was simulated and trained.
+
+    Attributes:
+        family: it.
+        words: how many were simulated, how many fell.
+        posterior: for all people.
+        calibration: on synthetic people that it was not trained on.
+        check: their summaries, shape (n, K, s).
+        people: numbers of the simulated people that it was trained on, as standard normal variables, shape (n, p).
+    """
+
+    family: Family
+    words: str
+    posterior: Posterior
+    calibration: Calibration
+    check: Array
+    people: Array
+
+
+def train_family(
+    family: Family,
+    folder: Path,
+    simulations: int = SIMULATIONS,
+    seed: int = 0,
+    *,
+    check: int = CHECK,
+    trials: int = 3,
+    jobs: int | None = None,
+    dask: str | None = None,
+    progress: Tell | None = None,
+) -> TrainedFamily:
+    """A family simulated, trained and calibrated; what is finished in ``folder`` is taken from there.
+
+    Args:
+        family: the family.
+        folder: of banks and networks.
+        simulations: draws to train on.
+        seed: of everything random.
+        check: people who stand to set the posterior's width with, and as many others to calibrate with.
+        trials: of each synthetic person that calibration is shown, 1 to 3.
+        jobs, dask: processes, or the address of a Dask scheduler.
+        progress: called with what is under way and the fraction done.
+
+    Raises:
+        FitError: if bayesflow is missing, too few stand, or a folder cannot be used.
+    """
+    tell = progress or (lambda label, done: None)
+    home = folder / f"{family.name}-{family.fingerprint}"
+
+    def simulated(name: str, n: int, begin: float, share: float, seed: int) -> Bank:
+        def told(done: float) -> None:
+            tell(f"{family.name}, simulating", begin + share * done)
+
+        return simulate_bank(family, n, seed, folder=home / f"{name}-{seed}", jobs=jobs, dask=dask, progress=told)
+
+    bank = simulated("bank", simulations, 0.0, 0.65, 2 * seed)
+    stood = bank.stood
+    share = max(len(stood) / len(bank), 0.1)
+    apart = simulated("check", math.ceil(1.1 * 2 * check / share) + 10, 0.65, 0.05, 2 * seed + 1).stood
+    half = min(check, len(apart) // 2)  # as many stood, but for bad luck
+    truth, shown = apart.z[half : half + check], apart.summaries[half : half + check]
+    mark, joined = f"{family.fingerprint}-{simulations}-{seed}", home / f"posterior-{simulations}-{seed}.npz"
+    if not os.path.lexists(joined):
+        members = []
+        for member in range(MEMBERS):
+            path = home / f"flow-{simulations}-{seed}-{member}.npz"
+            if not os.path.lexists(path):
+
+                def training(_: str, done: float, member: int = member) -> None:
+                    tell(f"{family.name}, training", 0.7 + 0.3 * (member + done) / MEMBERS)
+
+                made = train_posterior(
+                    stood.z, stood.summaries, family.prior.names, SUMMARIES, seed=seed, member=member, progress=training
+                )
+                made.save(path, f"{mark}-{member}")
+            members.append(Posterior.load(path, f"{mark}-{member}"))
+        Posterior.mixture(members).rescale(apart.z[:half], apart.summaries[:half], seed).save(joined, mark)
+    posterior = Posterior.load(joined, mark)
+    if posterior.names != family.prior.names or posterior.seen.names != SUMMARIES:
+        raise FitError(
+            f"{joined}: is of other numbers or summaries than the family; remove it, and it is trained again"
+        )
+    if not 1 <= trials <= posterior.seen.trials:
+        raise FitError(f"{trials} trials of a person; a family is trained on 1 to {posterior.seen.trials}")
+    drawn = posterior.sample_all(shown[:, :trials], 499, seed)
+    calibration = calibrate(truth, drawn, family.prior.names)
+    return TrainedFamily(family, bank.words, posterior, calibration, shown, stood.z)
+
+
+def choice_among(
+    families: Sequence[Family],
+    folder: Path,
+    simulations: int,
+    seed: int,
+    progress: Tell | None = None,
+) -> Choice:
+    """The choice among families, trained or found again."""
+    said = "-".join([*(family.fingerprint for family in families), str(simulations), str(seed)])
+    path = folder / f"choice-{hashlib.sha256(said.encode()).hexdigest()[:16]}.npz"
+    if os.path.lexists(path):
+        choice = Choice.load(path, said)
+        if choice.families != tuple(family.name for family in families) or choice.seen.names != SUMMARIES:
+            raise FitError(f"{path}: is of other families or summaries; remove it, and it is trained again")
+        return choice
+    banks = {
+        family.name: simulate_bank(
+            family,
+            simulations,
+            2 * seed,
+            folder=folder / f"{family.name}-{family.fingerprint}" / f"bank-{2 * seed}",
+            jobs=1,
+        ).stood.summaries
+        for family in families
+    }
+    choice = train_choice(banks, SUMMARIES, seed=seed, progress=progress)
+    choice.save(path, said)
+    return choice
+
+
 DRAWS, PREDICTED = 2000, 100
 _MOST_BYTES = 1e7
 _LONGEST = 150  # bytes of a stem: figures' names and what is under way add to it, and 255 is all a name may have
@@ -69,7 +205,7 @@ class Subject:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FamilyFit:
     """The fit of one family to one person, valid if the family is right.
 
     Attributes:
@@ -105,8 +241,8 @@ class Fit:
     """
 
     people: tuple[Subject, ...]
-    trained: Mapping[str, Trained]
-    fitted: tuple[Fitted, ...]
+    trained: Mapping[str, TrainedFamily]
+    fitted: tuple[FamilyFit, ...]
     confusion: Confusion | None
     probabilities: Array | None
     differences: Mapping[str, tuple[Difference, ...]]
@@ -144,7 +280,7 @@ def fit(
         RunFileError: if a family file does not validate.
     """
     made = [load_family(each) if isinstance(each, (str, Path)) else each for each in families]
-    _checked(people, made)
+    _check(people, made)
     out, trained = Path(out), Path(trained)
     try:
         for folder in (out / "people", trained):
@@ -153,7 +289,7 @@ def fit(
         raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
     tell = progress or (lambda label, done: None)
     K = max(len(one.trials) - one.held for one in people)
-    known: dict[str, Trained] = {}
+    known: dict[str, TrainedFamily] = {}
     for i, family in enumerate(made):
 
         def told(label: str, done: float, i: int = i) -> None:
@@ -170,7 +306,7 @@ def fit(
     fitted = []
     for i, one in enumerate(people):
         tell(f"fitting {one.label}", 0.92 + 0.08 * i / len(people))
-        fitted += [_fitted(one, known[family.name], out / "people", draws, seed) for family in made]
+        fitted += [_fit_person(one, known[family.name], out / "people", draws, seed) for family in made]
     told_apart = probabilities = None
     if choice is not None:
         told_apart = confusion(choice, {name: each.check[:, :K] for name, each in known.items()})
@@ -179,7 +315,7 @@ def fit(
     return Fit(tuple(people), known, tuple(fitted), told_apart, probabilities, differences)
 
 
-def _checked(people: Sequence[Subject], families: Sequence[Family]) -> None:
+def _check(people: Sequence[Subject], families: Sequence[Family]) -> None:
     """See that people and families can be told from each other."""
     if not people or not families:
         raise FitError("nothing to fit: give a recording and --model at least")
@@ -212,7 +348,7 @@ def _summaries(person: Subject, held: bool = False) -> Array:
     return np.stack([summarise(trial, RATE) for trial in (person.trials[kept:] if held else person.trials[:kept])])
 
 
-def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: int) -> Fitted:
+def _fit_person(person: Subject, trained: TrainedFamily, folder: Path, draws: int, seed: int) -> FamilyFit:
     """One person under one family; the trials that the posterior predicts are kept."""
     family, posterior = trained.family, trained.posterior
     S = _summaries(person)
@@ -222,7 +358,7 @@ def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: i
     mark = hashlib.sha256(chosen.tobytes() + f"{family.fingerprint} {seed}".encode())
     path, home = folder / f"{mark.hexdigest()[:24]}.npz", Folder(folder, FitError, "simulated")
     if not os.path.lexists(path):
-        found = [simulated(family, one, seed + i) for i, one in enumerate(chosen)]
+        found = [simulate_member(family, one, seed + i) for i, one in enumerate(chosen)]
         stood = measures(
             np.array([summarise(cop, RATE) for cop in found if cop is not None]).reshape(-1, len(SUMMARIES))
         )
@@ -230,9 +366,9 @@ def _fitted(person: Subject, trained: Trained, folder: Path, draws: int, seed: i
             np.savez(stream, stood=stood)
     stood = home.read(path, _MOST_BYTES, lambda content: _parse_stood(content, len(chosen)))
     observed = measures(_summaries(person, held=person.held > 0))
-    predictive = predicted(stood, len(chosen), observed)
+    predictive = check_prediction(stood, len(chosen), observed)
     support = posterior.support(trained.people, S)
-    return Fitted(person, family.name, z, theta, posterior.misfit(S), support, predictive)
+    return FamilyFit(person, family.name, z, theta, posterior.misfit(S), support, predictive)
 
 
 def _parse_stood(content: bytes, draws: int) -> Array:
@@ -244,7 +380,7 @@ def _parse_stood(content: bytes, draws: int) -> Array:
     return np.asarray(stood)
 
 
-def simulated(family: Family, theta: Array, seed: int) -> Array | None:
+def simulate_member(family: Family, theta: Array, seed: int) -> Array | None:
     """One trial of one member [m] at 100 Hz; ``None`` if it fell, or there is no such controller."""
     try:
         return family.member(theta).trial(seed)
@@ -252,7 +388,7 @@ def simulated(family: Family, theta: Array, seed: int) -> Array | None:
         return None
 
 
-def _differences(trained: Trained, fitted: Sequence[Fitted]) -> tuple[Difference, ...]:
+def _differences(trained: TrainedFamily, fitted: Sequence[FamilyFit]) -> tuple[Difference, ...]:
     """Between groups, within each condition; and between conditions, within each group."""
     names, told = trained.family.prior.names, trained.calibration.identified
     here = [one for one in fitted if one.family == trained.family.name and not one.misfit.outside]

@@ -15,27 +15,25 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from icmj.base.array import Array
-from icmj.base.card import plain
 from icmj.base.files import whole, write_bytes, write_text
-from icmj.base.numbers import MISSING, readable
+from icmj.base.numbers import MISSING, plain, readable
 from icmj.base.numbers import count as many
 from icmj.base.numbers import number as number_of
 from icmj.base.version import VERSION
+from icmj.case.result import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
-from icmj.fitting.archive import write_archive
-from icmj.fitting.calibration import CAVEAT as VERDICT
 from icmj.fitting.choice import CAVEAT as CHOICE
-from icmj.fitting.choice import ORIGIN, TRIED
-from icmj.fitting.family import DELAY, RATE
-from icmj.fitting.groups import Difference
-from icmj.fitting.predictive import CAVEAT as PREDICTION
-from icmj.fitting.prior import Prior
-from icmj.fitting.summaries import MEASURE_UNITS, MEASURES, measures, summarise
+from icmj.fitting.choice import ORIGIN, TRIED, Difference
+from icmj.fitting.family import DELAY, RATE, Prior
+from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
+from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
+from icmj.fitting.posterior import write_archive
+from icmj.fitting.recordings import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.measurement.sway import MEASURES as OF_SWAY
 from icmj.report import style
-from icmj.report.builder import filled
-from icmj.report.fit import (
+from icmj.report.builder import render_page
+from icmj.report.findings import (
     calibration_figure,
     confusion_figure,
     groups_figure,
@@ -43,11 +41,9 @@ from icmj.report.fit import (
     posterior_figure,
     sway_figure,
 )
-from icmj.report.notation import symbol
 from icmj.report.sections import Picture, Section
-from icmj.study.families import Trained
-from icmj.study.fit import PREDICTED, Fit, Fitted, Subject, simulated
-from icmj.view.quantity import in_unit
+from icmj.report.style import symbol
+from icmj.study.fit import PREDICTED, FamilyFit, Fit, Subject, TrainedFamily, simulate_member
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,10 +73,10 @@ def write_fit(found: Fit, out: Path) -> None:
         write_text(out / SUMMARY, json.dumps(summary(found), indent=1, ensure_ascii=False) + "\n")
         for one in found.fitted:
             _archive(found, one, out / f"{one.person.stem(one.family)}.nc")
-        with style.applied():
+        with style.apply():
             parts = _sections(found, out)
         titles = [trained.family.title for trained in found.trained.values()]
-        page = filled(
+        page = render_page(
             parts,
             title=f"Fit of {_whose(found)}",
             subtitle=f"Recorded data: {_amount(found)}. Assumed: {', '.join(map(_lower, titles))}",
@@ -158,7 +154,7 @@ def summary(found: Fit) -> dict[str, Any]:
     return dict(plain(made))
 
 
-def _family(trained: Trained) -> dict[str, Any]:
+def _family(trained: TrainedFamily) -> dict[str, Any]:
     c, prior = trained.calibration, trained.family.prior
     numbers = {
         name: {
@@ -175,7 +171,7 @@ def _family(trained: Trained) -> dict[str, Any]:
     return {"title": trained.family.title, "bank": trained.words, "people": len(c.ranks), "numbers": numbers}
 
 
-def _person(found: Fit, one: Fitted) -> dict[str, Any]:
+def _person(found: Fit, one: FamilyFit) -> dict[str, Any]:
     prior, p = found.trained[one.family].family.prior, one.predictive
     low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
     numbers = {
@@ -193,13 +189,13 @@ def _person(found: Fit, one: Fitted) -> dict[str, Any]:
     return {**facts, "numbers": numbers, "predicted": sway}
 
 
-def _probability(found: Fit, one: Fitted) -> float:
+def _probability(found: Fit, one: FamilyFit) -> float:
     if found.probabilities is None:
         return 1.0
     return float(found.probabilities[found.people.index(one.person), list(found.trained).index(one.family)])
 
 
-def _archive(found: Fit, one: Fitted, path: Path) -> None:
+def _archive(found: Fit, one: FamilyFit, path: Path) -> None:
     prior = found.trained[one.family].family.prior
     facts = {"family": one.family, "person": one.person.name, "misfit": one.misfit.words, "icmj": VERSION}
     facts |= {"group": one.person.group, "condition": one.person.condition}
@@ -315,7 +311,7 @@ def _findings(found: Fit) -> list[tuple[str, str]]:
     return words
 
 
-def _finding(found: Fit, one: Fitted) -> str:
+def _finding(found: Fit, one: FamilyFit) -> str:
     """What was inferred of one person under one family, with its uncertainty."""
     trained = found.trained[one.family]
     prior, verdicts = trained.family.prior, trained.calibration.verdicts
@@ -328,7 +324,7 @@ def _finding(found: Fit, one: Fitted) -> str:
     return f"Under {_lower(trained.family.title)}{chosen}, {inferred}.{warning}"
 
 
-def _estimate(one: Fitted, prior: Prior, i: int, named: bool = True) -> str:
+def _estimate(one: FamilyFit, prior: Prior, i: int, named: bool = True) -> str:
     """Median and 90 % credible interval, in the unit in which people read it."""
     factor, unit = readable(prior.units[i])
     low, median, high = factor * np.quantile(one.theta[:, i], (0.05, 0.5, 0.95))
@@ -394,7 +390,7 @@ def _spread(values: Array) -> str:
     return f"{mean} ± {number_of(float(values.std(ddof=1)), 2)}" if len(values) > 1 else mean
 
 
-def _family_item(trained: Trained, out: Path, number: Iterator[int]) -> dict[str, Any]:
+def _family_item(trained: TrainedFamily, out: Path, number: Iterator[int]) -> dict[str, Any]:
     c, prior = trained.calibration, trained.family.prior
     rows = [
         (
@@ -418,7 +414,7 @@ def _family_item(trained: Trained, out: Path, number: Iterator[int]) -> dict[str
     return _item(title, words, [("Calibration", head, rows)], [(next(number), *picture, caption)])
 
 
-def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterator[int]) -> dict[str, Any]:
+def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool, number: Iterator[int]) -> dict[str, Any]:
     trained, p = found.trained[one.family], one.predictive
     prior, verdicts = trained.family.prior, trained.calibration.verdicts
     factors, units = zip(*(readable(unit) for unit in prior.units), strict=True)
@@ -434,7 +430,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterat
         figure = posterior_figure(names, units, one.theta * factors, sample * factors, verdicts)
         caption = "Posterior (blue) and prior (grey) of each parameter; its verdict stands above it."
         pictures.append((next(number), *_picture(figure, out, f"posterior.{stem}"), caption))
-        runs = [simulated(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
+        runs = [simulate_member(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in runs if cop is not None][: len(one.person.trials)]
         scale, of = zip(*(readable(unit) for unit in MEASURE_UNITS), strict=True)
         labels = [in_unit(_WORDS[_MEASURED[name]], unit) for name, unit in zip(MEASURES, of, strict=True)]
@@ -450,7 +446,7 @@ def _person_item(found: Fit, one: Fitted, out: Path, drawn: bool, number: Iterat
     return _item(title, [words_of(one)], [("Posterior", head, rows)], pictures)
 
 
-def words_of(one: Fitted) -> str:
+def words_of(one: FamilyFit) -> str:
     """One sentence on one person under one family, the misfit first."""
     p = one.predictive
     held = "held-out" if one.person.held else "fitted"

@@ -3,27 +3,46 @@
 The frame (:mod:`icmj.study.experiment`) does the rest. A new kind is four things:
 
 1. its table, a field of :class:`icmj.runfile.experiment_tables.ExperimentFile` whose name is that of the kind;
-2. an analysis of :class:`icmj.experiments.recording.Recording` in ``icmj/experiments/``, which returns a
-   :class:`icmj.experiments.recording.Finding`;
+2. an analysis of :class:`icmj.experiments.quiet_standing.Recording` in ``icmj/experiments/``, which returns a
+   :class:`icmj.experiments.quiet_standing.Finding`;
 3. a figure in ``icmj/report/``;
 4. a subclass of :class:`Kind` in ``icmj/study/``, listed in ``KIND_OF`` of :mod:`icmj.study.experiment`.
+
+The experiment on quiet standing: noise moves the body, nothing else does.
+
+The double-step experiment: pairs of steps of a set-point, and how late each is responded to.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from icmj.base.array import instants
+import numpy as np
+
+from icmj.base.array import Array, between, instants
 from icmj.case.case import Case, PlantKind
-from icmj.errors import DataError
-from icmj.experiments.recording import Finding, Recording
-from icmj.runfile.experiment_tables import ExperimentFile
+from icmj.controller.setpoint import find_step_pairs
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.reaction import ground_force, reaction
+from icmj.errors import DataError, IcmjError
+from icmj.experiments.quiet_standing import Finding, Recording, Standing, keep_complete, quiet_standing, sway_numbers
+from icmj.experiments.reconstruction import Reconstruction, reconstruct_steps
+from icmj.experiments.refractoriness import (
+    FEWEST_INTERVALS,
+    KINDS,
+    Explanation,
+    Refractoriness,
+    explain_reactions,
+    group_intervals,
+    refractoriness,
+)
+from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
-from icmj.series.pieces import piecewise
-from icmj.series.series import Series
+from icmj.runfile.setpoint_tables import DoubleStepsSetpoint
+from icmj.series.series import Series, even_series, piecewise
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -31,7 +50,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class CaseResult:
     """The result for one case on one plant.
 
     Attributes:
@@ -62,10 +81,10 @@ class Experiment:
     """
 
     file: ExperimentFile
-    found: tuple[Told, ...]
+    found: tuple[CaseResult, ...]
     recordings: tuple[str, ...] = ()
 
-    def __getitem__(self, name: str) -> Told:
+    def __getitem__(self, name: str) -> CaseResult:
         """The result for a case, or for ``case.plant``."""
         for told in self.found:
             if name in (told.case, f"{told.case}.{told.plant}"):
@@ -81,7 +100,7 @@ class Kind(ABC):
         self.settings = settings
 
     @abstractmethod
-    def stimulated(self, run: RunFile, seed: int) -> RunFile:
+    def stimulate(self, run: RunFile, seed: int) -> RunFile:
         """The run file of one trial: with the stimulus and the duration of this experiment.
 
         Only ``simulation`` and ``setpoint`` may depend on the seed. The seeds of noise are changed elsewhere from trial
@@ -97,7 +116,7 @@ class Kind(ABC):
         """The same signals from a file; DataError if a column is missing."""
 
     @abstractmethod
-    def analysed(
+    def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> Finding:
         """The result of the trials of one case on one plant, or of recordings if neither is given.
@@ -107,16 +126,16 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def drawn(self, found: Sequence[Told]) -> Figure:
+    def drawn(self, found: Sequence[CaseResult]) -> Figure:
         """The figure of all results."""
 
 
-def timed(run: RunFile, duration: float, rate: float) -> RunFile:
+def set_duration(run: RunFile, duration: float, rate: float) -> RunFile:
     """The run file with another duration [s], recorded at a rate [Hz]."""
     return run.with_(**{"simulation.duration": duration, "simulation.record_interval": 1 / rate})
 
 
-def sampled(signals: Series, simulation: Simulation, rate: float, since: float = 0.0) -> Series:
+def sample_rows(signals: Series, simulation: Simulation, rate: float, since: float = 0.0) -> Series:
     """Signals at the rows of a run, evenly sampled from ``since`` [s] on, which becomes 0.
 
     Nothing is interpolated across an event, an action or a step of the set-point; the side that is given there is that
@@ -128,3 +147,197 @@ def sampled(signals: Series, simulation: Simulation, rate: float, since: float =
     resets, others = simulation.breaks
     values = piecewise(simulation.t, signals.values, t, jumps=resets, breaks=others)
     return replace(signals, t=t - t[0], values=values)
+
+
+PERSON = {"mass": (30.0, 200.0), "height": (0.5, 1.5)}  # kg, and m of the centre of mass: a body of a person's size
+
+
+def measure_pressure(case: Case, simulation: Simulation, since: float, rate: float = 100.0) -> dict[str, float]:
+    """Measures of the centre of pressure, back to front, of a body of a person's size.
+
+    Args:
+        case: the case.
+        simulation: its run, on either plant.
+        since: what is left out at the start [s].
+        rate: sampling rate [Hz].
+
+    Returns:
+        numbers such as ``cop.x.rms`` [m, s]; none for a body of another size, for one on which other forces than the
+        ground's act, or for a run that is too short.
+    """
+    if not isinstance(case.actual, MujocoPlant):
+        return {}
+    try:
+        body = reaction(case.actual)
+        if any(not low <= getattr(body, name) <= high for name, (low, high) in PERSON.items()):
+            return {}
+        pressure = sample_rows(ground_force(case.actual, simulation).chosen(["cop.x"]), simulation, rate, since)
+        found = {name: float(value) for name, value in sway_numbers(pressure).items()}
+    except IcmjError:
+        return {}
+    return {name: value for name, value in found.items() if np.isfinite(value)}
+
+
+class QuietStandingKind(Kind):
+    """See the module."""
+
+    settings: QuietStandingTable
+
+    def stimulate(self, run: RunFile, seed: int) -> RunFile:
+        return set_duration(run, self.settings.settle + self.settings.duration, self.settings.rate)
+
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
+        columns, model = tuple(self.settings.columns), case.actual
+        whole = simulation.to_series()
+        if isinstance(model, MujocoPlant) and (not columns or any(name.startswith("cop.") for name in columns)):
+            pressure = ground_force(model, simulation).chosen(["cop.x", "cop.y"])
+            own = [name for name in whole.names if not name.startswith("cop.")]
+            whole = whole.chosen(own)
+            values = np.concatenate([whole.values, pressure.values], axis=1)
+            whole = Series(whole.t, values, (*whole.names, *pressure.names), (*whole.units, *pressure.units))
+            columns = columns or ("cop.x",)
+        columns = columns or tuple(name for name in whole.names if name.startswith("y."))[:2]
+        return sample_rows(whole.chosen(columns), simulation, self.settings.rate, self.settings.settle)
+
+    def read(self, series: Series) -> Series:
+        return even_series(series.chosen(self.settings.columns) if self.settings.columns else series)
+
+    def analyse(
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
+    ) -> Standing:
+        settle = self.settings.settle if case is not None else 0.0
+        later = [Recording(one.series, one.events[between(one.events, settle)], one.outcome) for one in recordings]
+        return quiet_standing(later, low_pass=self.settings.low_pass)
+
+    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+        from icmj.report.findings import standing_figure
+
+        return standing_figure(found)
+
+
+TARGET, CONTROL, COMBINED = "target", "control", "followed"
+
+
+@dataclass(frozen=True, eq=False)
+class FoundDoubleStep:
+    """Refractory duration and kind of controller, of all trials together; a :class:`Finding`.
+
+    Attributes:
+        refractory: by four estimates.
+        told: which kind of controller explains the reaction times.
+        seen: the first trial as it was reconstructed.
+    """
+
+    refractory: Refractoriness
+    told: Explanation
+    seen: Reconstruction
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        found = self.refractory
+        numbers = {"mean RT1 (s)": found.rt1_mean}
+        for name, one in (
+            ("free regression", found.free),
+            ("slope −1", found.fixed),
+            ("largest ISI", found.largest),
+            ("range of RT2", found.range),
+        ):
+            numbers |= {f"{name} (s)": one.value, f"{name}, from (s)": one.low, f"{name}, to (s)": one.high}
+        least = min(self.told.bic.values())
+        return numbers | {f"BIC, {kind}": self.told.bic[kind] - least for kind in KINDS}
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        return {}
+
+    @property
+    def curves(self) -> Mapping[str, Array]:
+        found = self.refractory
+        return {
+            "ISI (s)": found.isi,
+            "pairs": found.count.astype(float),
+            "RT1 (s)": found.rt1,
+            "RT1, error (s)": found.rt1_error,
+            "RT2 (s)": found.rt2,
+            "RT2, error (s)": found.rt2_error,
+        }
+
+    @property
+    def words(self) -> str:
+        one = self.refractory.fixed
+        refractory = (
+            f"a refractory period of {one.value:.3g} s (95 % interval {one.low:.3g} to {one.high:.3g} s)"
+            if one.low > 0 and self.told.kind != "continuous"
+            else f"no refractory period above {self.refractory.isi.min():.3g} s"
+        )
+        kind = {"clock": "clock-driven", "event": "event-driven", "sampling": "event-driven with delayed sampling"}
+        pairs = int(self.refractory.count.sum())
+        return f"Classified as {kind.get(self.told.kind, self.told.kind)}; {refractory}, from {pairs} pairs of steps."
+
+
+class DoubleStepKind(Kind):
+    """See the module."""
+
+    settings: DoubleStepTable
+
+    def stimulate(self, run: RunFile, seed: int) -> RunFile:
+        table = self.settings
+        steps = DoubleStepsSetpoint(
+            kind="double-steps",
+            **({"combination": table.combination, "name": COMBINED} if table.combination else {"output": table.output}),
+            unit=table.unit,
+            size=table.size,
+            isi=table.isi,
+            repetitions=table.repetitions,
+            recovery=table.recovery,
+            directions=table.directions,
+            seed=seed,
+        )
+        kept = [one.model_dump(exclude_defaults=True, exclude_none=True) for one in run.setpoint]
+        moved = run.with_(
+            setpoint=[*kept, {"kind": "double-steps", **steps.model_dump(exclude_defaults=True, exclude_none=True)}]
+        )
+        return set_duration(moved, steps.pairs().end, table.rate)
+
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
+        name = self.settings.control or f"u.{simulation.labels.inputs[0]}"
+        one = sample_rows(simulation.to_series().chosen([name]), simulation, self.settings.rate)
+        r = simulation.setpoint
+        assert r is not None
+        at = r.names.index(self.settings.output or COMBINED)
+        return replace(
+            one,
+            values=np.column_stack([r(one.t)[:, at], one.values]),
+            names=(TARGET, CONTROL),
+            units=(r.units[at], one.units[0]),
+            facts={"control": name},
+        )
+
+    def read(self, series: Series) -> Series:
+        pair = series.chosen([self.settings.target, self.settings.control or CONTROL])
+        for name, unit in zip(pair.names, pair.units, strict=True):
+            if not unit:
+                raise DataError(f"{name}: has no unit; give one, as in '{name} [rad]'")
+        return replace(pair, names=(TARGET, CONTROL))
+
+    def analyse(
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
+    ) -> FoundDoubleStep:
+        table, seen = self.settings, []
+        for one in keep_complete(recordings):
+            pairs = find_step_pairs(one.series, TARGET)
+            seen.append(reconstruct_steps(one.series, CONTROL, pairs, latest=table.latest))
+        isi, rt = np.concatenate([one.pairs.isi for one in seen]), np.concatenate([one.rt for one in seen])
+        step = max(one.step for one in seen)
+        told, shortest = explain_reactions(isi, rt, step), table.shortest
+        if told.kind == "sampling":  # what falls into one sample is no refractoriness
+            late = told.parameters["sampling"]["d_s"]
+            beyond = group_intervals(isi[isi >= late], 1.5 * step)[0]
+            shortest = max(shortest, late) if len(beyond) >= FEWEST_INTERVALS else shortest
+        return FoundDoubleStep(refractoriness(isi, rt, alike=1.5 * step, shortest=shortest), told, seen[0])
+
+    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+        from icmj.report.findings import double_step_figure
+
+        of = [one.finding for one in found if isinstance(one.finding, FoundDoubleStep)]
+        return double_step_figure(found, of[0].seen if of else None)

@@ -1,26 +1,118 @@
-"""The study: every case on both plants into logs, then one report and one summary from the logs."""
+"""The study: every case on both plants into logs, then one report and one summary from the logs.
+
+From logs to the report's page and the summary, with the figures of several cases drawn side by side.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from icmj.base.files import clear_leftovers, ready
-from icmj.errors import LogError, RunFileError, SimulationError, expect, named
-from icmj.runfile.overrides import overridden
+from icmj.base.files import clear_leftovers, ready, write_text
+from icmj.errors import LogError, ReportError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
-from icmj.study.page import Page, report
-from icmj.work.shipped import RUNS
+from icmj.runfile.schema import RunFile, overridden
+from icmj.work.own_code import RUNS
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind, PredictedCase
+    from icmj.case.comparison import Comparison
+    from icmj.case.result import Attractor, Result, SweepTable
+    from icmj.cycle.branch import Branch
     from icmj.measurement.statistics import Statistics
-    from icmj.result.result import Attractor, Result
+    from icmj.report.wording import CaseRuns
     from icmj.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Page:
+    """The contents of a page.
+
+    Attributes:
+        comparisons: of runs beside their prediction.
+        others: runs under controllers without a prediction.
+    """
+
+    comparisons: tuple[Comparison, ...]
+    others: tuple[Result, ...]
+
+
+def report(
+    logs: Sequence[Path],
+    out: Path,
+    *,
+    summary: Path | None = None,
+    sweeps: Sequence[SweepTable] = (),
+    branches: Sequence[Branch] = (),
+    workers: Workers | None = None,
+    progress: Tell | None = None,
+) -> Page:
+    """Build the report page, and if asked the summary, from logs alone, and from sweeps and branches of cycles.
+
+    Args:
+        logs: of runs; those of one case on both plants are shown together.
+        out: the page.
+        summary: file of the comparisons.
+        sweeps, branches: shown after the runs, or alone.
+        workers: draw the figures of several cases side by side; without them, or of two cases, they are drawn here.
+        progress: called with the part that is done, 0–1.
+
+    Raises:
+        LogError, ReportError: if a log cannot be read or the page cannot be built.
+    """
+    from icmj.case.comparison import compare, to_json, to_record
+    from icmj.case.result import has_prediction
+    from icmj.log import read_log, read_scene
+    from icmj.report import build_report
+
+    tell = progress or (lambda part: None)
+    results: list[Result] = []
+    of_case: dict[str, list[Path]] = {}
+    for number, log in enumerate(logs, 1):
+        result = replace(read_log(log), scene=read_scene(log))
+        results.append(result)
+        if has_prediction(result):
+            of_case.setdefault(result.run.case.name, []).append(log)
+        tell(0.2 * number / len(logs))
+    comparisons = tuple(compare(result) for result in results if has_prediction(result))
+    others = tuple(result for result in results if not has_prediction(result))
+    try:
+        ready(out.parent)
+    except OSError as error:
+        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
+    draw = None
+    if workers is not None and len(of_case) > 2:
+
+        def draw(cases: Sequence[CaseRuns], folder: Path) -> None:
+            tasks = [Task(case.name, draw_logs, (tuple(of_case[case.name]), folder)) for case in cases]
+            done = [0.0] * len(tasks)
+            for news in workers.run(tasks):
+                done[news.index] = news.done
+                tell(0.2 + 0.7 * sum(done) / len(tasks))
+
+    build_report(results, out, sweeps=sweeps, branches=branches, draw=draw)
+    if summary is not None:
+        records = json.dumps([*map(to_json, comparisons), *map(to_record, others)], indent=2, allow_nan=False)
+        try:
+            write_text(summary, records + "\n")
+        except OSError as error:
+            raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
+    return Page(comparisons, others)
+
+
+def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:
+    """Draw the figures of the case that logs are of into ``folder``: what a worker does for the page."""
+    from icmj.log import read_log
+    from icmj.report.drawing import draw_case
+    from icmj.report.wording import pair
+
+    for case in pair([read_log(log) for log in logs]):
+        draw_case(case, folder)
+
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
@@ -52,7 +144,7 @@ def find_runs(paths: Sequence[Path], changes: Sequence[str] = (), *, allow_code:
 
     Args:
         paths: files, folders and names; none stand for the folder ``runs``, or for all shipped cases where it has none.
-        changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.overrides.overridden`.
+        changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.schema.overridden`.
         allow_code: whether Python code that they name may be run.
 
     Raises:
@@ -99,12 +191,11 @@ def run_case(
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
     from icmj.case.case import Case, expect_measures, has_prediction, measure_own, prepare, simulate
+    from icmj.case.result import Result
     from icmj.engine.pose import scene
     from icmj.measurement.measurement import measure
-    from icmj.result.result import Result
-    from icmj.simulation.remarks import remarks
-    from icmj.simulation.scene import frames
-    from icmj.work.provenance import provenance
+    from icmj.simulation.simulation import frames, remarks
+    from icmj.work.folder import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)
     case = prepare(run) if isinstance(run, RunFile) else run
@@ -112,7 +203,7 @@ def run_case(
     run = case.run
     expect_measures(run)
     report(0.1)
-    with named(run.path):
+    with prefix_errors(run.path):
         predicted = has_prediction(case)
         share = 0.4 if study and predicted else 0.8
         simulation = simulate(case, plant, progress=lambda done: report(0.1 + share * done))
@@ -146,7 +237,7 @@ def run_case(
 
 def _sway(case: Case, found: Statistics | None, simulation: Simulation) -> dict[str, float]:
     """Measures of the centre of pressure of a person whom noise moves, over what the statistics are of."""
-    from icmj.study.quiet_standing import measure_pressure
+    from icmj.study.kind import measure_pressure
 
     return {} if found is None else measure_pressure(case, simulation, found.start)
 
@@ -157,8 +248,7 @@ def _beside(
     """What the study adds to a run that has a prediction."""
     from icmj.case.case import simulate
     from icmj.controller.controller import continuous_limit
-    from icmj.experiments.amplitude_law import measure_law
-    from icmj.experiments.growth import measure_growth
+    from icmj.experiments.attraction import measure_growth, measure_law
 
     study, found = case.run.study, dict[str, Any]()
     continuous = simulate(
@@ -188,7 +278,7 @@ def at_multiples(simulation: Simulation, interval: float) -> Simulation:
     import numpy as np
 
     from icmj.base.array import instants
-    from icmj.series.pieces import NEAR
+    from icmj.series.series import NEAR
 
     t, none, run = simulation.t, slice(0, 0), simulation
     due = np.append(np.searchsorted(t, instants(interval, float(t[-1])) - NEAR), len(t) - 1)
@@ -214,7 +304,7 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
 
 def _attractors(case: PredictedCase, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
     from icmj.case.plants import linear_plant
-    from icmj.experiments.attractors import attractors
+    from icmj.experiments.attraction import attractors
 
     study = case.run.study
     if study.attractor_starts == 0:
@@ -244,7 +334,7 @@ def admit(case: Case, plant: PlantKind, longest: float | None, *, study: bool = 
     """
     from icmj.study.estimate import estimate, refuse_long, startable
 
-    with named(case.run.path):
+    with prefix_errors(case.run.path):
         startable(case, plant)
         seconds = estimate(case, plant, study=study)
     refuse_long(case, plant, seconds, longest, study=study)

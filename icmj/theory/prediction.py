@@ -1,41 +1,143 @@
-"""The prediction of the linear eigenvalue analysis for the closed loop (paper, section 3; docs/theory.md)."""
+"""The prediction of the linear eigenvalue analysis for the closed loop (paper, section 3; docs/theory.md).
+
+The facts of a prediction; see :class:`icmj.theory.prediction.Prediction` for what they mean in full.
+
+χ = V⁻¹x̄ (paper, eq. chi) where V can be inverted, and what takes its place where it cannot.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import SAME, Array
-from icmj.base.card import Card, Shown
-from icmj.base.environment import single_threaded
-from icmj.base.numbers import amount, eigenvalue
+from icmj.base.array import SAME, Array, falling, leading
+from icmj.base.numbers import Card, Fact, WithCard, amount, eigenvalue
+from icmj.base.process import limit_to_one_thread
 from icmj.controller.controller import Controller
-from icmj.controller.hold import system_matched
+from icmj.controller.design import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
-from icmj.theory.crossing import Crossing
-from icmj.theory.crossings import check_range, search
-from icmj.theory.eigenstructure import eigenstructure
-from icmj.theory.error_system import ErrorSystem
-from icmj.theory.facts import PREDICTION
-from icmj.theory.family import Family, family, mixtures, modulo
-from icmj.theory.flow import Flow, flow
-from icmj.theory.neutral import NeutralMode
-from icmj.theory.orbit import Orbit, critical_vectors
+from icmj.theory.circle import Crossing
+from icmj.theory.crossings import Outlook, check_range, outlook, search
+from icmj.theory.error_system import ErrorSystem, Flow, flow
+from icmj.theory.orbit import Orbit, critical_vectors, is_stable, jacobian, multipliers
 from icmj.theory.orbit import orbit as orbit_at
-from icmj.theory.outlook import Outlook, outlook
-from icmj.theory.reduction import Reduction, reduction, stable_modulo_neutral
-from icmj.theory.return_map import is_stable, jacobian, multipliers
+from icmj.theory.reduction import (
+    Family,
+    NeutralMode,
+    Reduction,
+    family,
+    mixtures,
+    modulo,
+    reduction,
+    stable_modulo_neutral,
+)
+
+PREDICTION = (
+    Fact("delta_crit", "critical interval Δ_crit", "s", "critical open-loop interval", attrgetter("delta_crit")),
+    Fact("eigenvalue", "eigenvalue there", "",
+         "eigenvalue on the unit circle at Δ_crit, +1 or −1; empty if there is none", attrgetter("eigenvalue"),
+         "eigenvalue"),
+    Fact("cycle", "cycle predicted", "", "whether a limit cycle is predicted", attrgetter("cycle"), "truth"),
+    Fact("period", "period", "s", "period of the predicted cycle", attrgetter("period")),
+    Fact("verdict", "verdict on the orbit", "",
+         "on the predicted orbit: attracting, repelling, not admissible or none", attrgetter("verdict"), "text"),
+    Fact("multiplier", "largest multiplier of the event-driven orbit", "",
+         "magnitude of the largest multiplier of the predicted orbit under the event rule",
+         lambda of: None if of.multipliers is None else np.abs(of.multipliers).max(initial=0.0), figures=4, record="",
+         logged=""),
+    Fact("gamma", "γ", "", "size of the critical mode at the events of the predicted orbit", attrgetter("gamma")),
+    Fact("state_feedback_stable", "continuous state feedback on the actual plant", "",
+         "whether continuous state feedback is stable on the actual plant", attrgetter("state_feedback_stable"),
+         "truth", answers=("stable", "unstable"), record=""),
+    Fact("observer_feedback_stable", "continuous observer feedback on the actual plant", "",
+         "whether continuous observer feedback is stable on the actual plant", attrgetter("observer_feedback_stable"),
+         "truth", answers=("stable", "unstable"), record=""),
+    Fact("amplitude", "peak of each output", "", "largest magnitude of each output over a period",
+         attrgetter("amplitude"),
+         "outputs", figures=4, column="peak"),
+)  # fmt: skip
+"""In the order of a sweep's columns."""
+
+
+# an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
+ILL_CONDITIONED = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenstructure:
+    """Coordinates χ of x̄ in which the critical mode is separate.
+
+    Attributes:
+        V_inv: χ = V_inv @ x̄, shape (n + n̂, n + n̂), row 0 critical: on the orbit χ_0 = γ and the others are 0.
+            ``None`` where the critical eigenvalue is itself defective.
+        condition: condition number of the eigenvector matrix V (columns of unit norm); infinite if defective.
+        diagonal: whether the rows after the first are left eigenvectors; if not they are an orthonormal basis of
+            the vectors that annihilate V_{k₁}.
+    """
+
+    V_inv: NDArray[np.complex128] | None
+    condition: float
+    diagonal: bool
+
+
+def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
+    """Eigenstructure of φ(Δ_crit) with its eigenvalue ``sign`` = ±1 first.
+
+    The critical row is always the left null vector w of φ ∓ I, scaled to w V_{k₁} = 1. The others come from V⁻¹,
+    by falling |λ|, unless V is ill-conditioned; then from an ordered Schur form, whose first column is V_{k₁}: its
+    other columns are orthogonal to it, and in these coordinates φ is triangular rather than diagonal.
+    """
+    size = len(phi)
+    U, _, Vh = np.linalg.svd(phi - sign * np.eye(size))
+    v, w = Vh[-1], U[:, -1]
+    v = v * np.sign(v[leading(v)])
+    values, V = np.linalg.eig(phi)
+    k = int(np.abs(values - sign).argmin())
+    others = [int(i) for i in falling(np.abs(values), values.real, values.imag) if i != k]
+    order = np.array([k, *others])
+    V = V[:, order].astype(complex)
+    V[:, 0] = v
+    spread = np.linalg.svd(V, compute_uv=False)
+    # a defective matrix gives a V that is singular only up to rounding
+    condition = float(spread[0] / spread[-1]) if spread[-1] > 0 else float("inf")
+    overlap = float(w @ v)
+    if abs(overlap) < 1e-10:
+        return Eigenstructure(None, condition, False)
+    critical = w / overlap
+    if condition < ILL_CONDITIONED:
+        V_inv = np.linalg.inv(V)
+        diagonal = True
+    else:
+        V_inv = _complement(phi, v).astype(complex)
+        diagonal = False
+    V_inv[0] = critical
+    return Eigenstructure(V_inv, condition, diagonal)
+
+
+def _complement(phi: Array, v: Array) -> Array:
+    """Orthonormal rows with v first, the others those of a real Schur form of φ on what is left."""
+    from scipy.linalg import schur
+
+    size = len(phi)
+    # Householder: an orthonormal basis whose first vector is v
+    Q = np.linalg.qr(np.column_stack([v, np.eye(size)]))[0][:, :size]
+    Q[:, 0] = v
+    _, Z = schur(Q[:, 1:].T @ phi @ Q[:, 1:], output="real")
+    Q[:, 1:] = Q[:, 1:] @ Z
+    return np.asarray(Q.T)
+
 
 Verdict = Literal["attracting", "repelling", "not admissible", "none"]
 _SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prediction(Shown):
+class Prediction(WithCard):
     """The results of the linear analysis of one controller on one plant.
 
     Attributes:
@@ -124,7 +226,7 @@ class Prediction(Shown):
         return Card(f"{found}, {cycle}, orbit {self.verdict}", tuple(rows.items()))
 
 
-@single_threaded()
+@limit_to_one_thread()
 def predict(
     system: ErrorSystem,
     trigger: EventRule,
@@ -227,7 +329,7 @@ def _critical(
     structure = eigenstructure(phi, sign)
     whole, V_inv = None, None
     if len(members) > 1:
-        x_bar = np.column_stack([reduced.completed(v, system.phi(critical.delta), sign) for v in basis.T])
+        x_bar = np.column_stack([reduced.complete(v, system.phi(critical.delta), sign) for v in basis.T])
         admissible = len(verdicts) - verdicts.count("not admissible")
         whole = family(x_bar, len(members), admissible, verdicts.count("attracting"), sign)
     elif structure.V_inv is not None:
@@ -270,11 +372,11 @@ def scaled(prediction: Prediction, factor: float) -> Prediction:
         prediction,
         gamma=None if prediction.gamma is None else prediction.gamma * factor,
         amplitude=None if prediction.amplitude is None else prediction.amplitude * factor,
-        orbit=None if prediction.orbit is None else _scaled(prediction.orbit, factor),
+        orbit=None if prediction.orbit is None else _scale(prediction.orbit, factor),
     )
 
 
-def _scaled(orbit: Orbit, factor: float) -> Orbit:
+def _scale(orbit: Orbit, factor: float) -> Orbit:
     sizes = {name: getattr(orbit, name) * factor for name in _SIZES}
     drift = None if orbit.drift is None else orbit.drift * factor
     return replace(orbit, E=orbit.E * factor**2, drift=drift, **sizes)

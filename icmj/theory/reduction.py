@@ -7,12 +7,29 @@ with Re μ = 0 put an eigenvalue of φ(Δ) on the unit circle for every Δ, whic
 - modes that neither e_hp nor u sees (the quotient by an invariant subspace), with Re μ = 0;
 - of those with Re μ > 0 the ones that y does not see either;
 - modes with Re μ = 0 that the loop sees but cannot change (the restriction to where they are zero).
+
+Invariant subspaces that an output does not see, belonging to slow or growing modes only.
+
+A mode that stays on or outside the imaginary axis and that no row of C sees is looked for in three steps: the
+invariant subspace of all modes that do not clearly decay (ordered Schur form, so few dimensions are left), in it the
+largest invariant subspace on which C vanishes, and there the split into what stays and what grows. Matrices are to be
+balanced first, so that one tolerance fits all rows.
+
+Modes that neither events nor control can change: their kind, their states, and the signals that show them.
+
+Orbits where several equal eigenvalues reach ±1 together: not one orbit but a family of them.
+
+Every vector of the k-dimensional eigenspace starts an orbit with the same interval, scaled until its event error
+reaches the threshold. Along the family the return map is ±1 to first order, exactly: it takes each member to itself
+(or its mirror image). So k − 1 multipliers say nothing, and the family attracts if the others are inside the circle.
+They, and whether an earlier event comes, may differ from member to member; so several members are looked at.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +37,192 @@ from scipy.linalg import matrix_balance
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
-from icmj.theory.invariant import complement, groups, growing, lasting, neutral, slow, unseen
-from icmj.theory.neutral import NeutralKind, NeutralMode, carriers, described
+from icmj.theory.error_system import ErrorSystem, Flow, flow
+
+UNSEEN = 1e-9  # a direction is unseen if its image is below this, relative to rows of unit norm
+SLOW = 1e-5  # |Re μ| relative to the modes' own size up to which they neither grow nor decay
+_UNDECIDED = 1e-5  # modes that decay slower than this times the whole matrix are looked at
+
+
+def unseen(A: Array, C: Array) -> Array:
+    """Orthonormal basis of the unobservable subspace of (A, C) within the modes that do not clearly decay.
+
+    Args:
+        A: balanced, shape (N, N).
+        C: any rows, shape (c, N).
+
+    Returns:
+        shape (N, r); it is A-invariant, and C vanishes on it.
+    """
+    size = float(np.linalg.norm(A)) or 1.0
+    decay = -np.linalg.eigvals(A).real if A.size else np.zeros(0)
+    looked_at = decay <= _UNDECIDED * size
+    # the line is drawn in the middle of the gap, where rounding moves no eigenvalue across it
+    line = (decay[looked_at].max(initial=-size) + decay[~looked_at].min(initial=2 * size)) / 2
+    try:
+        V = span(A, lambda mu: -mu.real <= line)
+    except np.linalg.LinAlgError:
+        V = np.eye(len(A))  # the gap is too narrow: all modes are looked at
+    return _within(A, V, C)
+
+
+def _within(A: Array, V: Array, C: Array) -> Array:
+    """The largest invariant subspace within the invariant subspace V on which C vanishes."""
+    if not V.shape[1]:
+        return V
+    A_V, rows = V.T @ A @ V, _unit_rows(C) @ V
+    A_V = A_V / (np.linalg.norm(A) or 1.0)
+    N = _null(rows)
+    while N.shape[1]:
+        # A N must lie in N again: what of it sticks out has to vanish
+        kept = _null(A_V @ N - N @ (N.T @ A_V @ N))
+        if kept.shape[1] == N.shape[1]:
+            break
+        N = N @ kept
+    return V @ N
+
+
+def span(A: Array, wanted: Callable[[complex], bool]) -> Array:
+    """Orthonormal basis of the invariant subspace of the eigenvalues that are ``wanted``, shape (N, r)."""
+    from scipy.linalg import schur
+
+    if not A.size or not any(wanted(complex(mu)) for mu in np.linalg.eigvals(A)):
+        return np.zeros((len(A), 0))
+    _, Z, count = schur(A, output="real", sort=lambda re, im=0.0: wanted(complex(re, im)))
+    return np.asarray(Z[:, :count])
+
+
+def neutral(A: Array, C: Array) -> Array:
+    """Orthonormal basis of what (A, C) does not see and what neither grows nor decays, shape (N, r)."""
+    return lasting(A, unseen(A, C))
+
+
+def lasting(A: Array, V: Array) -> Array:
+    """The part of the invariant subspace V whose modes neither grow nor decay, shape (N, r)."""
+    A_V = V.T @ A @ V
+    tolerance = slow(A_V, A)
+    return V @ span(A_V, lambda mu: abs(mu.real) <= tolerance)
+
+
+def growing(A: Array, V: Array, C: Array) -> Array:
+    """The part of the invariant subspace V that C does not see either, and whose modes grow, shape (N, r)."""
+    N = _within(A, V, C)
+    A_N = N.T @ A @ N
+    tolerance = slow(A_N, A)
+    return N @ span(A_N, lambda mu: mu.real > tolerance)
+
+
+def slow(A_N: Array, A: Array) -> float:
+    """|Re μ| [1/s] up to which a mode of the block ``A_N`` of ``A`` counts as neither growing nor decaying."""
+    return SLOW * float(np.linalg.norm(A_N)) + 1e-10 * float(np.linalg.norm(A)) if A_N.size else 0.0
+
+
+def groups(A: Array, tolerance: float) -> list[tuple[tuple[complex, ...], Array]]:
+    """Eigenvalues of A that lie together (a conjugate pair does), each group with its invariant subspace.
+
+    A defective eigenvalue comes out of rounding as several near each other; their mean is given for each.
+    """
+    left = [complex(mu) for mu in np.linalg.eigvals(A)] if A.size else []
+    found = []
+    while left:
+        upper = complex(left[0].real, abs(left[0].imag))
+
+        def near(mu: complex, upper: complex = upper) -> bool:
+            return abs(complex(mu.real, abs(mu.imag)) - upper) <= 2 * tolerance
+
+        here = [mu for mu in left if near(mu)]
+        left = [mu for mu in left if not near(mu)]
+        re = sum(mu.real for mu in here) / len(here)
+        im = sum(abs(mu.imag) for mu in here) / len(here)
+        re, im = (0.0 if abs(part) <= tolerance else part for part in (re, im))
+        signs = [1.0 if mu.imag >= 0 else -1.0 for mu in here]
+        found.append((tuple(complex(re, sign * im if im else 0.0) for sign in signs), span(A, near)))
+    return found
+
+
+def complement(V: Array) -> Array:
+    """Orthonormal basis of what is orthogonal to the columns of V, shape (N, N − r)."""
+    return np.asarray(np.linalg.qr(V, mode="complete")[0][:, V.shape[1] :])
+
+
+def _null(M: Array) -> Array:
+    """Orthonormal basis of the null space of M, by its singular values."""
+    if not M.size:
+        return np.eye(M.shape[1])
+    _, values, Vh = np.linalg.svd(M)
+    rank = int((values > UNSEEN).sum())
+    return np.asarray(Vh[rank:].T)
+
+
+def _unit_rows(C: Array) -> Array:
+    norm = np.linalg.norm(C, axis=1, keepdims=True)
+    return C / np.where(norm > 0, norm, 1.0)
+
+
+NeutralKind = Literal["neutral", "unstable", "offset"]
+
+
+@dataclass(frozen=True)
+class NeutralMode:
+    """A mode on which the event sequence does not depend, or (``offset``) that it cannot change.
+
+    Attributes:
+        kind: ``neutral``: neither hold error nor control sees it, and it neither grows nor decays;
+            ``unstable``: nothing sees it, and it grows;
+            ``offset``: the loop sees it but cannot change it; the prediction is for its value zero.
+        rates: its eigenvalues μ [1/s], for which φ(Δ) has e^{μΔ} at every Δ.
+        states: the plant's states that carry it; where none does, those of the observer, as ``observer's NAME``.
+        seen_by: names of the outputs that see it.
+        words: one sentence for people.
+    """
+
+    kind: NeutralKind
+    rates: tuple[complex, ...]
+    states: tuple[str, ...]
+    seen_by: tuple[str, ...]
+    words: str
+
+
+def describe_mode(
+    kind: NeutralKind,
+    rates: tuple[complex, ...],
+    states: tuple[str, ...],
+    seen_by: tuple[str, ...] = (),
+    *,
+    drifts: bool = False,
+) -> NeutralMode:
+    """The record with its sentence; ``drifts``: whether one state of the mode drives another, as speed does place."""
+    what = ", ".join(states) if len(states) <= 4 else f"{len(states)} states ({', '.join(states[:3])}, …)"
+    mu = max(rates, key=lambda rate: (rate.real, rate.imag))
+    if kind == "unstable":
+        words = f"unstable mode that nothing sees: the state runs away ({what}, as e^({mu.real:.4g} t))"
+    elif kind == "offset":
+        words = (
+            f"constant offset that the loop sees and cannot change ({what}): "
+            "the prediction is for its value zero, another value shifts the cycle"
+        )
+        if mu.imag:
+            words = words.replace("constant offset", f"oscillation at {mu.imag:.4g} rad/s")
+    else:
+        motion = "drifting" if drifts else f"swinging on at {mu.imag:.4g} rad/s" if mu.imag else "staying what it is"
+        if seen_by:
+            words = (
+                f"neutral mode that the controller does not feel but {', '.join(seen_by)} shows ({what}: {motion}): "
+                f"what is said of the cycle holds modulo drift of {', '.join(seen_by)}"
+            )
+        else:
+            words = (
+                f"neutral mode that nothing sees ({what}: {motion}): what is said of the cycle holds modulo this mode"
+            )
+    return NeutralMode(kind, rates, states, seen_by, words)
+
+
+def carriers(weights: np.ndarray, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the entries that carry a mode: those of at least a thousandth of the largest weight."""
+    if not len(weights) or not weights.max() > 0:
+        return ()
+    return tuple(name for name, weight in zip(names, weights, strict=True) if weight >= 1e-3 * weights.max())
+
 
 _SHOWS = 1e-8  # an output sees a mode above this, relative to its row
 
@@ -68,7 +267,7 @@ class Reduction:
         seen = np.linalg.norm(rows @ (self.dropped / self.scale[:, None]), axis=1)
         return np.asarray(seen > _SHOWS * np.linalg.norm(rows, axis=1))
 
-    def completed(self, vector: Array, phi: Array, sign: int) -> Array:
+    def complete(self, vector: Array, phi: Array, sign: int) -> Array:
         """x̄ for an eigenvector of φ_r, with what it takes along in the unseen directions for φ x̄ = ±x̄.
 
         Where these drift over every interval there is no such x̄; then the one that drifts least.
@@ -127,7 +326,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         return Reduction(whole, left, right, same, same, empty, empty.T, empty.T, scale[:size], ())
     Q = complement(D)
     R = Q @ complement(L)
-    named = _Named(system, A, scale, shown)
+    named = _ModeNames(system, A, scale, shown)
     modes = [*named.unfelt(D), *named.unmoved(Q @ L)]
     if system.delay:
         raise AnalysisError(f"not analysable with a delay: {_in_the_way(modes)}")
@@ -174,7 +373,7 @@ def _kept(A: Array, R: Array) -> Array:
     return np.asarray(K.T @ A @ K)
 
 
-class _Named:
+class _ModeNames:
     """Finds what to call a mode. Vectors are of balanced coordinates, so that their entries can be compared."""
 
     def __init__(self, system: ErrorSystem, A: Array, scale: Array, shown: Array) -> None:
@@ -195,7 +394,7 @@ class _Named:
             outputs = tuple(name for name, sees in zip(self.system.actual.outputs, seen, strict=True) if sees)
             kind: NeutralKind = "unstable" if rates[0].real > 0 else "neutral"
             drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > slow(A_D, self.A)
-            found.append(described(kind, rates, self._carried(weights), outputs, drifts=drifts))
+            found.append(describe_mode(kind, rates, self._carried(weights), outputs, drifts=drifts))
         return found
 
     def unmoved(self, L: Array) -> list[NeutralMode]:
@@ -205,7 +404,7 @@ class _Named:
         for rates, within in groups(A_L, slow(A_L, self.A)):
             x, x_o = np.split((L @ within) / self.scale[:, None], [self.system.n])
             weights = np.vstack([x - self.system.T_hat.T @ x_o, x_o]) * self.scale[:, None]
-            found.append(described("offset", rates, self._carried(weights)))
+            found.append(describe_mode("offset", rates, self._carried(weights)))
         return found
 
     def _carried(self, weights: Array) -> tuple[str, ...]:
@@ -228,3 +427,64 @@ def stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
     A, inputs = Q.T @ A @ Q, Q.T @ (inputs / scale[:, None])
     R = complement(neutral(A.T, inputs.T))
     return bool(np.linalg.eigvals(R.T @ A @ R).real.max(initial=-np.inf) < 0)
+
+
+_MOST_MEMBERS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The orbits of a repeated critical eigenvalue.
+
+    Attributes:
+        dimension: k, of the eigenspace; the family has k − 1 dimensions besides its size.
+        basis: x̄ of k members that span it, shape (n + n̂, k), columns of unit norm.
+        tried: how many members were looked at: the basis and mixtures of it.
+        admissible: how many of these have no earlier event.
+        attracting: how many of these are admissible and attract modulo the family.
+        words: one sentence for people.
+    """
+
+    dimension: int
+    basis: Array
+    tried: int
+    admissible: int
+    attracting: int
+    words: str
+
+
+def mixtures(k: int) -> Array:
+    """Coefficients of the members to look at, the evenly mixed one first, shape (members, k)."""
+    if k == 1:
+        return np.ones((1, 1))
+    flipped = np.ones((k - 1, k)) - 2 * np.eye(k)[1:]
+    return np.vstack([np.ones((1, k)), flipped, np.eye(k)])[:_MOST_MEMBERS]
+
+
+def modulo(J: Array, basis: Array, sign: int) -> Array:
+    """J without the family: on the quotient by its tangent space, where J is ±1; shape (m − k + 1, m − k + 1).
+
+    Args:
+        J: Jacobian of the return map at one member, shape (m, m).
+        basis: of the eigenspace, shape (m, k).
+        sign: the eigenvalue of φ there.
+    """
+    k = basis.shape[1]
+    if k == 1:
+        return J
+    # on the eigenspace J differs from ±1 by a matrix of rank one, which moves the event
+    along = np.linalg.svd(J @ basis - sign * basis)[2][1:].T
+    Q = complement(basis @ along)
+    return np.asarray(Q.T @ J @ Q)
+
+
+def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int) -> Family:
+    """The record with its sentence; ``basis`` in x̄, columns of any size."""
+    k = basis.shape[1]
+    members = f"of {tried} members looked at {admissible} are admissible and {attracting} attract"
+    words = (
+        f"{k} equal eigenvalues reach {sign:+d} together: a family of orbits with one interval and any mixture of {k} "
+        f"shapes; within it the motion is neutral ({k - 1} multiplier{'s' if k > 2 else ''} exactly {sign:+d}), and "
+        f"attraction is to the family: {members}"
+    )
+    return Family(k, basis / np.linalg.norm(basis, axis=0), tried, admissible, attracting, words)

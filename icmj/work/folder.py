@@ -8,6 +8,8 @@
 A digest is there before its file is, so that a process that dies in between leaves a file that is either new or as it
 was before. A file may have several: any content that was written there is known. The folder may come from somebody
 else: no link is followed for writing, and whatever a file makes its reader raise ends in one line.
+
+What a result was made with: versions, git state, platform, date.
 """
 
 from __future__ import annotations
@@ -16,18 +18,82 @@ import errno
 import hashlib
 import json
 import os
+import platform
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from icmj.base.files import LOCK, clear_leftovers, locked, open_file, read_bytes, ready, regular, whole
+from icmj.base.files import LOCK, clear_leftovers, lock, open_file, read_bytes, ready, regular, whole
 from icmj.base.text import one_line, parse_json
+from icmj.base.version import VERSION
 from icmj.errors import IcmjError
-from icmj.work.provenance import versions
+
+PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
+DECISIVE = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
+"""Those that decide the bits of results, and of their files."""
+_GIT_PATIENCE = 60.0  # s on the clock for one word of git
+
+
+def provenance(folder: Path) -> dict[str, str]:
+    """Facts that let someone repeat a run; ``folder`` is where the run file lies, its git state is taken."""
+    facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION} | versions(PACKAGES)
+    facts["python"] = platform.python_version()
+    facts["platform"] = f"{platform.system()} {platform.machine()}"
+    facts["git"] = git_state(folder)
+    return facts
+
+
+def versions(packages: Iterable[str] = DECISIVE) -> dict[str, str]:
+    """Version of each package, or ``not installed``."""
+    return {package: _version(package) for package in packages}
+
+
+def _version(package: str) -> str:
+    """From the head of its metadata, most of which is a readme that Python would parse as a letter."""
+    try:
+        found = distribution(package)
+    except PackageNotFoundError:
+        return "not installed"
+    head = (found.read_text("METADATA") or "").partition("\n\n")[0]
+    stated = [line.partition(":")[2].strip() for line in head.splitlines() if line.startswith("Version:")]
+    return stated[0] if stated else found.version
+
+
+def git_state(folder: Path) -> str:
+    """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``.
+
+    Where git does not answer in time, as on a slow disk, the state is unknown, and this says so. A folder that the
+    checkout ignores is none of it: an environment there holds a package from elsewhere.
+    """
+    try:
+        commit = _git(folder, "rev-parse", "HEAD")
+        if _ignored(folder):
+            return "no checkout"
+        return commit + (" +changes" if _git(folder, "status", "--porcelain", "--untracked-files=no") else "")
+    except subprocess.TimeoutExpired:
+        return f"unknown: git did not answer within {_GIT_PATIENCE:g} s"
+    except (OSError, subprocess.SubprocessError):
+        return "no checkout"
+
+
+def _ignored(folder: Path) -> bool:
+    try:
+        return bool(_git(folder, "check-ignore", "."))
+    except subprocess.CalledProcessError:  # how it says no
+        return False
+
+
+def _git(folder: Path, *words: str) -> str:
+    command = ["git", "-C", str(folder), *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=_GIT_PATIENCE).stdout.strip()
+
 
 SUMS = "SHA256SUMS"
 _MOST_SUMS = 200e6  # bytes: two million files
@@ -204,7 +270,7 @@ def resume(
         try:
             folder.path.mkdir(parents=True, exist_ok=True)
             if alone:
-                stack.enter_context(locked(folder.path, of.what))
+                stack.enter_context(lock(folder.path, of.what))
             stack.enter_context(_cleared(folder.path, (f"{of.what}.json", of.parts, SUMS, LOCK) if new else ()))
             ready(folder.path, SUMS, *beside)
             if parts.is_symlink():

@@ -12,9 +12,8 @@ import pytest
 from icmj.base.array import between, extent, falling, instants, leading, since, steps_in
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.eigenstructure import eigenstructure
-from icmj.theory.orbit import critical_vectors
-from icmj.theory.return_map import multipliers
+from icmj.theory.orbit import critical_vectors, multipliers
+from icmj.theory.prediction import eigenstructure
 
 EPS = np.finfo(float).eps
 

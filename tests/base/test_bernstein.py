@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.interpolate import BPoly
 
-from icmj.base.bernstein import economised, from_powers, halves
+from icmj.base.array import economise, from_powers, halves
 
 a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
 
@@ -25,7 +25,7 @@ def test_halves_are_the_same_polynomial_on_each(half, ends):
 
 @pytest.mark.parametrize(("degree", "highest"), [(3, 4), (9, 14), (17, 27)])
 def test_powers_economised_are_truncated_chebyshev_series(degree, highest):
-    columns, bounds = economised(degree, highest)
+    columns, bounds = economise(degree, highest)
     assert columns.shape == (degree + 1, highest - degree)
     theta = np.linspace(0, 1, 4001)
     for j, column, bound in zip(range(degree + 1, highest + 1), columns.T, bounds, strict=True):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html.parser import HTMLParser
 
-from icmj.base.card import Card, Shown
+from icmj.base.numbers import Card, WithCard
 
 
 @dataclass(frozen=True, repr=False)
-class Thing(Shown):
+class Thing(WithCard):
     words: str
 
     def card(self):

@@ -13,7 +13,7 @@ import scipy.linalg  # noqa: F401
 from patience import PATIENCE
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from icmj.base.environment import one_thread, single_threaded
+from icmj.base.process import limit_to_one_thread, one_thread
 from icmj.work.workers import processors
 
 
@@ -45,9 +45,9 @@ def blas() -> set[int]:
     return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
 
-@single_threaded()
+@limit_to_one_thread()
 def nested() -> set[int]:
-    with single_threaded():
+    with limit_to_one_thread():
         pass
     return blas()
 
@@ -57,7 +57,7 @@ def test_within_one_thread_and_afterwards_as_before() -> None:
         before = blas()
         assert nested() == {1}
         assert blas() == before
-        with pytest.raises(ValueError, match="x"), single_threaded():
+        with pytest.raises(ValueError, match="x"), limit_to_one_thread():
             raise ValueError("x")
         assert blas() == before
 
@@ -67,12 +67,12 @@ def test_who_leaves_last_gives_back() -> None:
     found, both, left = [], Barrier(2), Barrier(2)
 
     def first() -> None:
-        with single_threaded():
+        with limit_to_one_thread():
             both.wait(PATIENCE)
         left.wait(PATIENCE)
 
     def second() -> None:
-        with single_threaded():
+        with limit_to_one_thread():
             both.wait(PATIENCE)
             left.wait(PATIENCE)
             found.append(blas())

@@ -20,7 +20,7 @@ def told(code: str) -> list[str]:
 
 def test_modules_that_nobody_asks_for_wait_until_somebody_does() -> None:
     code = (
-        "import sys; from icmj.base.imports import unhurried; unhurried(); import scipy.linalg\n"
+        "import sys; from icmj.base.process import defer_idle_modules as unhurried; unhurried(); import scipy.linalg\n"
         "print(any(name.startswith('numpy.f2py.') or name == 'unittest' for name in sys.modules))\n"
         "import numpy.testing; numpy.testing.assert_equal(1, 1); print('unittest' in sys.modules)"
     )
@@ -38,7 +38,7 @@ for package, name in [(p, n) for p in (rerun, rerun.blueprint, rerun.components)
     value = getattr(package, name){show}""")
     late = told(f"""
 import sys
-from icmj.base.imports import unhurried
+from icmj.base.process import defer_idle_modules as unhurried
 unhurried()
 import rerun, rerun.blueprint
 def count(): print(len([name for name in sys.modules if name.startswith("rerun.")]))
@@ -55,7 +55,7 @@ count()""")
 @pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
 def test_arrow_does_not_load_pandas_and_others_still_can() -> None:
     code = (
-        "import sys; from icmj.base.imports import arrow_alone; arrow_alone(); import pyarrow\n"
+        "import sys; from icmj.base.process import arrow_alone; arrow_alone(); import pyarrow\n"
         "print(pyarrow.array([1.0, 2.0]).sum(), 'pandas' in sys.modules)\n"
         "import pandas; print(len(pandas.DataFrame({'a': [1, 2]})))"
     )
@@ -82,7 +82,7 @@ def test_a_run_loads_no_pandas(tmp_path: Path) -> None:
 @pytest.mark.skipif(find_spec("pandas") is None, reason="no pandas here")
 def test_whoever_has_pandas_already_keeps_it_in_arrow() -> None:
     code = (
-        "import pandas; from icmj.base.imports import arrow_alone; arrow_alone(); import pyarrow\n"
+        "import pandas; from icmj.base.process import arrow_alone; arrow_alone(); import pyarrow\n"
         "print(pyarrow.Table.from_pandas(pandas.DataFrame({'a': [1, 2]})).num_rows)"
     )
     assert told(code) == ["2"]
@@ -90,17 +90,17 @@ def test_whoever_has_pandas_already_keeps_it_in_arrow() -> None:
 
 def test_what_is_imported_meanwhile_is_there_for_whoever_waits_for_it() -> None:
     code = (
-        "from icmj.base.imports import meanwhile; meanwhile('json.tool'); import json.tool; print(json.tool.__name__)"
+        "from icmj.base.process import meanwhile; meanwhile('json.tool'); import json.tool; print(json.tool.__name__)"
     )
     assert told(code) == ["json.tool"]
-    assert told("from icmj.base.imports import meanwhile; meanwhile('no.such.module'); print('on')") == ["on"]
+    assert told("from icmj.base.process import meanwhile; meanwhile('no.such.module'); print('on')") == ["on"]
 
 
 def test_another_thread_s_import_meets_every_finder_while_arrow_is_loaded() -> None:
     """One in some thousand runs ended with "No module named", of a module that is there."""
     code = """
 import sys
-from icmj.base.imports import arrow_alone
+from icmj.base.process import arrow_alone
 class Spy:
     begun, met = None, []
     def find_spec(self, fullname, path, target=None):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from icmj.base.card import plain
+from icmj.base.numbers import plain
 
 
 @pytest.mark.parametrize(

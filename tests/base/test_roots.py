@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from icmj.base import roots
-from icmj.base.bernstein import from_powers
+from icmj.base.array import from_powers
 
 
 # what is compiled for compiled code alone has no way in from Python
@@ -23,7 +23,7 @@ def _most(powers, degree, sign, until, reached, F, stack, spans):
 
 @numba.njit
 def _both(powers, degree, until, high, low, F, stack, spans):
-    return roots.extended(powers, degree, until, high, low, F, stack, spans)
+    return roots.extend(powers, degree, until, high, low, F, stack, spans)
 
 
 def room(degree):

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
-from icmj.base.signals import Asked, Terminated, heard_once, terminable
+from icmj.base.process import EndRequest, Termination, interrupt_once, terminable
 
 
 def sent(signum: int) -> None:
@@ -19,7 +19,7 @@ def sent(signum: int) -> None:
     time.sleep(5)
 
 
-def within(work: Callable[[], object]) -> Asked:
+def within(work: Callable[[], object]) -> EndRequest:
     with terminable() as asked:
         try:
             work()
@@ -30,7 +30,7 @@ def within(work: Callable[[], object]) -> Asked:
 
 def ended_by(work: Callable[[], object]) -> int:
     """Status with which ``work`` is ended."""
-    with pytest.raises(Terminated) as caught:
+    with pytest.raises(Termination) as caught:
         within(work)
     return caught.value.status
 
@@ -60,7 +60,7 @@ def test_ctrl_c_that_is_swallowed_comes_again() -> None:
 def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
     handler = signal.getsignal(signal.SIGINT)
     with terminable() as asked:
-        with heard_once(), contextlib.suppress(KeyboardInterrupt):
+        with interrupt_once(), contextlib.suppress(KeyboardInterrupt):
             sent(signal.SIGINT)
         time.sleep(1.2)
     assert asked.signum == signal.SIGINT
@@ -69,7 +69,7 @@ def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
 
 def test_a_second_one_is_caught_by_nothing_that_keeps_anything() -> None:
     def work() -> None:
-        with heard_once():
+        with interrupt_once():
             for _ in range(3):
                 with contextlib.suppress(KeyboardInterrupt):
                     sent(signal.SIGINT)
@@ -81,7 +81,7 @@ def test_ctrl_c_waits_for_what_must_be_whole() -> None:
     done = []
 
     def work() -> None:
-        with heard_once() as heard, heard.postponed():
+        with interrupt_once() as heard, heard.postpone():
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.01)
             done.append(1)
@@ -118,7 +118,7 @@ def test_somebody_else_s_alarm_is_neither_rung_nor_silenced() -> None:
             time.sleep(1.2)
             assert rung == []
             signal.setitimer(signal.ITIMER_REAL, 0.5)
-            with heard_once(), contextlib.suppress(KeyboardInterrupt):
+            with interrupt_once(), contextlib.suppress(KeyboardInterrupt):
                 sent(signal.SIGINT)
             time.sleep(0.6)
     finally:

@@ -6,7 +6,7 @@ import codecs
 
 import pytest
 
-from icmj.base.text import one_line, printable, spelt
+from icmj.base.text import one_line, printable, spell
 
 
 @pytest.mark.parametrize(
@@ -35,6 +35,6 @@ def test_lines_of_printable_text_stay() -> None:
 
 
 def test_what_a_stream_cannot_encode_is_spelt() -> None:
-    codecs.register_error("icmj test", spelt)
+    codecs.register_error("icmj test", spell)
     assert "Δ_crit = 1 ± 0.1 – 重\udce9 ½".encode("ascii", "icmj test") == rb"Delta_crit = 1 +- 0.1 - \u91cd\udce9 \xbd"
     assert "λ\udce9".encode("utf-8", "icmj test") == "λ\\udce9".encode()

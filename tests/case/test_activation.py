@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 
 import icmj
 from icmj.case.case import Case, prepare
-from icmj.cycle.parameter import parameter
+from icmj.cycle.curve import parameter
 from icmj.errors import CycleError, ModelError, RunFileError
-from icmj.runfile.overrides import overridden
+from icmj.runfile.schema import overridden
 from icmj.runfile.sweep_tables import SweepFile
 
 SHORT = {"simulation.duration": 3.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

@@ -9,9 +9,8 @@ import pytest
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.case.case import prepare, simulate
-from icmj.case.draft_text import case_name
-from icmj.case.drafting import draft_run
-from icmj.engine.inventory import inventory
+from icmj.case.drafting import case_name, draft_run
+from icmj.engine.plant import inventory
 from icmj.errors import ModelError
 from icmj.runfile.reading import load_run
 

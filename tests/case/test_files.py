@@ -10,17 +10,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from icmj.case.files import digests
-from icmj.engine.soundness import files_of
+from icmj.case.plants import digests
+from icmj.engine.safety import files_of
 from icmj.errors import ModelError, RunFileError
-from icmj.fitting.family import Family
-from icmj.fitting.prior import Prior
+from icmj.fitting.family import Family, Prior
 from icmj.runfile.experiment_tables import load_experiment
-from icmj.runfile.family_tables import load_family_file
 from icmj.runfile.reading import load_run
-from icmj.runfile.sweep_tables import load_sweep
-from icmj.study.trials import fingerprint
-from icmj.sweeps.plan import Plan
+from icmj.runfile.sweep_tables import load_family_file, load_sweep
+from icmj.study.experiment import fingerprint
+from icmj.study.plan import Plan
 
 # folders are named in one file and used in another; a name has a letter that XML writes in another way
 BODY = """<mujoco><compiler meshdir="meshes"/><include file="parts.xml"/><include file="colours.xml"/>

@@ -12,12 +12,10 @@ from report_cases import actual_plant, design_of
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Step
+from icmj.simulation.settings import Settings, Step
 from icmj.theory.error_system import error_system
 
 X0 = [0.02, 0.0]
@@ -117,7 +115,7 @@ def test_a_ball_joint_turns_as_the_engine_turns_it(tmp_path):
         '<actuator><motor name="m" joint="b" gear="1 0 0"/></actuator>'
         '<sensor><ballquat name="q" joint="b"/></sensor></mujoco>'
     )
-    from icmj.engine.dynamics import Dynamics
+    from icmj.engine.pose import Dynamics
 
     dynamics = Dynamics(icmj.load_plant(model))
     # about one axis the departure grows at the speed; across it, as the inverse of the right Jacobian says

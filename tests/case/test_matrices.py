@@ -9,7 +9,7 @@ import pytest
 from model_cases import two
 
 from icmj.case.case import prepare, simulate
-from icmj.case.matrices import read_matrices
+from icmj.case.plants import read_matrices
 from icmj.cli.main import main
 from icmj.engine.plant import load_plant
 from icmj.errors import IcmjError, RunFileError, SimulationError

@@ -12,9 +12,9 @@ import pytest
 from terminal_cases import told
 
 from icmj.case.case import expect_prediction, prepare, simulate
+from icmj.case.comparison import compare
 from icmj.cli.main import main
-from icmj.comparison.comparison import compare
-from icmj.controller.law import RecordedLaw
+from icmj.controller.controller import RecordedLaw
 from icmj.errors import AnalysisError, IcmjError, ReportError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.reader import read_log, read_summary
@@ -65,7 +65,7 @@ OWN = '''
 from dataclasses import dataclass
 import numpy as np
 from icmj import Law, LinearPlant, Mode, Realisation
-from icmj.controller.layout import Layout
+from icmj.controller.realisation import Layout
 
 @dataclass(frozen=True, eq=False)
 class Proportional(Law):

@@ -16,10 +16,9 @@ from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 from icmj.runfile.reading import load_run
-from icmj.simulation.sources import Sinusoids
+from icmj.simulation.settings import Sinusoids
 from icmj.study.study import run_case
-from icmj.work.own_code import Code, digest_of, reference_of
-from icmj.work.shipped import RUNS
+from icmj.work.own_code import RUNS, Code, digest_of, reference_of
 
 RULES = '''
 """Rules of somebody's own."""
@@ -328,7 +327,7 @@ def test_reading_runs_nothing(own: Path) -> None:
     with pytest.raises(RunFileError, match="not run unasked"):
         prepare(run)
     with pytest.raises(RunFileError, match="not run unasked"):
-        Code(own.parent).named("rules:Diamond")
+        Code(own.parent).find("rules:Diamond")
 
 
 def test_an_object_is_taken_by_the_api(own: Path) -> None:
@@ -336,7 +335,7 @@ def test_an_object_is_taken_by_the_api(own: Path) -> None:
     case = prepare(load_run(own, allow_code=True))
     run = simulate(case, "linear", trigger=EventTrigger(np.eye(2), 0.01, 0.02))
     assert len(run.events) > 0
-    assert digest_of(case.rule) == digest_of(Code(own.parent, True).named("rules:Diamond"))
+    assert digest_of(case.rule) == digest_of(Code(own.parent, True).find("rules:Diamond"))
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import pytest
 import icmj
 from icmj.case.case import prepare, simulate
 from icmj.errors import RunFileError
-from icmj.log.signals import groups
+from icmj.log.writer import groups
 from icmj.runfile.reading import load_run
 
 TRUNK = {"kind": "impulse", "body": "trunk", "force": [0.02, 0.0, 0.0], "point": [0.0, 0.0, 0.3], "start": 0.4}

@@ -13,25 +13,23 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import revised
+from icmj.case.case import revise
 from icmj.case.plants import linear_plant
-from icmj.cycle.parameter import Family, parameter
+from icmj.cycle.curve import Family, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
 from icmj.log.reader import read_log
 from icmj.runfile.experiment_tables import ExperimentFile
-from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
+from icmj.runfile.schema import RunFile, overridden
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.simulation.settings import reseeded
 from icmj.simulation.simulation import Simulation
-from icmj.study.double_step import DoubleStepKind
+from icmj.study.chunk import compute
 from icmj.study.experiment import Condition, trial
-from icmj.study.quiet_standing import QuietStandingKind
+from icmj.study.kind import DoubleStepKind, QuietStandingKind
+from icmj.study.plan import Plan
 from icmj.study.study import run_case
-from icmj.sweeps.chunk import compute
-from icmj.sweeps.plan import Plan
-from icmj.sweeps.sweep import tried
+from icmj.study.sweep import try_plan
 
 Plant = Literal["linear", "mujoco"]
 SIGNALS = ("t", "x", "y", "u", "x_o", "x_h", "E", "applied", "pushed")
@@ -198,12 +196,12 @@ def by_revision(run: RunFile, plant: Plant) -> Simulation:
     """From a case with another threshold, duration and set-point."""
     if not run.has_events:
         other = icmj.prepare(run.with_(**{"simulation.duration": 1.3, "setpoint": None}))
-        same(icmj.simulate(revised(other, run), plant), found := icmj.simulate(icmj.prepare(run, like=other), plant))
+        same(icmj.simulate(revise(other, run), plant), found := icmj.simulate(icmj.prepare(run, like=other), plant))
         return found
     key = "controller.threshold" if run.intermittent.rule == "box" else "controller.q_t"
     changes = {} if run.intermittent.rule == "box" else {key: 0.003}
     other = icmj.prepare(run.with_(**{**changes, "simulation": {"duration": 1.3}, "setpoint": None}))
-    return icmj.simulate(revised(other, run), plant)
+    return icmj.simulate(revise(other, run), plant)
 
 
 def by_override(run: RunFile, plant: Plant) -> Simulation:
@@ -265,7 +263,7 @@ def by_sweep(run: RunFile, plant: Plant) -> Simulation:
         "ask": {"motion": [plant]},
     }
     file = SweepFile.validated(data, path, base=run, allow_code=True)
-    plan = tried(Plan.of(file))
+    plan = try_plan(Plan.of(file))
     import io
 
     import pyarrow.parquet as pq
@@ -291,7 +289,7 @@ def by_experiment(run: RunFile, plant: Plant) -> Simulation:
     other = replace(one, run=run.with_(setpoint=None))
     trial(kind, other, 8)
     found = trial(kind, one, 7)
-    stimulated = kind.stimulated(run, 7)
+    stimulated = kind.stimulate(run, 7)
     alone = simulated(stimulated, plant, 7)
     np.testing.assert_array_equal(found.series.values, kind.recorded(prepared(stimulated), alone).values)
     np.testing.assert_array_equal(found.events, alone.events.t)
@@ -409,7 +407,7 @@ def test_trials_of_one_process_have_each_their_own_set_point(base: RunFile) -> N
         one = Condition("a", "a", "linear", file.case[0], base.with_(**changes))
         for seed in (3, 4):
             found = trial(kind, one, seed).series
-            run = kind.stimulated(one.run, seed)
+            run = kind.stimulate(one.run, seed)
             np.testing.assert_array_equal(found.values, kind.recorded(prepared(run), simulated(run, "linear")).values)
 
 

@@ -10,11 +10,10 @@ from icmj.case.case import open_loop, prepare, simulate
 from icmj.cli.main import main
 from icmj.engine.pose import scene
 from icmj.errors import AnalysisError, CycleError, LogError, RunFileError, SimulationError
-from icmj.experiments.growth import measure_growth
+from icmj.experiments.attraction import measure_growth
 from icmj.log.archive import pack, unpack
-from icmj.log.signals import groups
-from icmj.runfile.composing import compose_run
-from icmj.runfile.reading import load_run
+from icmj.log.writer import groups
+from icmj.runfile.reading import compose_run, load_run
 from icmj.study.estimate import estimate
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

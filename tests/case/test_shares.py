@@ -7,8 +7,7 @@ import icmj
 from icmj.case.case import prepare, simulate
 from icmj.errors import IcmjError
 from icmj.runfile.reading import load_run
-from icmj.simulation.gaussian import at_times
-from icmj.simulation.sources import Gaussian
+from icmj.simulation.settings import Gaussian, at_times
 
 MOTOR = {"kind": "gaussian", "input": "ankle_torque", "share": 0.3, "corner": 2.0, "seed": 3}
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pytest
 
-from icmj.cli.fit_arguments import Fit
-from icmj.cli.fitting import people_of
+from icmj.cli.arguments import Fit
+from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, TrialOf
-from icmj.work.shipped import FAMILIES
+from icmj.work.own_code import FAMILIES
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ import pytest
 from terminal_cases import told
 
 import icmj
-from icmj.case.case import revised
-from icmj.cli.comparison_table import noted
+from icmj.case.case import revise
 from icmj.cli.main import main
+from icmj.cli.printing import collect_notes
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import disturbance_of
 
@@ -171,7 +171,7 @@ def test_a_notice_on_a_case_is_told_once():
             self.case, self.plant, self.notices = case, plant, notices
 
     runs = [Told("a", "linear", "both"), Told("a", "mujoco", "both", "one"), Told("b", "mujoco", "both")]
-    assert list(noted(runs)) == ["a: both", "a (mujoco): one", "b (mujoco): both"]
+    assert list(collect_notes(runs)) == ["a: both", "a (mujoco): one", "b (mujoco): both"]
 
 
 DRIFT = """
@@ -231,8 +231,8 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     told = f"whose SD is {acting.std():.2g} about a mean of {acting.mean():.2g} with this seed (nominal 0.002;"
     # another duration or seed of the same case is told anew
     later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})
-    assert not revised(case, later).notices
-    assert str(revised(case, case.run.with_(**{"simulation.disturbance[0].seed": 6})).notices) != str(case.notices)
+    assert not revise(case, later).notices
+    assert str(revise(case, case.run.with_(**{"simulation.disturbance[0].seed": 6})).notices) != str(case.notices)
     assert main(["analyse", str(fast)]) == 0
     assert "slow" not in capsys.readouterr().out
     commands = [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from icmj.cli.main import main
-from icmj.cli.matrices import FEW, show_plant
+from icmj.cli.printing import FEW, show_plant
 from icmj.cli.terminal import Terminal
 from icmj.plant.linear_plant import LinearPlant
 

@@ -13,7 +13,7 @@ from terminal_cases import told
 from icmj.cli.main import main
 from icmj.log import write_log
 from icmj.series.reading import read_series
-from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Pressure
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from terminal_cases import told
 
-from icmj.cli import starting
+from icmj.cli import files
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.runfile.reading import load_run
-from icmj.work.shipped import EXPERIMENTS, RUNS, SWEEPS
+from icmj.work.own_code import EXPERIMENTS, RUNS, SWEEPS
 
 
 @pytest.fixture(autouse=True)
@@ -121,7 +121,7 @@ def test_all_that_is_shipped_is_listed_whole_at_sixty_columns(capsys, monkeypatc
     assert sorted(names) == sorted(RUNS.files)
     assert [one["name"] for one in listed["sweeps"]] == list(SWEEPS.files)
     assert [one["name"] for one in listed["experiments"]] == list(EXPERIMENTS.files)
-    monkeypatch.setattr(starting, "OUT", terminal := Terminal(width=60, force_terminal=True, color_system=None))
+    monkeypatch.setattr(files, "OUT", terminal := Terminal(width=60, force_terminal=True, color_system=None))
     assert main(["cases"]) == 0
     shown = capsys.readouterr().out
     assert max(map(len, shown.splitlines())) <= terminal.width

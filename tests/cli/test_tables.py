@@ -12,11 +12,10 @@ import pytest
 
 from benchmarks.__main__ import show_compared, show_measured
 from benchmarks.row import Row
-from icmj.cli.comparison_table import show_comparisons
 from icmj.cli.main import main
-from icmj.cli.tables import Column, show_table
-from icmj.cli.terminal import Terminal
-from icmj.work.shipped import RUNS
+from icmj.cli.printing import show_comparisons
+from icmj.cli.terminal import Column, Terminal, show_table
+from icmj.work.own_code import RUNS
 
 
 def shown(show, *content, width=None):

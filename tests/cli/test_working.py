@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import pytest
 from patience import PATIENCE
 
-from icmj.base import compiling
-from icmj.cli import working
+from icmj.base import process
+from icmj.cli import terminal
 from icmj.cli.terminal import Terminal
 
 
@@ -28,8 +28,8 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     clock = Clock()
-    monkeypatch.setattr(working, "time", clock)
-    monkeypatch.setattr(compiling, "time", clock)
+    monkeypatch.setattr(terminal, "time", clock)
+    monkeypatch.setattr(process, "time", clock)
     return clock
 
 
@@ -39,14 +39,14 @@ def test_lines_come_less_and_less_often(clock: Clock) -> None:
     console.began = clock.now
     times = []
     for _ in range(11):
-        due = working.Working("study", console)._due()  # each work of a command goes on where the one before left
+        due = terminal.Working("study", console)._due()  # each work of a command goes on where the one before left
         clock.now = console.progressed = due
         times.append(due - 1000)
     assert times == [2, 7, 14, 28, 56, 112, 224, 448, 896, 1496, 2096]
 
 
 def test_what_remains_is_in_proportion_to_the_work(clock: Clock) -> None:
-    remaining = working.Remaining()
+    remaining = terminal.Remaining()
     clock.now += 3  # libraries are imported
     remaining.note(0.2)  # of it most was there from before
     assert remaining.words() == ""
@@ -71,7 +71,7 @@ def test_what_remains_is_in_proportion_to_the_work(clock: Clock) -> None:
 
 
 def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
-    remaining = working.Remaining()
+    remaining = terminal.Remaining()
     remaining.note(0.0)
     clock.now += 5
     remaining.note(0.02)
@@ -83,19 +83,19 @@ def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
 
 
 def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "USUAL", compiling.spent() + 10)
-    remaining = working.Remaining()
+    monkeypatch.setattr(process, "USUAL", process.spent() + 10)
+    remaining = terminal.Remaining()
     remaining.note(0.0)
     clock.now += 4
     remaining.note(0.1)
-    compiling.begin()
+    process.begin_compiling()
     clock.now += 7
     assert remaining.seconds() == pytest.approx(36 + 3)
-    assert working._compilation() == "compiling (first run only, about 3 s)"
+    assert terminal._compilation() == "compiling (first run only, about 3 s)"
     clock.now += 20
-    assert working._compilation() == "compiling (first run only)"
-    compiling.end()
-    assert working._compilation() == ""
+    assert terminal._compilation() == "compiling (first run only)"
+    process.end_compiling()
+    assert terminal._compilation() == ""
     clock.now += 4
     remaining.note(0.2)
     assert remaining.seconds() == pytest.approx(32)
@@ -110,10 +110,10 @@ class Screen(Terminal):
 
 @pytest.mark.parametrize("width", [40, 80, 200])
 def test_a_terminal_has_one_line_that_changes_in_place(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(working, "FIRST", 0.0)
+    monkeypatch.setattr(terminal, "FIRST", 0.0)
     screen = Screen(width)
-    monkeypatch.setattr(working.Remaining, "words", lambda self: "about 3.8 min left")
-    with working.Working("three-link-0.9-delay (mujoco)", screen) as shown:
+    monkeypatch.setattr(terminal.Remaining, "words", lambda self: "about 3.8 min left")
+    with terminal.Working("three-link-0.9-delay (mujoco)", screen) as shown:
         deadline = time.monotonic() + PATIENCE
         for part in range(4):
             shown.tell("three-link-0.9-delay (mujoco), trial 117 of 400", part / 10)

@@ -10,9 +10,14 @@ import pytest
 from report_cases import result
 
 from icmj.case.case import prepare, simulate
-from icmj.comparison.comparison import compare, to_json
-from icmj.comparison.facts import INTERVAL_TOLERANCE, MIRROR_TOLERANCE, on_predicted_cycle
-from icmj.comparison.verdict import verdict_in_words
+from icmj.case.comparison import (
+    INTERVAL_TOLERANCE,
+    MIRROR_TOLERANCE,
+    compare,
+    on_predicted_cycle,
+    to_json,
+    verdict_in_words,
+)
 from icmj.measurement.measurement import measure
 from icmj.runfile.reading import load_run
 

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from report_cases import result
 
-from icmj.base.fact import Fact
-from icmj.comparison.comparison import Measured, Predicted, RelativeError, compare, to_json
-from icmj.comparison.facts import RUN
-from icmj.log.summary import markdown, properties
-from icmj.sweeps.columns import columns
-from icmj.sweeps.facts import CYCLE, WITHOUT_PREDICTION
-from icmj.theory.facts import PREDICTION
+from icmj.base.numbers import Fact
+from icmj.case.comparison import RUN, Measured, Predicted, RelativeError, compare, to_json
+from icmj.log.writer import markdown
+from icmj.log.writer import summarise as properties
+from icmj.study.chunk import CYCLE, WITHOUT_PREDICTION, columns
+from icmj.theory.prediction import PREDICTION
 
 TABLES = {"PREDICTION": PREDICTION, "RUN": RUN, "CYCLE": CYCLE, "WITHOUT_PREDICTION": WITHOUT_PREDICTION}
 ALL = [(table, fact) for table, facts in TABLES.items() for fact in facts]

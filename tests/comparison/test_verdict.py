@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from report_cases import result
 
-from icmj.comparison.verdict import verdict_in_words
+from icmj.case.comparison import verdict_in_words
 from icmj.simulation.ending import Outcome
 
 

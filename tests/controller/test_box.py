@@ -14,8 +14,7 @@ from theory_cases import random_systems, shipped
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Design, system_matched
 from icmj.controller.trigger import EventTrigger
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, RunFileError
@@ -23,8 +22,8 @@ from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem
+from icmj.theory.orbit import jacobian
 from icmj.theory.prediction import Prediction, predict
-from icmj.theory.return_map import jacobian
 
 BoxTrigger = icmj.BoxTrigger
 

@@ -9,7 +9,7 @@ import pytest
 from oracles.delay import of_law
 from tapped_cases import BODY, SWITCHING
 
-from icmj.controller.channels import Channel, SwitchingChannels
+from icmj.controller.delayed import Channel, SwitchingChannels
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant

@@ -7,9 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import Design, design_lq
-from icmj.controller.hold import Hold, system_matched, zero_order
+from icmj.controller.design import Delay, Design, Hold, design_lq, system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
 from icmj.errors import AnalysisError, DesignError
 from icmj.plant.linear_plant import LinearPlant

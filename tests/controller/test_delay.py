@@ -15,8 +15,7 @@ from theory_cases import pendulum, random_systems, three_link, three_link_design
 from theory_cases import pendulum_design as paper_design
 
 from icmj.controller.controller import Controller, continuous_limit, layout_of, realise, start_state
-from icmj.controller.delay import Delay, predictor
-from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.design import Delay, predictor, system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, SimulationError
@@ -24,8 +23,8 @@ from icmj.linear.run import simulate as simulate_linear
 from icmj.measurement.measurement import event_states, measure, measured_gamma
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.orbit import clocked_map, is_stable, jacobian
 from icmj.theory.prediction import Prediction, predict
-from icmj.theory.return_map import clocked_map, is_stable, jacobian
 
 # --- the predictor ---------------------------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from oracles.delay import of_law
 
-from icmj.controller.delayed_pid import DelayedPID
+from icmj.controller.delayed import DelayedPID
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant

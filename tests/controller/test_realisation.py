@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.controller.layout import Layout
-from icmj.controller.realisation import Guard, Mode, Realisation
+from icmj.controller.realisation import Guard, Layout, Mode, Realisation
 from icmj.errors import AnalysisError
 
 NONE = np.zeros((0, 0))

@@ -14,7 +14,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.realisation import Realisation
 from icmj.controller.trigger import Continuous
 from icmj.errors import IcmjError
-from icmj.linear.open_loop import open_loop
+from icmj.linear.simulator import open_loop
 from icmj.simulation.settings import Settings
 
 DRIVE = np.array([0.3, -0.5])  # what the signal does to the rate of x_o

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from icmj.controller.switching import SwitchingPD
+from icmj.controller.delayed import SwitchingPD
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 

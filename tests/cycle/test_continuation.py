@@ -10,11 +10,10 @@ from scipy.optimize import brentq, root
 
 import icmj
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.cycle import find_cycle
-from icmj.cycle.follow import branch_off, follow
-from icmj.cycle.jacobian import jacobian
-from icmj.cycle.newton import Guess
-from icmj.cycle.parameter import Family, parameter
+from icmj.cycle.continuation import branch_off, follow
+from icmj.cycle.curve import Family, parameter
+from icmj.cycle.cycle import Guess, find_cycle
+from icmj.cycle.return_map import jacobian
 from icmj.errors import CycleError, RunFileError
 from icmj.runfile.reading import load_run
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.cycle.trail import Trail, interpolate
+from icmj.cycle.specials import Trail, interpolate
 
 STEP = 0.1
 

@@ -11,12 +11,10 @@ from cycle_cases import case, return_map
 from model_cases import RICH, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger
-from icmj.cycle.jacobian import course, derivative, fast_jacobian, jacobian
-from icmj.cycle.newton import from_prediction
-from icmj.cycle.return_map import ReturnMap
+from icmj.cycle.cycle import from_prediction
+from icmj.cycle.return_map import ReturnMap, course, derivative, fast_jacobian, jacobian
 from icmj.engine.plant import load_plant
 from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant

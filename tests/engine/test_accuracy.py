@@ -9,9 +9,8 @@ import pytest
 from engine_cases import controller, plant
 
 from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.engine.accuracy import Accuracy, choose_timestep, estimate, order_of
 from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
-from icmj.engine.run import simulate
+from icmj.engine.run import Accuracy, choose_timestep, estimate, order_of, simulate
 from icmj.errors import SimulationError
 from icmj.simulation.settings import Settings
 

@@ -13,23 +13,18 @@ from model_cases import MOTOR, RICH, pendulum, written
 from oracles.engine import course, equations, flight
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, design_lq, system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Trigger, output_weight
-from icmj.engine.accuracy import FINE, choose_timestep, estimate
 from icmj.engine.closed_loop import close_loop
-from icmj.engine.open_loop import open_loop
+from icmj.engine.open_loop import open_loop, schedule_of
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.run import simulate
-from icmj.engine.stepping import schedule_of
-from icmj.engine.tableau import WITHIN
+from icmj.engine.run import FINE, choose_timestep, estimate, simulate
+from icmj.engine.schedule import WITHIN
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
-from icmj.simulation.remarks import remarks
 from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import Simulation
+from icmj.simulation.simulation import Simulation, remarks
 
 DISTURBED = [
     {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 1, "start": 0.2},

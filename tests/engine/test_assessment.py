@@ -7,7 +7,7 @@ import pytest
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.engine.plant import load_plant
-from icmj.plant.selection import Selection
+from icmj.plant.body import Selection
 
 LEAN = f'qpos="{np.radians(3)}"'
 ONE_WAY = '<motor name="ankle" joint="lean" ctrllimited="true" ctrlrange="0 300"/>'

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
-from icmj.engine.actuator import second_order_lag
-from icmj.engine.callbacks import installed
 from icmj.engine.linearisation import step_of
+from icmj.engine.model import second_order_lag
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.plant.selection import OperatingRule, Selection
+from icmj.engine.safety import install_callbacks
+from icmj.plant.body import OperatingRule, Selection
 
 JOINTS, BALANCE = Selection(outputs="joints"), OperatingRule("balance")
 BENT = {"thigh_joint": -0.2, "leg_joint": -0.4, "foot_joint": 0.2}
@@ -68,7 +68,7 @@ def transition(plant: MujocoPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     n, nv, h = 2 * model.nv + model.na, model.nv, model.opt.timestep
     A, B = np.zeros((n, n)), np.zeros((n, model.nu))
     C, D = np.zeros((model.nsensordata, n)), np.zeros((model.nsensordata, model.nu))
-    with installed(act_dyn=second_order_lag):
+    with install_callbacks(act_dyn=second_order_lag):
         mujoco.mj_forward(model, data)
         mujoco.mjd_transitionFD(model, data, eps, True, A, B, C, D)
     A, B = (A - np.eye(n)) / h, B / h

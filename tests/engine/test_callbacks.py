@@ -8,8 +8,8 @@ import mujoco
 import pytest
 from patience import PATIENCE
 
-from icmj.engine.callbacks import installed
-from icmj.engine.native.callbacks import callbacks
+from icmj.engine.native.field import callbacks
+from icmj.engine.safety import install_callbacks
 
 
 def now() -> tuple[object, object]:
@@ -23,15 +23,15 @@ def two(model: mujoco.MjModel, data: mujoco.MjData) -> None: ...
 
 
 def test_callbacks_are_removed_whatever_happens() -> None:
-    with installed(one):
+    with install_callbacks(one):
         assert now() == (one, None)
     assert now() == (None, None)
-    with pytest.raises(ZeroDivisionError), installed(one):
+    with pytest.raises(ZeroDivisionError), install_callbacks(one):
         raise ZeroDivisionError
     assert now() == (None, None)
-    with pytest.raises(TypeError), installed(3):  # type: ignore[arg-type]
+    with pytest.raises(TypeError), install_callbacks(3):  # type: ignore[arg-type]
         pass
-    with pytest.raises(TypeError), installed(one, 3):  # type: ignore[arg-type]
+    with pytest.raises(TypeError), install_callbacks(one, 3):  # type: ignore[arg-type]
         pass
     assert now() == (None, None)
 
@@ -39,14 +39,14 @@ def test_callbacks_are_removed_whatever_happens() -> None:
 def test_blocks_nest_and_put_back_what_was_there() -> None:
     mujoco.set_mjcb_control(two)
     try:
-        with installed(*callbacks()):
+        with install_callbacks(*callbacks()):
             assert now()[0] is callbacks()[0]
-            with installed():
+            with install_callbacks():
                 assert now() == (None, None)
-                with installed(one):
+                with install_callbacks(one):
                     assert now() == (one, None)
             assert now()[0] is callbacks()[0]
-            with installed(*callbacks()):
+            with install_callbacks(*callbacks()):
                 assert now()[1] is callbacks()[1]
             assert now()[1] is callbacks()[1]
         assert now() == (two, None)
@@ -58,7 +58,7 @@ def test_threads_share_the_same_callbacks_until_the_last_leaves() -> None:
     inside, leave_first, leave_second = threading.Barrier(3), threading.Event(), threading.Event()
 
     def work(leave: threading.Event) -> None:
-        with installed(*callbacks()):
+        with install_callbacks(*callbacks()):
             inside.wait(PATIENCE)
             leave.wait(PATIENCE)
 
@@ -79,7 +79,7 @@ def test_other_callbacks_wait_for_other_threads() -> None:
     inside, leave = threading.Event(), threading.Event()
 
     def first() -> None:
-        with installed(one):
+        with install_callbacks(one):
             inside.set()
             leave.wait(PATIENCE)
             assert now()[0] is one
@@ -87,7 +87,7 @@ def test_other_callbacks_wait_for_other_threads() -> None:
 
     def second() -> None:
         inside.wait(PATIENCE)
-        with installed(two):
+        with install_callbacks(two):
             order.append("second enters")
             assert now()[0] is two
 

@@ -9,7 +9,7 @@ import pytest
 from model_cases import written
 
 from icmj.case.case import prepare
-from icmj.engine.corners import corners
+from icmj.engine.limits import corners
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.runfile.reading import parse_run
 

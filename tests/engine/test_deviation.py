@@ -11,7 +11,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.model import load_spec
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
-from icmj.plant.change import Change
+from icmj.plant.body import Change
 
 M, L, I, K, D, G = 70.0, 0.9, 6.0, 300.0, 4.0, 9.81
 JOINT = f'stiffness="{K}" damping="{D}"'

@@ -13,8 +13,7 @@ from scipy.optimize import minimize_scalar
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
-from icmj.plant.change import Change
-from icmj.plant.selection import OperatingRule
+from icmj.plant.body import Change, OperatingRule
 
 STATIC, BALANCE = OperatingRule("static control"), OperatingRule("balance")
 LEAN, WEIGHT = np.radians(3), 70 * 9.81

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from icmj.engine.extremes import POINTS, ExtremesTracker
-from icmj.engine.native.extremes import extremes
+from icmj.engine.closed_loop import POINTS, ExtremesTracker
+from icmj.engine.native.adaptive import extremes
 
 
 def signal(t: np.ndarray) -> np.ndarray:

@@ -17,13 +17,11 @@ from patience import PATIENCE
 from terminal_cases import told
 
 from icmj.controller.trigger import Continuous
-from icmj.engine import rehearsal
-from icmj.engine.callbacks import hushed
-from icmj.engine.fault import EngineFault, guarded
+from icmj.engine import safety
 from icmj.engine.model import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
-from icmj.engine.soundness import examine
+from icmj.engine.safety import EngineFault, examine, guard, hush
 from icmj.errors import ModelError
 from icmj.simulation.settings import Settings
 
@@ -55,10 +53,10 @@ def test_a_fatal_error_in_compiled_code_is_caught() -> None:
     library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco*"))))
     for _ in range(3):
         with pytest.raises(EngineFault, match="MuJoCo gave up: out of stack"):
-            guarded(lambda: library.mju_error(b"out of stack"))
-    assert guarded(lambda: 7) == 7
+            guard(lambda: library.mju_error(b"out of stack"))
+    assert guard(lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
-        guarded(lambda: 1 // 0)
+        guard(lambda: 1 // 0)
 
 
 def test_mujoco_says_nothing_where_it_is_run(
@@ -67,7 +65,7 @@ def test_mujoco_says_nothing_where_it_is_run(
     monkeypatch.chdir(tmp_path)
     settings = Settings(duration=1.0, initial={"hinge_rate": 1e11}, limit=1e12)
     assert simulate(plant("pendulum"), controller("pendulum"), settings).outcome.kind == "diverged"
-    with hushed(), hushed():
+    with hush(), hush():
         mujoco.mju_writeLog  # noqa: B018
     assert capfd.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == []
@@ -102,7 +100,7 @@ def test_mujoco_says_nothing_where_it_is_run(
 def test_what_asks_for_too_much_is_refused_in_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, words: str
 ) -> None:
-    monkeypatch.setattr(rehearsal, "SECONDS", 3)  # of processor time, so that the test ends sooner
+    monkeypatch.setattr(safety, "SECONDS", 3)  # of processor time, so that the test ends sooner
     os.mkfifo(tmp_path / "pipe")
     begin = time.monotonic()
     with pytest.raises(ModelError, match=words) as caught:
@@ -174,10 +172,10 @@ def test_a_model_that_attaches_itself_ends_no_more_than_its_rehearsal(
 
 def test_a_model_is_rehearsed_once_for_each_state_of_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Path] = []
-    monkeypatch.setattr("icmj.engine.soundness.rehearse", seen.append)
+    monkeypatch.setattr("icmj.engine.safety.rehearse", seen.append)
     for model in MODELS.glob("*.xml"):
         examine(model)
-    assert seen == [], "a shipped model changed: put its new SHA-256 into icmj/engine/soundness.py"
+    assert seen == [], "a shipped model changed: put its new SHA-256 into icmj/engine/safety.py"
     copy = written(tmp_path, PENDULUM)
     examine(copy)
     assert seen == []

@@ -11,15 +11,14 @@ from model_cases import MOTOR, pendulum, written
 
 from icmj.case.case import prepare
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import linearise
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
-from icmj.plant.selection import Selection
+from icmj.plant.body import Selection
 from icmj.runfile.reading import parse_run
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation

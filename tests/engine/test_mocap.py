@@ -10,12 +10,11 @@ import pytest
 from model_cases import HOOKED, written
 
 from icmj.case.case import prepare, simulate
-from icmj.engine.dynamics import Dynamics
-from icmj.engine.equilibrium import equilibria
 from icmj.engine.model import operating_point
+from icmj.engine.operating_point import equilibria
 from icmj.engine.plant import load_plant
-from icmj.engine.pose import scene
-from icmj.plant.selection import OperatingRule
+from icmj.engine.pose import Dynamics, scene
+from icmj.plant.body import OperatingRule
 from icmj.runfile.reading import parse_run
 
 RUN = """

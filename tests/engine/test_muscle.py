@@ -13,15 +13,14 @@ from oracles.engine import flight
 from tapped_cases import DAMPING, INERTIA, MGH, PERSON, STIFFNESS
 
 import icmj
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
-from icmj.controller.switching import SwitchingPD
+from icmj.controller.delayed import SwitchingPD
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import Continuous, EventTrigger, output_weight
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
-from icmj.plant.activation import Activation
+from icmj.plant.body import Activation
 from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 

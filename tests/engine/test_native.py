@@ -16,11 +16,11 @@ from engine_runs import ADAPTED, FIXED, OTHERS, RUNS
 from patience import PATIENCE
 
 from icmj.engine import block
-from icmj.engine.callbacks import installed
 from icmj.engine.native import structs
-from icmj.engine.native.callbacks import callbacks
-from icmj.engine.native.compilation import entry
+from icmj.engine.native.field import callbacks
+from icmj.engine.native.memory import entry
 from icmj.engine.run import simulate
+from icmj.engine.safety import install_callbacks
 from icmj.errors import ModelError
 from icmj.simulation.settings import Settings
 
@@ -87,7 +87,7 @@ def test_a_run_tells_how_it_was_computed() -> None:
 
 def test_native_callbacks_leave_other_models_alone() -> None:
     control, act_dyn = callbacks()
-    with installed(control, act_dyn):
+    with install_callbacks(control, act_dyn):
         # the compiler's temporary model, models without numerics, with others, and with a lag of their own
         model = mujoco.MjModel.from_xml_path(str(Path(__file__).parents[2] / "models" / "pendulum_neglected.xml"))
         data = mujoco.MjData(model)
@@ -146,7 +146,7 @@ sys.path.insert(0, sys.argv[1])
 from engine_cases import controller, plant
 from linear_cases import settings_from
 from icmj.cli.terminal import Terminal
-from icmj.cli.working import Working
+from icmj.cli.terminal import Working
 from icmj.engine.native import loop as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings

@@ -10,8 +10,7 @@ from oracles.engine import rates
 
 from icmj.controller.trigger import EventTrigger
 from icmj.engine.open_loop import open_loop
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Step
+from icmj.simulation.settings import Settings, Step
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 from engine_cases import controller, plant
 
-from icmj.controller.delay import Delay
+from icmj.controller.design import Delay
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import reading_error_of
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Bias, Gaussian, Noise, Settings, Source
 from icmj.simulation.simulation import Simulation
-from icmj.simulation.sources import Bias, Gaussian, Noise, Source
 
 Kind = Callable[[float], tuple[Source, ...]]
 

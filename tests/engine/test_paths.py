@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import revised
+from icmj.case.case import revise
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, design_lq, system_matched
 from icmj.controller.trigger import ClockTrigger, EventTrigger, Trigger, output_weight
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
-from icmj.linear.open_loop import open_loop as open_loop_linear
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.interval import OpenLoopInterval
+from icmj.linear.simulator import open_loop as open_loop_linear
+from icmj.simulation.ending import OpenLoopInterval
 from icmj.simulation.settings import Settings
 
 CHAINS = 240
@@ -161,7 +159,7 @@ def test_what_is_sampled_late_has_the_same_events_whatever_steps_it(root: Path, 
 
     def found(plant: str = "mujoco", **settings: object):
         tables = {f"simulation.{key}": value for key, value in settings.items()}
-        return icmj.simulate(revised(case, case.run.with_(**tables)), plant)
+        return icmj.simulate(revise(case, case.run.with_(**tables)), plant)
 
     adapted, fixed, half, linear = found(), found(timestep=1e-3), found(timestep=5e-4), found("linear")
     t = fixed.events.t
@@ -191,7 +189,7 @@ def test_shipped_cases_have_the_same_events_whatever_steps_them(path: Path, shap
 
     def events(**settings: object) -> np.ndarray:
         tables = {f"simulation.{key}": value for key, value in settings.items()}
-        return icmj.simulate(revised(case, case.run.with_(**tables)), "mujoco").events.t
+        return icmj.simulate(revise(case, case.run.with_(**tables)), "mujoco").events.t
 
     adapted, fixed, half = events(), events(timestep=1e-3), events(timestep=5e-4)
     linear = icmj.simulate(case, "linear").events.t

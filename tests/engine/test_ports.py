@@ -10,17 +10,14 @@ import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
-from icmj.plant.change import Change
-from icmj.plant.selection import Selection
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Impulse
+from icmj.plant.body import Change, Selection
+from icmj.simulation.settings import Impulse, Settings
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

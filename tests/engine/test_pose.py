@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from log_cases import MODELS, made_up
 
-from icmj.engine.linearisation import Linearisation
+from icmj.engine.linearisation import Linearisation, ports_of
 from icmj.engine.model import operating_point
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.ports import ports_of
 from icmj.engine.pose import scene
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant

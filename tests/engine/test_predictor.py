@@ -8,10 +8,8 @@ from tapped_cases import person
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
-from icmj.controller.predictor import PredictorController
+from icmj.controller.delayed import PredictorController
+from icmj.controller.design import Delay, design_lq, system_matched
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.run import simulate

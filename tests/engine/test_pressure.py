@@ -13,8 +13,7 @@ from icmj.case.case import Case, prepare, simulate
 from icmj.engine.plant import load_plant
 from icmj.engine.reaction import Pressure, centre_of_pressure, ground_force
 from icmj.errors import ModelError
-from icmj.plant.person import Person
-from icmj.plant.selection import OperatingRule
+from icmj.plant.body import OperatingRule, Person
 from icmj.runfile.reading import parse_run
 from icmj.simulation.simulation import Simulation
 

@@ -14,26 +14,23 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import Continuous
-from icmj.cycle.jacobian import course, derivative, jacobian
-from icmj.cycle.return_map import ReturnMap
+from icmj.cycle.return_map import ReturnMap, course, derivative, jacobian
 from icmj.engine.block import block_of
-from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
-from icmj.engine.native.callbacks import callbacks
+from icmj.engine.linearisation import effects, forces, places
+from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
-from icmj.engine.pushing import effects, forces, places
 from icmj.engine.reaction import centre_of_pressure
 from icmj.engine.run import simulate
+from icmj.engine.safety import install_callbacks
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.plant.push import Push
+from icmj.plant.linear_plant import Push
 from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 
 HOW = [{"tolerance": 1e-9}, {"timestep": 2e-4}]
 SHORT = 1e-6  # s: nothing moves meanwhile, so that an impulse is a change of momentum and nothing else
@@ -317,7 +314,7 @@ def test_the_loops_push_as_the_analysis_does(tmp_path):
     model, random = loop.model, np.random.default_rng(4)
     data, table = mujoco.MjData(model), block_of(model).pushes
     assert sorted(table[:, 0]) == [0, 1, 2, 2]
-    with installed(*callbacks()):
+    with install_callbacks(*callbacks()):
         for t in (0.05, 0.15, 0.25, 0.5):
             data.time, data.qvel[:] = t, random.normal(size=model.nv)
             mujoco.mj_integratePos(model, data.qpos, random.normal(size=model.nv), 0.5)

@@ -14,7 +14,7 @@ from linear_cases import settings_from
 from scipy.integrate import solve_ivp
 
 from icmj.controller.controller import Controller
-from icmj.controller.hold import zero_order
+from icmj.controller.design import zero_order
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
@@ -394,7 +394,7 @@ def test_an_interruption_before_anything_was_simulated_ends_it(monkeypatch: pyte
     def compiling(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("icmj.engine.native.compilation.called", compiling)
+    monkeypatch.setattr("icmj.engine.native.memory.call", compiling)
     with pytest.raises(KeyboardInterrupt):
         simulate(plant("pendulum", 0.8), controller("pendulum"), Settings(duration=1.0), x0=[0.1, 0.0])
 

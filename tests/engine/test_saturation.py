@@ -7,15 +7,13 @@ import pytest
 from model_cases import MOTOR, pendulum, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
-from icmj.simulation.remarks import remarks
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Step
+from icmj.simulation.settings import Settings, Step
+from icmj.simulation.simulation import remarks
 
 J = 6 + 70 * 0.9**2
 LIMITED = {

@@ -6,7 +6,7 @@ import engine_cases
 import numpy as np
 import pytest
 
-from icmj.controller.delay import NO_DELAY, Delay
+from icmj.controller.design import NO_DELAY, Delay
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.run import simulate

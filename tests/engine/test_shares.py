@@ -12,15 +12,13 @@ import pytest
 from engine_cases import controller, plant
 from scipy.integrate import solve_ivp
 
-from icmj.controller.delay import Delay
+from icmj.controller.design import Delay
 from icmj.controller.trigger import Continuous, EventTrigger
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.gaussian import at_times
-from icmj.simulation.settings import Settings
+from icmj.simulation.settings import Gaussian, Settings, Source, at_times
 from icmj.simulation.simulation import Simulation
-from icmj.simulation.sources import Gaussian, Source
 
 ANKLE, HIP = "ankle_torque", "hip_torque"
 

@@ -14,18 +14,15 @@ from engine_cases import MODELS
 from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger
-from icmj.engine.block import Slot, block_of
-from icmj.engine.callbacks import installed
+from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
 from icmj.engine.closed_loop import close_loop
-from icmj.engine.native.callbacks import callbacks
-from icmj.engine.native.field import flow
+from icmj.engine.native.field import callbacks, flow
+from icmj.engine.native.loop import save, step
 from icmj.engine.native.state import PROGRESS, engine_of
-from icmj.engine.native.step import save, step
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.stages import Stages, may_constrain, stages_of
+from icmj.engine.safety import install_callbacks
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 
@@ -95,7 +92,7 @@ def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp
         block = block_of(model)
         assert block is not None
         data, other = mujoco.MjData(model), mujoco.MjData(model)
-        with installed(*callbacks()):
+        with install_callbacks(*callbacks()):
             mujoco.mj_forward(model, data)
             engine = engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1])
             whole = engine._replace(stages=int(stages))  # RK4 on quaternions is MuJoCo's own

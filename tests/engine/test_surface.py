@@ -8,12 +8,11 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj.case.case import prepare, simulate
 from icmj.controller.setpoint import ternary
-from icmj.engine.pushing import on_bodies
+from icmj.engine.linearisation import on_bodies
 from icmj.errors import IcmjError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.push import Push
+from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.runfile.reading import load_run, parse_run
-from icmj.simulation.surface import ternary_lines
+from icmj.simulation.disturbance import ternary_lines
 
 LEGS = """
 <body name="leg" pos="0 0 0.08"><joint name="ankle" axis="0 1 0" stiffness="900" damping="30"/>

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from icmj.engine.native.adaptive import Stepper, densify, error_of, error_within, interpolate, stepper_of
-from icmj.engine.tableau import METHODS, WITHIN, Tableau, method_for, rounded, tableau
+from icmj.engine.schedule import METHODS, WITHIN, Tableau, method_for, round_step, tableau
 
 SLIDE = """<mujoco><worldbody><body><joint type="slide"/>
 <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
@@ -142,4 +142,4 @@ def test_the_low_order_is_for_stiff_loops_and_loose_tolerances() -> None:
 
 
 def test_steps_are_rounded_down() -> None:
-    assert rounded(0.1) <= 0.1 < 1.07 * rounded(0.1)
+    assert round_step(0.1) <= 0.1 < 1.07 * round_step(0.1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.case.case import prepare
-from icmj.experiments.amplitude_law import measure_law
+from icmj.experiments.attraction import measure_law
 from icmj.runfile.reading import load_run
 
 

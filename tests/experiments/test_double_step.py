@@ -8,12 +8,10 @@ import pytest
 from double_step_cases import D_OL, D_S, T_D
 from scipy.signal import lfilter
 
-from icmj.controller.step_pairs import StepPairs, double_steps, find_step_pairs
+from icmj.controller.setpoint import StepPairs, double_steps, find_step_pairs
 from icmj.errors import AnalysisError, DataError
-from icmj.experiments.double_step.explanation import KINDS, explain_reactions
-from icmj.experiments.double_step.reconstruction import reconstruct_steps
-from icmj.experiments.double_step.refractoriness import refractoriness
-from icmj.experiments.double_step.response import fit_response, own_response
+from icmj.experiments.reconstruction import fit_response, own_response, reconstruct_steps
+from icmj.experiments.refractoriness import KINDS, explain_reactions, refractoriness
 from icmj.series.series import Series
 
 ROWS = 0.01  # s

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from icmj.case.case import prepare
-from icmj.experiments.growth import measure_growth
+from icmj.experiments.attraction import measure_growth
 from icmj.runfile.reading import load_run, parse_run
 
 

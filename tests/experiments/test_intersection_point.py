@@ -12,8 +12,8 @@ from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError, ModelError
 from icmj.series.series import Series
 from icmj.simulation.disturbance import terms_of
-from icmj.simulation.sources import Noise
-from icmj.study.intersection_point import _density
+from icmj.simulation.settings import Noise
+from icmj.study.stance import _density
 
 G = 9.81
 # the double pendulum of the published code (field.md): masses, centres, inertias, length of the lower link, height of

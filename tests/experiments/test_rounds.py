@@ -12,9 +12,9 @@ from terminal_cases import told
 
 from icmj.case.case import prepare, simulate_plant
 from icmj.cli.main import main
-from icmj.controller.switching import SwitchingPD, slope_of
+from icmj.controller.delayed import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
-from icmj.experiments.rounds import attraction, rounds, rounds_of
+from icmj.experiments.attraction import attraction, rounds, rounds_of
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.reading import load_run
 from icmj.simulation.settings import Settings

@@ -22,9 +22,8 @@ from terminal_cases import told
 from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
 from icmj.report import build_report
-from icmj.sweeps.dataset import read_sweep, resume_sweep, statuses
-from icmj.sweeps.plan import Plan
-from icmj.sweeps.sweep import carry_out, planned
+from icmj.study.plan import Plan
+from icmj.study.sweep import carry_out, make_plan, read_sweep, resume_sweep, statuses
 from icmj.work.folder import SUMS
 
 VICTIM = "somebody's file\n"
@@ -34,7 +33,7 @@ VICTIM = "somebody's file\n"
 def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
     """A sweep of ten points in chunks of three, of which the last is missing."""
     folder = tmp_path_factory.mktemp("sweep")
-    plan = planned(sweep_file(folder, GRID.format(count=10), ask='motion = ["linear"]', chunk=3))
+    plan = make_plan(sweep_file(folder, GRID.format(count=10), ask='motion = ["linear"]', chunk=3))
     carry_out(plan, folder / "out", jobs=1)
     (folder / "out" / "points" / "00000003.parquet").unlink()
     return plan, folder / "out"

@@ -7,7 +7,7 @@ import pytest
 
 import icmj
 from icmj.fitting.family import load_family
-from icmj.simulation.sources import Noise
+from icmj.simulation.settings import Noise
 
 TRIALS, BAND = 24, 20.0  # Hz
 

@@ -15,9 +15,8 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from icmj.errors import FitError
-from icmj.fitting.calibration import calibrate
-from icmj.fitting.posterior import Posterior, effective, train_posterior
-from icmj.fitting.seen import Seen
+from icmj.fitting.network import SeenSummaries
+from icmj.fitting.posterior import Posterior, calibrate, effective, train_posterior
 from icmj.work.folder import Folder
 
 NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")
@@ -90,12 +89,12 @@ def test_a_temperature_widens_a_flow_that_is_too_certain(posterior: Posterior) -
     network = posterior.networks[0]
     assert network.temperature == pytest.approx(1, abs=0.05)
     z, S = people(400, 11)
-    conditions = posterior.seen.pooled(S)
+    conditions = posterior.seen.pool(S)
     means = np.array([exact(given)[0] for given in S])
-    assert network.tempered(z, conditions).temperature == pytest.approx(1, abs=0.1)
-    wider = network.tempered(means + 1.5 * (z - means), conditions)
+    assert network.temper(z, conditions).temperature == pytest.approx(1, abs=0.1)
+    wider = network.temper(means + 1.5 * (z - means), conditions)
     assert wider.temperature == pytest.approx(1.5, abs=0.15)
-    drawn = wider.inverted(np.random.default_rng(3).normal(size=(400, 3)), conditions)
+    drawn = wider.invert(np.random.default_rng(3).normal(size=(400, 3)), conditions)
     ratio = np.exp(network.log_density(drawn, conditions) - wider.log_density(drawn, conditions))
     assert ratio.mean() == pytest.approx(1, abs=0.15)  # both are densities
 
@@ -140,7 +139,7 @@ class Normal:
     def __init__(self, mean: float) -> None:
         self.mean = mean
 
-    def inverted(self, normal, _):
+    def invert(self, normal, _):
         return self.mean + normal
 
     def log_density(self, z, _):
@@ -153,7 +152,7 @@ class Wide:
 
     temperature: float
 
-    def inverted(self, normal, _):
+    def invert(self, normal, _):
         return self.temperature * normal
 
     def scaled(self, factor):
@@ -163,7 +162,7 @@ class Wide:
 @pytest.mark.parametrize("wide", [(0.6, 0.6), (1.4, 1.4), (0.7, 1.5)])
 def test_a_posterior_rescaled_holds_nine_of_ten(wide: tuple[float, float]) -> None:
     z, S = np.random.default_rng(3).normal(size=(3000, 3)), np.zeros((3000, 2, 5))
-    found = Posterior(NAMES, Seen.of(people(40, 1)[1], SUMMARIES), tuple(map(Wide, wide)), 40).rescaled(z, S, 1)
+    found = Posterior(NAMES, SeenSummaries.of(people(40, 1)[1], SUMMARIES), tuple(map(Wide, wide)), 40).rescale(z, S, 1)
     share = mixed(found.networks[0].temperature, found.networks[1].temperature)
     assert share == pytest.approx(0.9, abs=3 * np.sqrt(0.09 / 9000) + 0.004)  # and of 299 draws
     assert found.networks[1].temperature / found.networks[0].temperature == pytest.approx(wide[1] / wide[0])
@@ -177,7 +176,7 @@ def mixed(a: float, b: float) -> float:
 
 def test_the_posterior_is_the_mixture_of_its_flows() -> None:
     _, S = people(40, 1)
-    seen = Seen.of(S, SUMMARIES)
+    seen = SeenSummaries.of(S, SUMMARIES)
     mixture = Posterior.mixture([Posterior(NAMES, seen, (Normal(mean),), 40) for mean in (-3.0, 3.0)])
     z = mixture.sample(S[0], 1001, 0)
     assert (z[:, 0] > 0).sum() == pytest.approx(500, abs=5)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.archive import write_archive
-from icmj.fitting.predictive import predict
+from icmj.fitting.posterior import predict, write_archive
 
 
 def test_intervals_hold_nine_of_ten() -> None:

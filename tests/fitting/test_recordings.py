@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 
-from icmj.cli.fit_arguments import Fit
-from icmj.cli.fitting import people_of
+from icmj.cli.arguments import Fit
+from icmj.cli.files import people_of
 from icmj.errors import FitError
-from icmj.fitting.recordings import MOST, public_trials, read_trials
-from icmj.fitting.summaries import SUMMARIES, measures, summarise
+from icmj.fitting.recordings import MOST, SUMMARIES, measures, public_trials, read_trials, summarise
 from icmj.measurement.sway import measure_sway
-from icmj.series.even import even_series
-from icmj.series.reading import read_series
-from icmj.series.series import Series
-from icmj.series.writing import write_series
+from icmj.series.reading import read_series, write_series
+from icmj.series.series import Series, even_series
 
 
 def sway(duration=60.0, rate=100.0, rms=4.0, seed=0):

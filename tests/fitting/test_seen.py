@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.seen import Seen
+from icmj.fitting.network import SeenSummaries
 
 NAMES = ("size", "speed", "share 1", "share 2")
 
@@ -17,7 +17,7 @@ def simulated(n: int, seed: int) -> np.ndarray:
     return np.stack([size, 3 * size + 0.1 * generator.normal(size=(n, 2)), share, 1 - share], axis=2)
 
 
-SEEN = Seen.of(simulated(2000, 0), NAMES)
+SEEN = SeenSummaries.of(simulated(2000, 0), NAMES)
 
 
 def test_what_was_simulated_is_nowhere_outside_but_by_chance() -> None:
@@ -44,10 +44,10 @@ def test_a_pair_that_never_goes_together_is_told() -> None:
 
 def test_pooled_over_trials() -> None:
     S = simulated(5, 3)
-    pooled = SEEN.pooled(S)
+    pooled = SEEN.pool(S)
     assert pooled.shape == (5, 5)
     assert np.allclose(pooled[:, :4], ((S - SEEN.centre) / SEEN.scale).mean(axis=1))
-    assert SEEN.pooled(S[:, :1])[0, -1] < pooled[0, -1]
+    assert SEEN.pool(S[:, :1])[0, -1] < pooled[0, -1]
     drawn = SEEN.drawn(np.repeat(S[:1], 3000, axis=0), np.random.default_rng(0))
     one, both = np.isclose(drawn[:, -1], -0.8), np.isclose(drawn[:, -1], pooled[0, -1])
     assert (one | both).all()
@@ -58,11 +58,11 @@ def test_pooled_over_trials() -> None:
 def test_a_constant_summary_and_bad_ones() -> None:
     S = simulated(50, 4)
     S[..., 3] = 2.0
-    seen = Seen.of(S, NAMES)
-    assert np.isfinite(seen.pooled(S)).all()
+    seen = SeenSummaries.of(S, NAMES)
+    assert np.isfinite(seen.pool(S)).all()
     assert seen.misfit(S[0] + [0, 0, 0, 1]).outside == ("share 2",)
     S[0, 0, 0] = np.nan
     with pytest.raises(FitError, match="not finite"):
-        Seen.of(S, NAMES)
+        SeenSummaries.of(S, NAMES)
     with pytest.raises(FitError, match="expected"):
-        seen.pooled(S[:, :, :2])
+        seen.pool(S[:, :, :2])

@@ -14,11 +14,8 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import IdentificationError
-from icmj.identification.agreement import LEVEL
-from icmj.identification.identification import Identification, identify
-from icmj.identification.inverse import Inverse
-from icmj.identification.observed import Observed
-from icmj.identification.unknown import Unknown
+from icmj.fitting.identification import LEVEL, Identification, Inverse, identify
+from icmj.fitting.observed import Observed, Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 BLIND = Unknown(PENDULUM.with_(**{"actual.gain": None}))

@@ -13,10 +13,8 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import IcmjError
-from icmj.identification.identification import identify
-from icmj.identification.inverse import Inverse
-from icmj.identification.observed import Observed
-from icmj.identification.unknown import Unknown
+from icmj.fitting.identification import Inverse, identify
+from icmj.fitting.observed import Observed, Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 # what the code under test is given: nothing of b

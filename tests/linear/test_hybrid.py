@@ -14,9 +14,8 @@ import icmj
 from icmj.case.plants import linear_plant
 from icmj.controller.realisation import Guard, Mode, parallel
 from icmj.errors import AnalysisError, SimulationError
-from icmj.linear.tapped import simulate_tapped
-from icmj.simulation.settings import Settings, start_states
-from icmj.simulation.sources import Bias, Gaussian, Step
+from icmj.linear.run import simulate_tapped
+from icmj.simulation.settings import Bias, Gaussian, Settings, Step, start_states
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, loop_matrix, pendulum_design, random_loop
 
-from icmj.controller.closed_loop import CHAIN, ERRORS, ORIGINAL, compose
-from icmj.controller.delay import Delay
+from icmj.controller.controller import CHAIN, ERRORS, ORIGINAL, compose
+from icmj.controller.design import Delay
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop

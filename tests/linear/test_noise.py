@@ -24,7 +24,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
-from icmj.simulation.sources import Bias, Impulse, Noise
+from icmj.simulation.settings import Bias, Impulse, Noise
 
 
 def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
@@ -115,7 +115,7 @@ import functools, gc, hashlib
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from threadpoolctl import threadpool_info, threadpool_limits
 from icmj.linear.run import simulate
-from icmj.simulation.sources import Noise
+from icmj.simulation.settings import Noise
 for threads, timestep in ((1, 1e-3), (1, 5e-3), (2, 1e-3), (4, 1e-3)):
     threadpool_limits(threads, "blas")
     for kept in gc.get_objects():  # no matrix of the run before

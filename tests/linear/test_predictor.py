@@ -11,17 +11,14 @@ from oracles.delay import Delayed
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.hold import system_matched
-from icmj.controller.predictor import PredictorController
+from icmj.controller.delayed import PredictorController
+from icmj.controller.design import Delay, system_matched
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger, EventTrigger, output_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
-from icmj.theory.delay_roots import rightmost_roots
-from icmj.theory.predictor_loop import predictor_loop
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.theory.delay_roots import predictor_loop, rightmost_roots
 
 DESIGN = linear_cases.pendulum_design()
 START = np.array([0.01, 0.003])

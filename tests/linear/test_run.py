@@ -21,8 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, as_weight
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop
@@ -30,8 +29,7 @@ from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import pushes_of
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Impulse, Noise, Step
+from icmj.simulation.settings import Impulse, Noise, Settings, Step
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

@@ -8,13 +8,11 @@ from linear_cases import PLANT, event_controller, ivp_run, pendulum_design, rand
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, system_matched
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.gaussian import at_times, lines
-from icmj.simulation.sources import Gaussian, Noise, Step
+from icmj.simulation.settings import Gaussian, Noise, Step, at_times, lines
 
 
 def test_lines_are_the_noise_between_its_points():

@@ -13,15 +13,13 @@ from patience import PATIENCE
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.design import Delay, system_matched, zero_order
 from icmj.controller.trigger import BoxTrigger, ClockTrigger
 from icmj.linear.native.simulator import simulator
-from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
-from icmj.linear.simulator import Simulator
+from icmj.linear.simulator import Simulator, open_loop
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.simulation.settings import Bias, Impulse, Noise, Step
 
 PUSHED = (
     Step("torque", 0.02, 0.31, on="command"),

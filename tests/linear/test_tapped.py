@@ -16,10 +16,9 @@ from tapped_cases import BODY, CONTINUOUS, DELAY, HOMOGENEOUS, MGH, SWITCHING, T
 import icmj
 from icmj.controller.realisation import Guard, Mode
 from icmj.errors import SimulationError
-from icmj.linear.tapped import simulate_tapped
+from icmj.linear.run import simulate_tapped
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Sampled, Step
+from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Sampled, Settings, Step
 
 START = np.array([0.01, 0.003])
 
@@ -287,7 +286,7 @@ def test_outputs_are_matched_by_name_and_what_does_not_fit_is_refused() -> None:
 def test_interpreted_it_is_the_same() -> None:
     script = (
         "import sys; sys.path.insert(0, 'tests')\n"
-        "from tapped_cases import BODY, SWITCHING; from icmj.linear.tapped import simulate_tapped\n"
+        "from tapped_cases import BODY, SWITCHING; from icmj.linear.run import simulate_tapped\n"
         "from icmj.simulation.settings import Settings\n"
         "run = simulate_tapped(BODY, SWITCHING, Settings(duration=4.0, record_interval=1.0), x0=[0.01, 0.003])\n"
         "print(*map(float.hex, run.events.t))"

@@ -11,7 +11,7 @@ from log_cases import assert_same, awkward, made_up, standing
 
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
-from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Pressure
 
 
 def test_everything_comes_back_bit_for_bit() -> None:

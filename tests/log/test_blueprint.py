@@ -9,9 +9,9 @@ import pytest
 from log_cases import made_up, standing, with_scene
 from rerun.chunk import RrdReader
 
+from icmj.case.result import Result
 from icmj.controller.trigger import Continuous
 from icmj.log import write_log
-from icmj.result.result import Result
 
 
 def arranged(path: Path) -> dict[str, tuple[str, str]]:

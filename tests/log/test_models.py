@@ -12,7 +12,7 @@ import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
 from icmj.log import archive, read_log
-from icmj.runfile.kept import Kept
+from icmj.runfile.schema import Kept
 
 RUN = """
 case = { name = "rod", title = "A rod" }
@@ -84,9 +84,9 @@ def test_a_log_without_models_is_read_as_before(copied):
 
 def test_more_than_a_log_should_carry_is_left_out(root, monkeypatch):
     run = icmj.load_run(root / "runs" / "three-link-0.9.toml")
-    assert list(archive.kept_of(run).files) == ["models/three_link.xml"]
+    assert list(archive.keep_files(run).files) == ["models/three_link.xml"]
     monkeypatch.setattr(archive, "MOST_BYTES", 100)
-    assert not archive.kept_of(run).files
+    assert not archive.keep_files(run).files
 
 
 @pytest.mark.parametrize("name", ["../a.xml", "/a.xml", "a/../../b", "", "c:\\a.xml", "a\\b", "."])

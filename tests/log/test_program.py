@@ -11,7 +11,7 @@ from log_cases import made_up
 from patience import PATIENCE
 
 from icmj.errors import LogError
-from icmj.log import program, read_log, write_log
+from icmj.log import read_log, reader, write_log
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems take no such limits")
@@ -22,7 +22,7 @@ NOT_WHOLE = "reading it takes more time or memory than a whole one"
 def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What is run in place of rerun's program; a Python script."""
     path = tmp_path / "instead"
-    monkeypatch.setattr(program, "program", lambda: path)
+    monkeypatch.setattr(reader, "program", lambda: path)
     return path
 
 
@@ -51,23 +51,23 @@ def write(path: Path, script: str) -> None:
 def test_a_program_that_does_not_end_well_says_why(
     script: str, reason: str, instead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(program, "SECONDS", 1)
+    monkeypatch.setattr(reader, "SECONDS", 1)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, script)
     begin = time.monotonic()
-    assert program.verify(tmp_path / "log.rrd").startswith(reason)
+    assert reader.verify(tmp_path / "log.rrd").startswith(reason)
     with pytest.raises(LogError, match="nothing can be saved"):
-        program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+        reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
     assert time.monotonic() - begin < PATIENCE  # a limit on a hang, not a measure of speed
 
 
 def test_one_that_waits_is_ended(instead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(program, "LONGEST", 0.5)
+    monkeypatch.setattr(reader, "LONGEST", 0.5)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, "import time; time.sleep(60)")
-    assert program.verify(tmp_path / "log.rrd") == "reading it took more than 0.5 s"
+    assert reader.verify(tmp_path / "log.rrd") == "reading it took more than 0.5 s"
     with pytest.raises(LogError, match="nothing can be saved"):
-        program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+        reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
 
 
 def test_limits_grow_with_the_file_and_are_not_ours(instead: Path, tmp_path: Path) -> None:
@@ -76,22 +76,22 @@ def test_limits_grow_with_the_file_and_are_not_ours(instead: Path, tmp_path: Pat
     for size in (0, 1 << 30):
         with log.open("wb") as file:
             file.truncate(size)
-        assert program.verify(log) == str((2 << 30) + 8 * size)
+        assert reader.verify(log) == str((2 << 30) + 8 * size)
     assert resource.getrlimit(resource.RLIMIT_DATA) == before
 
 
 def test_whole_logs_stay_far_from_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thirtieth of the memory that is allowed does as well."""
     write_log(made_up(duration=60.0)[0], tmp_path / "log.rrd")
-    monkeypatch.setattr(program, "MEMORY", program.MEMORY // 32)
-    assert program.verify(tmp_path / "log.rrd") == ""
-    assert "salvaged" in program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+    monkeypatch.setattr(reader, "MEMORY", reader.MEMORY // 32)
+    assert reader.verify(tmp_path / "log.rrd") == ""
+    assert "salvaged" in reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
     assert len(read_log(tmp_path / "copy.rrd").simulation.t) > 1000
 
 
 def test_too_little_memory_is_a_refusal_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_log(made_up(duration=3.0)[0], tmp_path / "log.rrd")
-    monkeypatch.setattr(program, "MEMORY", 1 << 20)
+    monkeypatch.setattr(reader, "MEMORY", 1 << 20)
     with pytest.raises(LogError, match=r"log\.rrd: not a complete rerun recording") as caught:
         read_log(tmp_path / "log.rrd")
     assert "\n" not in str(caught.value)

@@ -11,7 +11,7 @@ import pytest
 from log_cases import assert_same, awkward, made_up, standing, with_scene
 from patience import PATIENCE
 
-from icmj.comparison.comparison import compare, to_json
+from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.log import read_log, read_summary, reader, write_log
 

@@ -23,7 +23,7 @@ from patience import PATIENCE
 from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log import write_log
-from icmj.log.replay import _await_port, _base, _free_port, _running, replay
+from icmj.log.reader import _await_port, _base, _free_port, _running, replay
 from icmj.simulation.settings import Settings
 
 SIZE = (1280, 800)
@@ -167,7 +167,7 @@ def test_a_missing_renderer_is_named(logs: dict[str, Path], tmp_path: Path, monk
     assert list(tmp_path.iterdir()) == []
 
 
-SERVE = "import sys; from icmj.log.replay import replay; replay(sys.argv[1], web=True)"
+SERVE = "import sys; from icmj.log.reader import replay; replay(sys.argv[1], web=True)"
 
 
 def test_the_web_page_is_on_the_loopback_address_only_and_ends_with_us(logs: dict[str, Path]) -> None:

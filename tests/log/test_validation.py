@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from log_cases import awkward, made_up, standing
 
+from icmj.case.result import Result
 from icmj.errors import IcmjError, LogError
-from icmj.log.archive import pack, unpack
-from icmj.log.validation import validate
-from icmj.result.result import Result
+from icmj.log.archive import pack, unpack, validate
 from icmj.runfile.reading import parse_run
 from icmj.study.study import run_case
 

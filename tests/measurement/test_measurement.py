@@ -9,7 +9,7 @@ from linear_cases import PENDULUM, event_controller, neglected, pendulum_design,
 from icmj.case.case import prepare
 from icmj.case.case import simulate as simulate_case
 from icmj.controller.controller import Controller
-from icmj.controller.hold import system_matched
+from icmj.controller.design import system_matched
 from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import growth_per_interval, measure, measured_gamma, reduced_states

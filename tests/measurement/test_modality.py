@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import DataError
-from icmj.measurement.modality import modality
+from icmj.measurement.statistics import modality
 
 
 def slow(random: np.random.Generator, N: int = 1000, a: float = 0.98) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.measurement.recurrence import closure, dominant_growth, separation, trend
+from icmj.measurement.measurement import closure, dominant_growth, separation, trend
 
 
 def test_closure_of_a_geometric_sequence():

@@ -9,12 +9,11 @@ from scipy.signal import lfilter, welch
 
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure
-from icmj.measurement.spectrum import spectrum
-from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, statistics
-from icmj.series.even import evenly
+from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, spectrum, statistics
+from icmj.series.series import evenly
 from icmj.simulation.ending import Outcome
+from icmj.simulation.settings import Noise
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.sources import Noise
 
 PHI = 0.9
 

@@ -12,10 +12,10 @@ from scipy.optimize import minimize_scalar
 
 from icmj.controller.controller import Controller
 from icmj.controller.trigger import EventTrigger
-from icmj.engine.callbacks import installed
 from icmj.engine.closed_loop import ComposedLoop
-from icmj.engine.native.callbacks import callbacks
+from icmj.engine.native.field import callbacks
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.safety import install_callbacks
 
 
 class Flight(NamedTuple):
@@ -127,7 +127,7 @@ def rates(loop: ComposedLoop, rows: np.ndarray, moves: np.ndarray) -> np.ndarray
     """(qvel, qacc, act_dot) by ``mj_forward`` with the callbacks at all ``rows``, moved by each of ``moves``."""
     model, data = loop.model, mujoco.MjData(loop.model)
     cuts, found = [model.nq, model.nq + model.nv], np.zeros((len(rows), len(moves), 2 * model.nv + model.na))
-    with installed(*callbacks()):
+    with install_callbacks(*callbacks()):
         for row, out in zip(rows, found, strict=True):
             for place, rate in zip(row + moves, out, strict=True):
                 data.qpos[:], data.qvel[:], data.act[:] = np.split(place, cuts)

@@ -8,8 +8,7 @@ import pytest
 from scipy import signal
 
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.plant.matching import deviated
+from icmj.plant.linear_plant import LinearPlant, deviate, transformation
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("angle", "rate"), ("torque",), ("y",))
 
@@ -129,17 +128,17 @@ def test_transformation_picks_states_by_name():
 
 def test_family_in_rho_joins_the_two_plants():
     actual = PENDULUM.scaled(0.8)
-    np.testing.assert_array_equal(deviated(PENDULUM, actual, 0).B, PENDULUM.B)
-    np.testing.assert_array_equal(deviated(PENDULUM, actual, 1).B, actual.B)
-    np.testing.assert_allclose(deviated(PENDULUM, actual, 0.5).B, [[0], [0.9]])  # b = 1 − ρ (1 − 0.8)
+    np.testing.assert_array_equal(deviate(PENDULUM, actual, 0).B, PENDULUM.B)
+    np.testing.assert_array_equal(deviate(PENDULUM, actual, 1).B, actual.B)
+    np.testing.assert_allclose(deviate(PENDULUM, actual, 0.5).B, [[0], [0.9]])  # b = 1 − ρ (1 − 0.8)
 
 
 def test_family_needs_the_same_states():
     other = LinearPlant(PENDULUM.A, PENDULUM.B, PENDULUM.C, ("a", "b"))
     with pytest.raises(AnalysisError, match="same states"):
-        deviated(PENDULUM, other, 0.5)
+        deviate(PENDULUM, other, 0.5)
     with pytest.raises(AnalysisError, match="same size"):
-        deviated(PENDULUM, LinearPlant([[0]], [[1]], [[1]]), 0.5)
+        deviate(PENDULUM, LinearPlant([[0]], [[1]], [[1]]), 0.5)
 
 
 def test_a_transfer_function_keeps_its_values():

@@ -10,16 +10,13 @@ from model_cases import two
 
 from icmj.case.case import simulate_plant
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq
-from icmj.controller.hold import system_matched
+from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.plant import load_plant
 from icmj.errors import AnalysisError
-from icmj.experiments.attractors import attractors
-from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.matching import deviated, matched, picked
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Impulse
+from icmj.experiments.attraction import attractors
+from icmj.plant.linear_plant import LinearPlant, deviate, match_ports, pick
+from icmj.simulation.settings import Impulse, Settings
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -28,7 +25,7 @@ NAMED = LinearPlant(
     RNG.normal(size=(4, 4)), RNG.normal(size=(4, 3)), RNG.normal(size=(2, 4)), (), ("a", "b", "c"), ("left", "right"),
     (), ("N", "N m", ""), ("m", "rad"),
 )  # fmt: skip
-TURNED = picked(NAMED, np.array([2, 0, 1]), np.array([1, 0]))
+TURNED = pick(NAMED, np.array([2, 0, 1]), np.array([1, 0]))
 
 
 def test_an_order_is_a_permutation_of_columns_rows_names_and_units():
@@ -36,7 +33,7 @@ def test_an_order_is_a_permutation_of_columns_rows_names_and_units():
     assert TURNED.input_units == ("", "N", "N m")
     assert TURNED.output_units == ("rad", "m")
     np.testing.assert_array_equal(TURNED.B[:, 0], NAMED.B[:, 2])
-    back = matched(TURNED, NAMED)
+    back = match_ports(TURNED, NAMED)
     for letter in "ABC":
         np.testing.assert_array_equal(getattr(back, letter), getattr(NAMED, letter))
     assert (back.inputs, back.outputs, back.output_units) == (NAMED.inputs, NAMED.outputs, NAMED.output_units)
@@ -53,16 +50,16 @@ def test_the_error_system_does_not_depend_on_the_order():
 @pytest.mark.parametrize("names", [("u0", "u1", "u2"), ("u[0]", "u[1]", "u[2]"), ()])
 def test_who_has_no_names_is_matched_by_position(names):
     unnamed = replace(NAMED, inputs=names, outputs=())
-    assert matched(unnamed, NAMED) is unnamed
-    assert matched(NAMED, unnamed) is NAMED
+    assert match_ports(unnamed, NAMED) is unnamed
+    assert match_ports(NAMED, unnamed) is NAMED
 
 
 @pytest.mark.parametrize("names", [("y1", "y2"), ("y0", "y1"), ("y[0]", "y[1]")])
 def test_the_same_names_are_matched_by_name_whatever_they_are(names):
     """Names that look like generated ones, or are: who names them in another order means another order."""
     here = replace(NAMED, inputs=("u1", "u2", "u3"), outputs=names)
-    there = picked(here, np.array([2, 0, 1]), np.array([1, 0]))
-    for match in (matched(there, here), deviated(here, there, 1.0)):
+    there = pick(here, np.array([2, 0, 1]), np.array([1, 0]))
+    for match in (match_ports(there, here), deviate(here, there, 1.0)):
         for letter in "ABC":
             np.testing.assert_array_equal(getattr(match, letter), getattr(here, letter))
     design = design_lq(here)
@@ -72,7 +69,7 @@ def test_the_same_names_are_matched_by_name_whatever_they_are(names):
 @pytest.mark.parametrize("names", [("y1", "y2"), ("y1", "y0"), ("y[1]", "y[0]")])
 def test_only_names_that_nobody_gave_count_as_none(names):
     with pytest.raises(AnalysisError, match="name them alike"):
-        matched(replace(NAMED, outputs=names), NAMED)
+        match_ports(replace(NAMED, outputs=names), NAMED)
 
 
 def test_other_names_stop_with_one_line_that_says_how_to_go_on():
@@ -85,7 +82,7 @@ def test_other_names_stop_with_one_line_that_says_how_to_go_on():
     assert "\n" not in str(caught.value)
     np.testing.assert_array_equal(error_system(other, design, match="position").A_C, error_system(NAMED, design).A_C)
     with pytest.raises(AnalysisError, match="must agree"):
-        matched(LinearPlant([[0]], [[1]], [[1]]), NAMED)
+        match_ports(LinearPlant([[0]], [[1]], [[1]]), NAMED)
 
 
 def test_what_is_no_linear_plant_is_refused_with_what_to_give(controller, tmp_path):
@@ -102,7 +99,7 @@ def test_what_is_no_linear_plant_is_refused_with_what_to_give(controller, tmp_pa
 
 
 def test_the_family_in_rho_matches_by_name():
-    np.testing.assert_allclose(deviated(NAMED, TURNED, 0.3).B, NAMED.B)
+    np.testing.assert_allclose(deviate(NAMED, TURNED, 0.3).B, NAMED.B)
 
 
 SETTINGS = Settings(duration=3.0, disturbance=(Impulse("turn", 0.4, 0.5, 0.05),))

@@ -7,7 +7,7 @@ from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
-from icmj.plant.person import Person, Segment
+from icmj.plant.body import Person, Segment
 from icmj.runfile.reading import parse_run
 
 RUN = """

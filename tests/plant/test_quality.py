@@ -7,9 +7,7 @@ import pytest
 
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.modes import neutral, uncontrollable, unobservable
-from icmj.plant.notice import Notice, permitted
-from icmj.plant.quality import Quality, Residual
+from icmj.plant.quality import Notice, Quality, Residual, neutral, permit, uncontrollable, unobservable
 
 STATES = ("x", "tilt", "x_rate", "tilt_rate")
 
@@ -52,8 +50,8 @@ def test_an_error_stops_unless_it_is_allowed():
     with pytest.raises(
         ModelError, match=r'here: not at rest: tilt accelerates by 1 rad/s², 0.1 of gravity.*allow = \["no'
     ):
-        permitted(notices, (), "here")
-    assert [notice.severity for notice in permitted(notices, ("not at rest",), "here")] == ["warning"]
+        permit(notices, (), "here")
+    assert [notice.severity for notice in permit(notices, ("not at rest",), "here")] == ["warning"]
     same = Notice("keyframe", "warning", "twice")
-    assert permitted((same, same), (), "") == (same,)
+    assert permit((same, same), (), "") == (same,)
     assert Quality(Residual(9e-6, "tilt", "rad/s²", 9e-7)).notices == ()

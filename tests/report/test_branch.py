@@ -9,7 +9,7 @@ import pytest
 from cycle_cases import branch
 
 from icmj.cycle.branch import Branch
-from icmj.cycle.follow import branch_off
+from icmj.cycle.continuation import branch_off
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.branch import branch_figure, draw_amplitude, draw_intervals, draw_multipliers
@@ -70,7 +70,7 @@ def test_multipliers_beyond_the_frame_stand_at_its_edge_and_are_told(losing_symm
 
 def test_the_figure_is_the_same_whenever_it_is_drawn(losing_symmetry: Branch) -> None:
     off = branch_off(losing_symmetry, losing_symmetry.specials[0], points=5)
-    with style.applied():
+    with style.apply():
         first, again = (style.save(branch_figure([losing_symmetry, off]), "svg") for _ in range(2))
     assert first == again
 

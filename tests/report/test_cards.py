@@ -9,7 +9,7 @@ import pytest
 from report_cases import CASES, result
 
 import icmj
-from icmj.comparison.comparison import compare
+from icmj.case.comparison import compare
 
 
 def things(name):

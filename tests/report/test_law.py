@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from report_cases import result
 
+from icmj.case.result import AmplitudeLaw, threshold_unit
 from icmj.controller.trigger import BoxTrigger, EventTrigger
 from icmj.report import style
-from icmj.report.law import law_figure
-from icmj.result.result import AmplitudeLaw
-from icmj.view.quantity import threshold_unit
+from icmj.report.figures import law_figure
 
 Q_T = np.array([1e-2, 1e-3, 1e-4])
 
@@ -23,7 +22,7 @@ def with_law(law):
 
 def test_points_lie_on_a_line_of_the_fitted_slope():
     law = AmplitudeLaw(Q_T, 2.3 * Q_T**2, -1.4 * Q_T**2, 2.0, 2.0)
-    with style.applied():
+    with style.apply():
         axes = law_figure(with_law(law)).axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert axes.get_xlabel() == "threshold (rad)"
@@ -36,7 +35,7 @@ def test_points_lie_on_a_line_of_the_fitted_slope():
 
 def test_zero_and_missing_errors_are_left_out():
     law = AmplitudeLaw(Q_T, np.array([1e-4, 0.0, np.nan]), np.full(3, np.nan), 2.0, np.nan)
-    with style.applied():
+    with style.apply():
         lines = law_figure(with_law(law)).axes[0].get_lines()
     assert [len(item.get_xdata()) for item in lines] == [2, 1]
 

@@ -13,10 +13,10 @@ from report_browser import CHROMIUM, chromium
 
 import icmj
 from icmj.cli.main import main
-from icmj.engine.chain import chain_of
+from icmj.engine.pose import chain_of
 from icmj.errors import ReportError
 from icmj.report import live
-from icmj.report.moving import joined, script
+from icmj.report.drawing import join_scripts, script
 
 HERE = Path(__file__).parent
 RUN = (HERE / "live_loop.js").read_text(encoding="utf-8")
@@ -78,12 +78,12 @@ def job(model, end, fault="", pieces=1, **settings):
 
 def run_jobs(folder, jobs, theory=(), shapes=()):
     """What the loop does in Chromium, for each job."""
-    source, loops = str(joined("loop.js")), []
+    source, loops = str(join_scripts("loop.js")), []
     for name, (right, wrong) in FAULTS.items():
         assert not name or source.count(right) == 1, name
         changed = source.replace(right, wrong) if name else source
         loops.append(f"{json.dumps(name)}: (() => {{ {changed}\nreturn Loop; }})()")
-    code = f"const loops = {{ {', '.join(loops)} }};\n{joined('theory.js', 'body.js')}\n{RUN}"
+    code = f"const loops = {{ {', '.join(loops)} }};\n{join_scripts('theory.js', 'body.js')}\n{RUN}"
     data = "".join(
         f'<script type="application/json" id="{key}">{script(value)}</script>'
         for key, value in (("jobs", {"jobs": jobs, "theory": list(theory)}), ("shapes", list(shapes)))

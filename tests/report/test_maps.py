@@ -9,17 +9,15 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
+from icmj.case.result import SweepTable
 from icmj.errors import ReportError
 from icmj.report import build_report, plots
-from icmj.report.maps.grid import edges, grid
-from icmj.report.maps.pictures import pictures
-from icmj.report.maps.plane import motions, regions
-from icmj.result.swept import Swept
+from icmj.report.maps import edges, grid, motions, pictures, regions
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)
 
 
-def swept(**columns: object) -> Swept:
+def swept(**columns: object) -> SweepTable:
     """A map over b and q_t whose error is 100 q_t², without a cycle at b = 1 and falling beyond q_t = 0.05."""
     b, q = (each.ravel() for each in np.meshgrid(B, Q, indexing="ij"))
     falls, none = q > 0.05, np.isclose(b, 1.0)
@@ -33,7 +31,7 @@ def swept(**columns: object) -> Swept:
         "mujoco_error": [None if f or n else float(100 * at**2) for at, f, n in zip(q, falls, none, strict=True)],
     }
     table = pa.table(rows | columns)
-    return Swept("map", "A map", (("b", "actual.gain"), ("q_t", "controller.q_t")), len(b), table)
+    return SweepTable("map", "A map", (("b", "actual.gain"), ("q_t", "controller.q_t")), len(b), table)
 
 
 def axes():
@@ -58,7 +56,7 @@ def test_regions_are_told_apart_and_what_is_not_finished_is_nothing() -> None:
     assert (told[-1] == "fell").all()
     assert told[0, 4] == "open"
     assert set(told[0]) == {"cycle", "open"}
-    part = Swept(whole.name, whole.title, whole.varies, whole.points, whole.table.slice(0, 100))
+    part = SweepTable(whole.name, whole.title, whole.varies, whole.points, whole.table.slice(0, 100))
     laid = grid(part, "b", "q_t")
     assert (laid.row < 0).sum() == laid.row.size - 100
 
@@ -89,7 +87,7 @@ def test_cycles_that_agree_are_one_motion_the_others_are_named() -> None:
             "linear_outcome": ["completed", "completed", "completed", "fell", "completed", None],
         }
     )
-    found = motions(Swept("s", "s", (), 6, table), "linear")
+    found = motions(SweepTable("s", "s", (), 6, table), "linear")
     mirrored = "mirrored cycle of 2 events, 1 s"
     assert found == [mirrored, mirrored, "cycle of 1 event, 1 s", "falls", "homoclinic", ""]
 
@@ -108,7 +106,7 @@ def test_the_curve_is_the_prediction_where_a_cycle_is_and_marks_what_was_measure
             "linear_interval": [1.8, 2.4, 2.2, 1.5],
         }
     )
-    curve = Swept("curve", "A curve", (("b", "actual.gain"),), 4, table)
+    curve = SweepTable("curve", "A curve", (("b", "actual.gain"),), 4, table)
     drawn = axes()
     plots.critical_interval(drawn, curve, "b")
     plus, minus, marks = (line.get_ydata() for line in drawn.lines)

@@ -10,22 +10,22 @@ from log_cases import assert_same
 from matplotlib.figure import Figure
 from report_cases import result
 
-from icmj.comparison.comparison import compare, to_json
+from icmj.case.comparison import compare, to_json
+from icmj.case.result import Result
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
-from icmj.log.summary import markdown, properties
+from icmj.log.writer import markdown
+from icmj.log.writer import summarise as properties
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
 from icmj.report import build_report, sections
-from icmj.report.noise import draw_histogram
-from icmj.report.pairing import paired
+from icmj.report.figures import draw_histogram
 from icmj.report.panels import PANELS
-from icmj.report.panels.panel import shown_interval
 from icmj.report.sections import Picture
-from icmj.report.sections.noise import estimate
-from icmj.result.result import Result
+from icmj.report.summary import estimate
+from icmj.report.wording import pair, shown_interval
 from icmj.runfile.reading import parse_run
 
 PICTURE = Picture("a", "data:", "a")
@@ -57,14 +57,14 @@ def test_measures_of_a_person_stand_beside_those_of_young_people() -> None:
     """In millimetres; a body of another size has none."""
     swayed = replace(noisy(), sway={"cop.x.rms": 4.12e-3, "cop.x.speed": 7.04e-3, "cop.x.frequency.mean": 0.272})
     assert unpack(*pack(swayed)).sway == swayed.sway
-    section = sections.noise(paired([swayed]), {"noisy": (PICTURE, PICTURE)}, 1)
+    section = sections.noise(pair([swayed]), {"noisy": (PICTURE, PICTURE)}, 1)
     assert section is not None
     sway = section.context["items"][0]["sway"]
     assert sway["heads"] == ["linear plant", "young people"]
     assert sway["rows"][0] == ("RMS (mm)", "4.12", "4.74 ± 1.6")
     assert sway["rows"][1] == ("mean speed (mm/s)", "7.04", "7.99 ± 4.6")
     assert ("mean frequency (Hz)", "0.272", "0.252 ± 0.13") in sway["rows"]
-    section = sections.noise(paired([noisy()]), {"noisy": (PICTURE, PICTURE)}, 1)
+    section = sections.noise(pair([noisy()]), {"noisy": (PICTURE, PICTURE)}, 1)
     assert section is not None
     assert section.context["items"][0]["sway"] is None
 
@@ -73,7 +73,7 @@ def test_where_noise_acts_and_no_cycle_is_predicted_no_prediction_is_drawn() -> 
     """The panels of quiet standing named Δ_crit, ±γ and a repelling orbit as predictions, beside noise."""
     free = replace(noisy(), prediction=replace(noisy().prediction, cycle=False, verdict="repelling"))
     for found, drawn in ((noisy(), True), (free, False)):
-        case = paired([found])[0]
+        case = pair([found])[0]
         assert (shown_interval(case) is not None) == drawn
         captions = {panel.letter: panel.caption(case) for panel in PANELS}
         assert ("Δ_crit" in captions["e"]) == drawn
@@ -113,7 +113,7 @@ def test_the_summary_has_every_number_with_its_confidence() -> None:
 
 
 def test_a_noisy_case_is_not_counted_among_the_cycles() -> None:
-    both = paired([result("b0.8"), noisy()])
+    both = pair([result("b0.8"), noisy()])
     assert "Of the 1 case without noise below, linear theory predicts a limit cycle for 1." in (sections.abstract(both))
     quiet, row = sections.summary(both).context["rows"]
     assert (quiet["runs"]["linear"]["mark"], row["runs"]["linear"]["mark"]) == ("✓", "–")
@@ -122,7 +122,7 @@ def test_a_noisy_case_is_not_counted_among_the_cycles() -> None:
 
 
 def test_without_noise_there_is_no_section() -> None:
-    assert sections.noise(paired([result("b0.8")]), {}, 1) is None
+    assert sections.noise(pair([result("b0.8")]), {}, 1) is None
     assert estimate(None) == "–"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from markupsafe import Markup
 
-from icmj.report.notation import SYMBOLS, notation, symbol, unbroken
+from icmj.report.style import SYMBOLS, notation, symbol, unbroken
 
 
 def explained(letter: str, index: str) -> str:

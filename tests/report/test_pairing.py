@@ -6,11 +6,11 @@ import pytest
 from report_cases import result
 
 from icmj.errors import ReportError
-from icmj.report.pairing import paired
+from icmj.report.wording import pair
 
 
 def test_runs_of_a_case_come_together_linear_first():
-    cases = paired([result("b1.2", "mujoco"), result("b0.8"), result("b1.2")])
+    cases = pair([result("b1.2", "mujoco"), result("b0.8"), result("b1.2")])
     assert [case.name for case in cases] == ["b1.2", "b0.8"]
     assert list(cases[0].runs) == ["linear", "mujoco"]
     assert cases[0].first is cases[0].linear
@@ -22,9 +22,9 @@ def test_runs_of_a_case_come_together_linear_first():
 
 def test_no_results_is_an_error():
     with pytest.raises(ReportError, match="at least one log"):
-        paired([])
+        pair([])
 
 
 def test_the_same_run_twice_is_an_error():
     with pytest.raises(ReportError, match=r"'b0\.8' on the linear plant"):
-        paired([result("b0.8"), result("b0.8")])
+        pair([result("b0.8"), result("b0.8")])

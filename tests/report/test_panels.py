@@ -11,12 +11,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from report_cases import CASES, result
 from scipy.linalg import expm
 
+from icmj.case.result import latter_part, reduce_state
 from icmj.report import panels, style
-from icmj.report.pairing import CaseRuns, paired
+from icmj.report.figures import shown_locus
 from icmj.report.panels import Panel
-from icmj.report.panels.eigenvalues import shown_locus
-from icmj.simulation.pressure import Pressure
-from icmj.view.motion import latter_part, reduced
+from icmj.report.wording import CaseRuns, pair
+from icmj.simulation.simulation import Pressure
 
 DEG = np.rad2deg(1)
 PANELS = {panel.letter: panel for panel in panels.PANELS}
@@ -26,12 +26,12 @@ SUBJECTS = ("Largest", "unit circle", "^Outputs? under", "Velocity", "^Open-loop
 
 @pytest.fixture(autouse=True)
 def _styled():
-    with style.applied():
+    with style.apply():
         yield
 
 
 def case(name, *plants):
-    return paired([result(name, plant) for plant in plants or ("linear", "mujoco")])[0]
+    return pair([result(name, plant) for plant in plants or ("linear", "mujoco")])[0]
 
 
 def line(axes, label):
@@ -120,14 +120,14 @@ def pressed(found):
 def test_a_case_has_the_further_panels_that_it_has_something_for():
     found = result("three-link", "mujoco")
     acting, pressure = panels.MORE
-    plain = paired([found])[0]
+    plain = pair([found])[0]
     assert not acting.there(plain)
     assert not pressure.there(plain)
     u = found.simulation.u
     most = np.quantile(np.abs(u), 0.9)
     facts = {**found.simulation.precision, "saturated_share": 0.1}
     cut = replace(found, simulation=replace(found.simulation, applied=np.clip(u, -most, most), precision=facts))
-    both = paired([pressed(result("three-link")), pressed(cut)])[0]
+    both = pair([pressed(result("three-link")), pressed(cut)])[0]
     assert acting.there(both)
     assert pressure.there(both)
     figure = acting.draw(both)
@@ -166,7 +166,7 @@ def test_a_run_without_events_is_drawn_too(letter):
         **{k: getattr(found.simulation.events, k)[:0] for k in ("t", "x", "x_o", "x_h", "y_max", "y_min")},
     )
     quiet = replace(found.measurement, kind="no events", p=None, period=None, interval=None, intervals=np.zeros(0))
-    runs = paired([replace(found, simulation=replace(found.simulation, events=none), measurement=quiet)])
+    runs = pair([replace(found, simulation=replace(found.simulation, events=none), measurement=quiet)])
     assert style.save(PANELS[letter].draw(runs[0]), "pdf").startswith(b"%PDF")
 
 
@@ -180,7 +180,7 @@ def test_a_diverged_run_is_drawn_up_to_where_it_is_finite(name, letter):
         values[-3:-1], values[-1] = np.inf, np.nan
     lost = replace(found.measurement, kind="growth", p=None, period=None, intervals=np.zeros(0))
     with np.errstate(invalid="ignore"):
-        figure = PANELS[letter].draw(paired([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
+        figure = PANELS[letter].draw(pair([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
         assert_legible(figure)
 
 
@@ -222,7 +222,7 @@ def test_b_starts_at_one():
 def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
     found = result("b0.8")
     wild = replace(found, continuous=replace(found.continuous, y=found.continuous.y * 1e6))
-    axes = PANELS["c"].draw(paired([wild])[0]).axes[0]
+    axes = PANELS["c"].draw(pair([wild])[0]).axes[0]
     assert line(axes, "linear") == pytest.approx(np.column_stack([found.simulation.t, found.simulation.y[:, 0] * DEG]))
     assert axes.get_ylim()[1] < 1.2 * np.abs(found.simulation.y).max() * DEG
     events = [segment[0, 0] for segment in axes.collections[0].get_segments()]
@@ -278,7 +278,9 @@ def test_f_draws_the_norm_where_chi_is_undefined():
     assert figure.axes[0].get_yscale() == "log"
     assert "undefined" in figure.axes[0].get_ylabel()
     found = result("exact")
-    expected = np.linalg.norm(reduced(found, found.simulation.x, found.simulation.x_o, found.simulation.x_h), axis=1)
+    expected = np.linalg.norm(
+        reduce_state(found, found.simulation.x, found.simulation.x_o, found.simulation.x_h), axis=1
+    )
     assert line(figure.axes[0], "linear")[:, 1] == pytest.approx(expected)
 
 
@@ -293,7 +295,7 @@ def test_saved_figures_repeat_to_the_byte_and_name_no_time():
 
 def test_a_announces_points_only_where_there_are_some():
     found = case("b0.8", "linear")
-    without = paired([replace(found.first, growth=None)])[0]
+    without = pair([replace(found.first, growth=None)])[0]
     caption = panels.PANELS[0].caption
     assert "Points" in caption(found)
     assert "Points" not in caption(without)
@@ -320,7 +322,7 @@ def test_names_of_several_inputs_stand_clear_of_each_other():
     found = result("three-link")
     simulation = found.simulation
     limited = replace(simulation, applied=0.9 * simulation.u)
-    figure = panels.MORE[0].draw(paired([replace(found, simulation=limited)])[0])
+    figure = panels.MORE[0].draw(pair([replace(found, simulation=limited)])[0])
     figure.canvas.draw()
     assert len(figure.axes) == 3
     labels = [axes.yaxis.get_label() for axes in figure.axes] + [axes.texts[0] for axes in figure.axes]
@@ -336,7 +338,7 @@ def test_d_leaves_a_gap_where_the_rate_of_an_output_jumps_with_the_command():
     y = np.column_stack([found.simulation.y[:, 0], found.simulation.x[:, 1]])
     alone = replace(found.prediction, orbit=None)
     both = replace(found, actual=rate, simulation=replace(found.simulation, y=y), prediction=alone)
-    (axes,) = PANELS["d"].drawing(paired([both])[0]).axes
+    (axes,) = PANELS["d"].drawing(pair([both])[0]).axes
     position, velocity = (line for line in axes.lines if len(line.get_xdata()) > 50)
     late = found.simulation.events.t >= latter_part(found.simulation, 8)[0]
     assert np.isfinite(position.get_ydata()).all()

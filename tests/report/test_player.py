@@ -16,9 +16,9 @@ from report_browser import CHROMIUM, chromium
 
 from icmj.log import read_log, read_scene, write_log
 from icmj.report import build_report
-from icmj.report.moving import moving, script
+from icmj.report.drawing import moving, script
 from icmj.runfile.reading import parse_run
-from icmj.simulation.scene import Scene
+from icmj.simulation.simulation import Scene
 
 SEEN = '"\'><img src=x onerror="window.hit=1"><script>window.hit=1</script><!--</script>&amp;\x1b[31m$x_{$'
 PLAIN = SEEN.replace("\x1b[31m", "")
@@ -114,7 +114,7 @@ def test_a_run_that_diverged_is_played_up_to_there(person):
 
 def test_every_shape_is_as_large_as_its_geom(person):
     """Widths along the axes of a geom's own frame, of the points with their ball."""
-    from icmj.report.moving import _outline
+    from icmj.report.drawing import _outline
 
     for geom in person.scene.geoms:
         if geom.type == "plane":

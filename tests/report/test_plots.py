@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 from report_cases import result
 
 import icmj
-from icmj.controller.delay import Delay
+from icmj.case.result import output_rate
+from icmj.controller.design import Delay
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.report import style
-from icmj.report.pairing import paired
 from icmj.report.panels import PANELS
-from icmj.simulation.pressure import Pressure
-from icmj.simulation.sources import Noise
-from icmj.view.motion import output_rate
+from icmj.report.wording import pair
+from icmj.simulation.settings import Noise
+from icmj.simulation.simulation import Pressure
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")
@@ -62,7 +62,7 @@ def contents(axes):
 def test_it_draws_what_the_report_shows_and_nowhere_else(function, name):
     results = [result(name, plant) for plant in BOTH]
     letter, place = OF_PANELS[function]
-    expected = next(panel for panel in PANELS if panel.letter == letter).draw(paired(results)[0]).axes[place]
+    expected = next(panel for panel in PANELS if panel.letter == letter).draw(pair(results)[0]).axes[place]
     figure, left, right = axes_of_mine()
     getattr(PLOTS, function)(right, *results)
     assert not left.has_data()

@@ -11,22 +11,22 @@ import pytest
 from report_cases import CASES, PENDULUM, design_of, everything, result
 
 import icmj
-from icmj.controller.switching import SwitchingPD
+from icmj.case.result import Attractor, Result
+from icmj.controller.delayed import SwitchingPD
 from icmj.controller.trigger import EventRule, EventTrigger, Faces
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import sections
 from icmj.report.experiment import Row, experiment_page
-from icmj.report.pairing import paired
+from icmj.report.figures import rivals
 from icmj.report.panels import PANELS
-from icmj.report.rivals import rivals
-from icmj.result.result import Attractor, Result
+from icmj.report.wording import pair
+from icmj.runfile.experiment_tables import DoubleStepTable, QuietStandingTable
 from icmj.runfile.reading import parse_run
-from icmj.runfile.stimulus_tables import DoubleStepTable, QuietStandingTable
 from icmj.simulation.settings import Settings
 
 
 def rows():
-    return {row["anchor"]: row for row in sections.summary(paired(everything())).context["rows"]}
+    return {row["anchor"]: row for row in sections.summary(pair(everything())).context["rows"]}
 
 
 def test_summary_has_all_four_columns_side_by_side():
@@ -43,7 +43,7 @@ def test_notices_on_a_run_stand_below_its_case():
     linear, engine = result("b0.8"), result("b0.8", "mujoco")
     both = "kink: <b>the limits</b> of the actuator"
     runs = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
-    verdicts = sections.summary(paired(runs)).context["rows"][0]["verdicts"]
+    verdicts = sections.summary(pair(runs)).context["rows"][0]["verdicts"]
     assert verdicts[-2:] == ["Kink. <b>the limits</b> of the actuator.", "Large step (MuJoCo). 0.1 s is long."]
     assert not any("Kink" in words for row in rows().values() for words in row["verdicts"])
 
@@ -61,7 +61,7 @@ def test_notices_on_a_run_stand_below_its_case():
     ],
 )
 def test_agreement_with_the_printed_value(name, agrees):
-    assert sections.agrees_with_paper(paired([result(name)])[0]) is agrees
+    assert sections.agrees_with_paper(pair([result(name)])[0]) is agrees
     departs = any("Differs from the paper" in words for words in rows()[name]["verdicts"])
     assert departs is (agrees is False)
 
@@ -145,24 +145,24 @@ def test_a_confidence_interval_stands_in_one_cell():
 
 def test_no_caption_speaks_of_light_and_dark():
     """On a dark page light and dark change places, and hues stay: "shades darken" was not so."""
-    for one in paired(everything()):
+    for one in pair(everything()):
         for panel in PANELS:
             assert not re.search(r"dark|light|pale|shade|black|white", panel.caption(one))
 
 
 def test_a_missing_plant_has_dashes():
-    row = sections.summary(paired([result("b0.8")])).context["rows"][0]
+    row = sections.summary(pair([result("b0.8")])).context["rows"][0]
     assert (row["runs"]["mujoco"]["interval"], row["runs"]["mujoco"]["mark"]) == ("–", "–")
     assert row["verdicts"] == ["Linear plant: settles on the predicted cycle (period is one interval)."]
 
 
 def test_errors_name_every_output():
-    errors = sections.summary(paired([result("three-link")])).context["errors"]
+    errors = sections.summary(pair([result("three-link")])).context["errors"]
     assert [part.split()[0] for part in errors[0]["amplitude"].split("; ")] == ["shank", "thigh", "trunk"]
 
 
 def test_abstract_counts():
-    text = sections.abstract(paired(everything()))
+    text = sections.abstract(pair(everything()))
     assert f"Of the {len(CASES)} cases below, linear theory predicts a limit cycle for 5." in text
     assert "Gawthrop (2017) lists 24 statements, 17 of which are results" in text
     assert "These runs test 14 of them: 9 are reproduced without and 4 with a reservation, 1 not." in text
@@ -172,13 +172,13 @@ def test_abstract_counts():
 
 def test_the_headline_counts_the_cases_in_which_no_cycle_is_predicted():
     """It ended "prediction and measurement agree" and left them out; then it did not say which cycles they are."""
-    text = sections.headline(paired(everything()))
+    text = sections.headline(pair(everything()))
     assert "predicts a limit cycle in 5 of 7 cases" in text
     found = result("b1.7")
     every = f"with events every {found.measurement.interval:.3f} s on average for “{found.run.case.title}”"
     assert f"settles on another cycle, {every}" in text
     assert text.endswith("; in 1 other case it settles on none.")
-    text = sections.headline(paired([result("b0.8"), result("exact")]))
+    text = sections.headline(pair([result("b0.8"), result("exact")]))
     assert text.endswith("Where it predicts none, none is reached.")  # the intervals grow, as predicted
 
 
@@ -189,7 +189,7 @@ def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
     first = result("b1.7")
     noise = 'disturbance = [{ kind = "noise", input = "torque", size = 0.1, bandwidth = 0.5, seed = 1 }]\n'
     noisy = replace(first, run=parse_run(f"{first.run.text}{noise}"))
-    row = sections.summary(paired([noisy])).context["rows"][0]
+    row = sections.summary(pair([noisy])).context["rows"][0]
     assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("–", "–")
 
 
@@ -202,16 +202,16 @@ def test_attractors_bear_the_marks_of_the_summary():
     marked = {}
     for name in ("b0.8", "b1.7", "exact"):
         found = result(name)
-        section = sections.attractors(paired([replace(found, attractors=(found_by(found),))]))
+        section = sections.attractors(pair([replace(found, attractors=(found_by(found),))]))
         marked[name] = section.context["rows"][0]["mark"][0]
         assert marked[name] == rows()[name]["runs"]["linear"]["mark"]
     assert marked == {"b0.8": "✓", "b1.7": "○", "exact": "✓"}
     other = replace(result("b0.8"), attractors=(found_by(result("exact")),))
-    assert sections.attractors(paired([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
+    assert sections.attractors(pair([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
 
 
 def test_one_design_is_shown_once():
-    context = sections.designs(paired(everything())).context
+    context = sections.designs(pair(everything())).context
     assert len(context["blocks"]) == 2
     assert len(context["blocks"][0]["cases"]) == len(CASES) - 1
     k = next(m for m in context["blocks"][0]["matrices"] if m["name"] == "k̂")
@@ -224,7 +224,7 @@ def test_one_design_is_shown_once():
 
 
 def test_settings_keep_the_facts_of_each_plant_apart():
-    context = sections.settings(paired([result("b0.8"), result("b0.8", "mujoco")])).context
+    context = sections.settings(pair([result("b0.8"), result("b0.8", "mujoco")])).context
     linear, mujoco = context["precision"]
     assert (linear["plant"], mujoco["plant"]) == ("linear", "MuJoCo")
     assert mujoco["keys"] == ["integrator", "order", "timestep"]
@@ -234,10 +234,10 @@ def test_settings_keep_the_facts_of_each_plant_apart():
 
 def test_what_many_runs_share_is_said_once():
     found = [result(name, "mujoco") for name in ("b0.8", "b1.2", "exact")]
-    (table,) = sections.settings(paired(found)).context["precision"]
+    (table,) = sections.settings(pair(found)).context["precision"]
     assert (table["keys"], table["shared"]) == ([], "integrator RK4, order 4, timestep 0.005")
     found[1] = replace(found[1], simulation=replace(found[1].simulation, precision={"order": 4, "timestep": 0.002}))
-    (table,) = sections.settings(paired(found)).context["precision"]
+    (table,) = sections.settings(pair(found)).context["precision"]
     assert (table["keys"], table["shared"]) == (["integrator", "timestep"], "order 4")
     assert table["rows"][1]["facts"] == ["–", "0.002"]
 
@@ -261,7 +261,7 @@ class Cone(EventRule):
 def test_settings_say_what_each_event_rule_says_of_itself():
     found = result("b0.8")
     other = replace(result("b1.2"), controller=found.controller.triggered_by(Cone()))
-    context = sections.settings(paired([found, other])).context
+    context = sections.settings(pair([found, other])).context
     assert context["rule"] == ["q_t", "Q_t", "Δ_min", "opening", "axes"]
     assert [row["rule"] for row in context["rows"]] == [
         ["0.01", "ĈᵀĈ", "0.001", "–", "–"],
@@ -273,7 +273,7 @@ def test_settings_are_those_of_the_controller_that_ran():
     """Not those of a run file, which may have been edited or never been there."""
     found = result("b0.8")
     rule = EventTrigger(np.eye(2), 0.25, 0.5)
-    context = sections.settings(paired([replace(found, controller=found.controller.triggered_by(rule))])).context
+    context = sections.settings(pair([replace(found, controller=found.controller.triggered_by(rule))])).context
     assert dict(zip(context["rule"], context["rows"][0]["rule"], strict=True)) == {
         "q_t": "0.25", "Q_t": "I", "Δ_min": "0.5"
     }  # fmt: skip
@@ -295,17 +295,17 @@ def test_a_weight_is_said_in_as_few_signs_as_will_do(weight, text):
 
 def test_provenance_that_differs_is_listed():
     other = replace(result("b1.2"), provenance={"icmj": "0.2.0"})
-    context = sections.settings(paired([result("b0.8"), other])).context
+    context = sections.settings(pair([result("b0.8"), other])).context
     assert ("icmj", "0.1.0, 0.2.0") in context["provenance"]
 
 
 def test_no_law_no_section():
-    assert sections.law(paired([result("b0.8")]), {}, 1) is None
+    assert sections.law(pair([result("b0.8")]), {}, 1) is None
 
 
 def test_law_prints_the_errors_without_sign():
     picture = sections.Picture("x", "data:,", "x")
-    section = sections.law(paired([result("three-link", "mujoco")]), {"three-link": picture}, 7)
+    section = sections.law(pair([result("three-link", "mujoco")]), {"three-link": picture}, 7)
     item = section.context["items"][0]
     assert (item["number"], item["interval_slope"]) == (7, "2.000")
     assert item["rows"][0] == ["0.01", *(f"{x}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴" for x in ("2.3", "1.4"))]

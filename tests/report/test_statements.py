@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 from report_cases import CASES, actual_plant, everything, result
 
-from icmj.report.pairing import paired
-from icmj.report.sections.statements import (
-    STATEMENTS,
-    answered,
-    differences,
-    in_paper_order,
-    untested,
-    verdicts_on_results,
-)
+from icmj.report.statements import STATEMENTS, answer, differences, find_untested, in_paper_order, verdicts_on_results
+from icmj.report.wording import pair
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {
@@ -32,7 +25,7 @@ YES, RESERVED, NO = "reproduced", "reproduced with a reservation", "not reproduc
 
 
 def verdicts(*results):
-    return [item.answer.verdict for item in answered(paired(results))]
+    return [item.answer.verdict for item in answer(pair(results))]
 
 
 def test_every_item_of_the_paper_is_there_once():
@@ -60,26 +53,26 @@ def test_each_result_of_the_paper_counts_once_and_what_names_the_system_not_at_a
     """Of the 24 statements, six name the system and one what a panel shows; two cases have the figure of the last."""
     assert sum(statement.result for statement in STATEMENTS) == sum(ITEMS.values()) - 6 - 1
     assert not any(statement.result for statement in STATEMENTS if statement.number == 1)
-    both = paired([result("printed"), result("neglected")])
-    assert len(answered(both)) == 8
+    both = pair([result("printed"), result("neglected")])
+    assert len(answer(both)) == 8
     assert verdicts_on_results(both) == [RESERVED, YES, RESERVED]
-    assert verdicts_on_results(paired([result("printed")])) == [NO, YES, NO]
+    assert verdicts_on_results(pair([result("printed")])) == [NO, YES, NO]
 
 
 def test_a_reservation_names_the_damping_ratio_that_was_taken():
     for i in (0, 1, 3):
-        assert "ζ = 0.1; the paper prints ζ = 0.5" in answered(paired([result("neglected")]))[i].answer.why
+        assert "ζ = 0.1; the paper prints ζ = 0.5" in answer(pair([result("neglected")]))[i].answer.why
 
 
 def test_the_misprint_is_answered_with_its_numbers():
-    second, fourth = (answered(paired([result("printed")]))[i].answer.why for i in (1, 3))
+    second, fourth = (answer(pair([result("printed")]))[i].answer.why for i in (1, 3))
     assert "2.169 s" in second
     assert "3.6 s" in second
     assert fourth.startswith("The rightmost eigenvalue of A − Bk is −")
 
 
 def test_the_unstable_continuous_design_is_answered_with_its_eigenvalue():
-    assert "0.497 ± 9.92j" in answered(paired([result("neglected")]))[3].answer.why
+    assert "0.497 ± 9.92j" in answer(pair([result("neglected")]))[3].answer.why
 
 
 def test_another_gain_is_not_the_papers_case():
@@ -102,13 +95,13 @@ def test_a_cycle_where_the_paper_has_none_is_not_reproduced():
 
 
 def test_what_no_case_names_is_listed_as_untested():
-    cases = paired([result("b0.8"), result("exact")])
-    assert {statement.figure for statement in untested(cases)} == set(ITEMS) - {"simple-gain=0o8"}
-    assert {item.case.name for item in answered(cases)} == {"b0.8"}
+    cases = pair([result("b0.8"), result("exact")])
+    assert {statement.figure for statement in find_untested(cases)} == set(ITEMS) - {"simple-gain=0o8"}
+    assert {item.case.name for item in answer(cases)} == {"b0.8"}
 
 
 def test_answers_are_sentences():
-    items = answered(paired(everything()))
+    items = answer(pair(everything()))
     assert {item.case.name for item in items} == set(CASES) - {"exact"}
     for item in items:
         assert item.answer.why.endswith(".")
@@ -119,7 +112,7 @@ def test_answers_are_sentences():
 
 def test_differences_concern_the_cases_shown():
     def titles(*names):
-        return [difference.title for difference in differences(paired([result(name) for name in names]))]
+        return [difference.title for difference in differences(pair([result(name) for name in names]))]
 
     assert titles("exact") == []
     assert titles("b0.8") == ["The design was recovered", "Choices of this study"]
@@ -129,7 +122,7 @@ def test_differences_concern_the_cases_shown():
 
 
 def test_the_text_on_the_misprint_has_the_numbers_of_the_runs():
-    text = differences(paired([result("printed")]))[0].text
+    text = differences(pair([result("printed")]))[0].text
     for name in ("printed", "neglected"):
         computed = f"{result(name).prediction.delta_crit:.4g}"
         assert computed in text or computed == "3.593"
@@ -138,7 +131,7 @@ def test_the_text_on_the_misprint_has_the_numbers_of_the_runs():
 
 
 def test_cases_follow_the_papers_figures():
-    cases = paired([result(name) for name in ("exact", "printed", "neglected", "three-link", "b1.7", "b0.8")])
+    cases = pair([result(name) for name in ("exact", "printed", "neglected", "three-link", "b1.7", "b0.8")])
     assert [case.name for case in in_paper_order(cases)] == [
         "b0.8",
         "b1.7",

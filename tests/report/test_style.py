@@ -58,7 +58,7 @@ def test_overlaid_lines_differ_in_width_and_in_grey():
 
 def test_settings_come_back():
     before = dict(matplotlib.rcParams)
-    with style.applied():
+    with style.apply():
         assert matplotlib.rcParams["font.family"] == ["STIXGeneral"]
     assert dict(matplotlib.rcParams) == before
 
@@ -74,7 +74,7 @@ def test_axes_keep_their_margins():
 
 
 def test_pdf_has_editable_text():
-    with style.applied():
+    with style.apply():
         figure, (axes,) = style.new_figure()
         axes.set_xlabel("time")
         assert b"/TrueType" in style.save(figure, "pdf") or b"/Type0" in style.save(figure, "pdf")

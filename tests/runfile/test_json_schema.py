@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from icmj.cli.main import main
-from icmj.runfile.json_schema import SCHEMA_VERSION, json_schema
-from icmj.work.shipped import FAMILIES, RUNS, SWEEPS
+from icmj.runfile.sweep_tables import SCHEMA_VERSION, json_schema
+from icmj.work.own_code import FAMILIES, RUNS, SWEEPS
 
 
 def tables(schema: dict[str, Any], entry: dict[str, Any]) -> list[dict[str, Any]]:

@@ -3,9 +3,8 @@
 import pytest
 
 from icmj.errors import RunFileError
-from icmj.runfile.keys import place_of
-from icmj.runfile.overrides import overridden
 from icmj.runfile.reading import load_run
+from icmj.runfile.schema import overridden, place_of
 
 
 @pytest.fixture(scope="module")

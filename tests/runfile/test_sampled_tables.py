@@ -13,7 +13,7 @@ from icmj.errors import IcmjError, RunFileError
 from icmj.linear.run import simulate
 from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, pushes_of
-from icmj.simulation.sources import Sampled
+from icmj.simulation.settings import Sampled
 
 
 def test_a_ramp_is_what_dop853_finds() -> None:

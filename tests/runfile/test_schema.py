@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from icmj.errors import RunFileError
-from icmj.runfile.keys import to_toml
-from icmj.runfile.overrides import overridden
 from icmj.runfile.plant_tables import Actual
 from icmj.runfile.reading import load_run, parse_run
+from icmj.runfile.schema import overridden, to_toml
 
 
 def test_text_as_read_stays_to_the_letter(root):

@@ -10,8 +10,8 @@ from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.errors import IcmjError
-from icmj.sweeps.columns import meanings
-from icmj.sweeps.sweep import planned
+from icmj.study.chunk import meanings
+from icmj.study.sweep import make_plan
 
 B = '[[vary]]\nfield = "actual.gain"\n'
 WRONG = {
@@ -43,7 +43,7 @@ WRONG = {
 @pytest.mark.parametrize("vary", WRONG)
 def test_what_is_wrong_is_named(tmp_path: Path, vary: str) -> None:
     with pytest.raises(IcmjError, match=WRONG[vary]) as raised:
-        planned(sweep_file(tmp_path, vary))
+        make_plan(sweep_file(tmp_path, vary))
     assert "\n" not in str(raised.value)
     assert str(tmp_path / "sweep.toml") in str(raised.value)
 
@@ -66,16 +66,16 @@ def test_on_the_command_line_it_is_one_line_and_nothing_is_written(
 def test_the_run_file_is_found_beside_the_sweep_file(tmp_path: Path) -> None:
     (tmp_path / "sweep.toml").write_text(f'[sweep]\nname = "x"\nrun = "none.toml"\n{GRID.format(count=2)}')
     with pytest.raises(IcmjError, match=r"none\.toml: cannot be read"):
-        planned(tmp_path / "sweep.toml")
-    assert planned(sweep_file(tmp_path, GRID.format(count=2))).file.base.path == PENDULUM
+        make_plan(tmp_path / "sweep.toml")
+    assert make_plan(sweep_file(tmp_path, GRID.format(count=2))).file.base.path == PENDULUM
 
 
 def test_every_column_of_what_comes_out_is_refused_as_a_name_of_what_varies(tmp_path: Path) -> None:
     ask = 'motion = ["linear", "mujoco"]\ncycle = ["linear", "mujoco"]\nattractors = 3'
     noise = "[[set.simulation.disturbance]]\nkind = 'noise'\ninput = 'torque'\nsize = 1e-3\nbandwidth = 3\nseed = 1"
-    plan = planned(sweep_file(tmp_path, GRID.format(count=3), ask=f"{ask}\n{noise}"))
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=3), ask=f"{ask}\n{noise}"))
     computed = [name for name in meanings(plan) if name not in plan.points.names]
     assert len(computed) > 60
     for name in computed:
         with pytest.raises(IcmjError, match=f"called '{name}'"):
-            planned(sweep_file(tmp_path, f"{B}name = '{name}'\nvalues = [0.8]"))
+            make_plan(sweep_file(tmp_path, f"{B}name = '{name}'\nvalues = [0.8]"))

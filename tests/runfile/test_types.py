@@ -18,13 +18,10 @@ import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
 from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
-from icmj.runfile.family_tables import FamilyFile, load_family_file
-from icmj.runfile.json_schema import json_schema
-from icmj.runfile.keys import to_toml
 from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
-from icmj.runfile.sweep_tables import SweepFile, load_sweep
-from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
+from icmj.runfile.schema import RunFile, to_toml
+from icmj.runfile.sweep_tables import FamilyFile, SweepFile, json_schema, load_family_file, load_sweep
+from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS: dict[str, type[BaseModel]] = {
@@ -206,7 +203,7 @@ def test_so_does_an_axis_of_a_sweep(value: str, tmp_path: Path, capfd: pytest.Ca
 
 
 def test_an_axis_of_whole_numbers_may_be_that_of_a_seed(tmp_path: Path) -> None:
-    from icmj.sweeps.plan import Plan
+    from icmj.study.plan import Plan
 
     text = """
     [[set.simulation.disturbance]]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.series.even import even_series, evenly
-from icmj.series.series import Series
+from icmj.series.series import Series, even_series, evenly
 
 
 def test_even_rows_are_not_interpolated(monkeypatch):

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 
 from icmj.errors import DataError
 from icmj.series import reading
-from icmj.series.reading import name_and_unit, read_series
+from icmj.series.reading import name_and_unit, read_series, write_series
 from icmj.series.series import Series
-from icmj.series.writing import write_series
 
 KINDS = (".csv", ".parquet", ".npz")
 

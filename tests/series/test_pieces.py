@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from icmj.series.pieces import piecewise
+from icmj.series.series import piecewise
 
 JUMPS = np.array([0.7315, 1.2052])
 

@@ -9,10 +9,9 @@ import pytest
 
 from icmj.cli.main import main
 from icmj.errors import DataError
-from icmj.series import c3d
-from icmj.series.reading import read_series
+from icmj.series import formats
+from icmj.series.reading import read_series, write_series
 from icmj.series.series import Series
-from icmj.series.writing import write_series
 
 T = np.arange(0, 4, 0.01)
 
@@ -213,28 +212,28 @@ def test_a_c3d_with_more_frames_than_its_reader_counts_is_refused(tmp_path, told
 
 def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monkeypatch):
     program = tmp_path / "reader.py"
-    monkeypatch.setattr(c3d, "_READER", program)
+    monkeypatch.setattr(formats, "_READER", program)
     program.write_text("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
     with pytest.raises(DataError, match="reading it ended the reader"):
         read_series(recording[0])
     program.write_text("import time; time.sleep(30)")
     with pytest.raises(DataError, match=r"takes more than 0.2 s"):
-        c3d.groups_of(recording[0], longest=0.2)
+        formats.groups_of(recording[0], longest=0.2)
 
 
 def test_the_reader_has_one_thread_of_blas(recording, tmp_path, monkeypatch):
     """On a machine of sixty processors their threads take more addresses than the reader may use."""
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "64")
-    monkeypatch.setattr(c3d, "_READER", tmp_path / "reader.py")
-    c3d._READER.write_text(
+    monkeypatch.setattr(formats, "_READER", tmp_path / "reader.py")
+    formats._READER.write_text(
         "import os, sys; sys.stderr.write(os.environ['OPENBLAS_NUM_THREADS'] + ' thread'); sys.exit(3)"
     )
     with pytest.raises(DataError, match="1 thread"):
-        c3d.groups_of(recording[0])
+        formats.groups_of(recording[0])
 
 
 def test_without_ezc3d_one_line_says_so(tmp_path, monkeypatch):
     (tmp_path / "a.c3d").write_bytes(b"\0")
-    monkeypatch.setattr(c3d.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(formats.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(DataError, match="ezc3d, which reads C3D, is not installed; `pip install ezc3d`"):
         read_series(tmp_path / "a.c3d")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import DataError
-from icmj.series.even import even_series
-from icmj.series.series import Series
+from icmj.series.series import Series, even_series
 
 T = np.arange(0, 2, 0.01)
 

@@ -10,16 +10,14 @@ from report_cases import design_of, result
 
 from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, system_matched
 from icmj.controller.setpoint import Target, step
 from icmj.controller.setpoint import setpoint as setpoint_of
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import DataError
 from icmj.linear.run import simulate
 from icmj.runfile.reading import load_run, parse_run
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Impulse
+from icmj.simulation.settings import Impulse, Settings
 
 RATE = 373.0  # Hz: no row of a grid of 10 ms, but for every whole second
 

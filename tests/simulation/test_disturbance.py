@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import SimulationError
-from icmj.plant.push import Push
+from icmj.plant.linear_plant import Push
 from icmj.simulation.disturbance import (
     LOW_PASS_END,
     disturbance_of,
@@ -18,8 +18,7 @@ from icmj.simulation.disturbance import (
     reading_error_of,
     realised,
 )
-from icmj.simulation.settings import Settings
-from icmj.simulation.sources import NOISE_TERMS, Bias, Impulse, Noise, Step
+from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Settings, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:

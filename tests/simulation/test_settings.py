@@ -9,11 +9,10 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design
 
 from icmj.errors import SimulationError
-from icmj.runfile.simulation_tables import SimulationTable
+from icmj.runfile.setpoint_tables import SimulationTable
 from icmj.runfile.source_tables import BiasTable, ImpulseTable, NoiseTable, StepTable
 from icmj.simulation import ending
-from icmj.simulation.settings import Settings, start_states
-from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step, start_states
 
 
 @pytest.mark.parametrize(

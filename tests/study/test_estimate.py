@@ -124,7 +124,7 @@ def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
     """All trials of an experiment file."""
     file = load_experiment(path)
     kind, count = kind_of(file), file.experiment.repetitions
-    return [(prepare(kind.stimulated(one.run, 1)), one.plant, count) for one in conditions_of(file)]
+    return [(prepare(kind.stimulate(one.run, 1)), one.plant, count) for one in conditions_of(file)]
 
 
 def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:

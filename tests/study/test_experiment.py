@@ -15,8 +15,8 @@ from icmj.cli.main import main
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
-from icmj.study.trials import resume_experiment
-from icmj.work.shipped import EXPERIMENTS
+from icmj.study.experiment import resume_experiment
+from icmj.work.own_code import EXPERIMENTS
 
 TEXT = """
 [experiment]
@@ -78,7 +78,7 @@ def test_two_processes_are_not_at_one_folder(tmp_path):
     file, out = file_of(TEXT, tmp_path), tmp_path / "out"
     script = (
         "import sys; from icmj.runfile.experiment_tables import load_experiment as load\n"
-        "from icmj.study.trials import resume_experiment\n"
+        "from icmj.study.experiment import resume_experiment\n"
         "with resume_experiment(sys.argv[2], load(sys.argv[1])):\n    print('there', flush=True); sys.stdin.read()"
     )
     (tmp_path / "short.toml").write_text(TEXT)

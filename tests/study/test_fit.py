@@ -12,17 +12,16 @@ import pytest
 from scipy.stats import binomtest
 
 from icmj.errors import FitError
-from icmj.fitting import calibration, choice, network, posterior, predictive
+from icmj.fitting import choice, network, posterior
+from icmj.fitting import posterior as calibration
 from icmj.fitting.bank import Bank
-from icmj.fitting.family import load_family
-from icmj.fitting.prior import Distribution, Prior
-from icmj.fitting.seen import Seen
-from icmj.fitting.summaries import SUMMARIES, summarise
-from icmj.study import families as families_module
+from icmj.fitting.family import Distribution, Prior, load_family
+from icmj.fitting.network import SeenSummaries
+from icmj.fitting.recordings import SUMMARIES, summarise
+from icmj.study import fit as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
-from icmj.study.families import train_family
-from icmj.study.fit import Subject, fit
+from icmj.study.fit import Subject, fit, train_family
 from icmj.study.fit_page import write_fit
 
 PRIOR = Prior(
@@ -97,13 +96,13 @@ class Regression:
         weights = np.linalg.lstsq(conditions, targets, rcond=None)[0]
         return cls(kind, weights, (targets - conditions @ weights).std(axis=0))
 
-    def inverted(self, normal, conditions):
+    def invert(self, normal, conditions):
         return conditions @ self.weights + self.spread * normal
 
     def log_density(self, targets, conditions):
         return -0.5 * np.sum(((targets - conditions @ self.weights) / self.spread) ** 2, axis=1)
 
-    def tempered(self, *_):
+    def temper(self, *_):
         return self
 
     def scaled(self, factor):
@@ -213,7 +212,14 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     foot = page.partition("<footer>")[2]
     assert "from recordings and simulated people" in foot
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
-    for said in (choice.CAVEAT, predictive.CAVEAT, calibration.CAVEAT, "76 %", "48 of 60", "42 %"):
+    for said in (
+        choice.CAVEAT,
+        posterior.PREDICTION_CAVEAT,
+        calibration.CALIBRATION_CAVEAT,
+        "76 %",
+        "48 of 60",
+        "42 %",
+    ):
         assert said in page
     results = pq.read_table(tmp_path / "out" / "results.parquet")
     assert results.num_rows == 2 * 2 * 3
@@ -244,7 +250,7 @@ def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkey
         def mixture(self) -> "Known":
             return Known()
 
-        def rescaled(self, *_) -> "Known":
+        def rescale(self, *_) -> "Known":
             return self
 
         def sample_all(self, S, draws, seed):
@@ -272,7 +278,7 @@ def test_beside_every_probability_stands_what_it_does_not_carry() -> None:
 class Idle:
     """Stands for a flow that has learnt nothing: the posterior is the prior."""
 
-    def inverted(self, normal, _):
+    def invert(self, normal, _):
         return normal
 
     def log_density(self, z, _):
@@ -283,9 +289,9 @@ def test_a_posterior_rests_on_no_more_people_than_were_simulated(tmp_path, monke
     """Of a posterior that is the prior all weights are alike: it rests on all who were simulated, and on no others."""
     monkeypatch.setattr(fits, "PREDICTED", 25)
     bank = simulated_toy(Toy("one", 1), 40, 0)
-    idle = posterior.Posterior(PRIOR.names, Seen.of(bank.summaries, SUMMARIES), (Idle(),), len(bank))
-    check = families_module.Trained(Toy("one", 1), "", idle, None, bank.summaries, bank.z)
-    found = fits._fitted(person("anna", (4e-3, 0.3, 0.5)), check, tmp_path, 200, 0)
+    idle = posterior.Posterior(PRIOR.names, SeenSummaries.of(bank.summaries, SUMMARIES), (Idle(),), len(bank))
+    check = families_module.TrainedFamily(Toy("one", 1), "", idle, None, bank.summaries, bank.z)
+    found = fits._fit_person(person("anna", (4e-3, 0.3, 0.5)), check, tmp_path, 200, 0)
     assert found.support == pytest.approx(40)
 
 

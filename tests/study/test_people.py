@@ -8,7 +8,7 @@ import pytest
 
 import icmj
 from icmj.engine.reaction import ground_force, reaction
-from icmj.study.kind import sampled
+from icmj.study.kind import sample_rows
 
 SETTLE, RATE = 10.0, 100.0
 CURVE = "intersection point (1) at Hz"
@@ -53,7 +53,7 @@ def test_it_stands_like_young_people(case, people, plant, seeds):
         else:
             force = ground_force(case.model, run).chosen(["force.x", "force.z", "cop.x"])
             signals = icmj.force_angle(force, "force.x", "force.z").chosen(["force_angle", "cop.x"])
-        even = sampled(signals, run, RATE, SETTLE)
+        even = sample_rows(signals, run, RATE, SETTLE)
         return {"values": even.values}
 
     batch = icmj.simulate_many(case, seeds, plant=plant, keep=plate, jobs=1)

@@ -9,7 +9,7 @@ import pytest
 from kernel_cases import computed, kernels
 
 from icmj.case.case import prepare, simulate
-from icmj.comparison.comparison import compare
+from icmj.case.comparison import compare
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
 from icmj.log import read_log, write_log
@@ -56,7 +56,7 @@ def test_summary_is_the_contract(summary):
 RECORDS = """
 import json
 from pathlib import Path
-from icmj.comparison.comparison import compare, to_json
+from icmj.case.comparison import compare, to_json
 from icmj.study.study import PLANTS, find_runs, run_case
 runs = find_runs([Path(name) for name in {names!r}])
 print(json.dumps([to_json(compare(run_case(run, plant))) for run in runs for plant in PLANTS]))

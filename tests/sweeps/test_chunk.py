@@ -10,14 +10,14 @@ import pytest
 from sweep_cases import sweep_file
 
 import icmj
-from icmj.sweeps.chunk import compute
-from icmj.sweeps.sweep import planned
+from icmj.study.chunk import compute
+from icmj.study.sweep import make_plan
 
 B = '[[vary]]\nfield = "actual.gain"\nvalues = {}\n'
 
 
 def rows(file: Path) -> list[dict]:
-    plan = planned(file)
+    plan = make_plan(file)
     return pq.read_table(pa.BufferReader(compute(plan, range(len(plan))).content)).to_pylist()
 
 

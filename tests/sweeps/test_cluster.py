@@ -18,8 +18,8 @@ from sweep_cases import GRID, contents, sweep_file
 from terminal_cases import told
 
 from icmj.errors import SweepError
-from icmj.sweeps.chunk import compute
-from icmj.sweeps.sweep import Progress, carry_out, planned
+from icmj.study.chunk import compute
+from icmj.study.sweep import Progress, carry_out, make_plan
 
 pytest.importorskip("distributed")
 
@@ -102,7 +102,7 @@ def test_a_result_that_cannot_be_fetched_is_not_the_workers_fault() -> None:
     """The connection closes before the client knows that it has, once in some hundred times."""
     from distributed.comm.core import CommClosedError
 
-    from icmj.work.crew import Cluster, _outcome
+    from icmj.work.workers import Cluster, _outcome
 
     class Future:
         def __init__(self, error: Exception) -> None:
@@ -126,7 +126,7 @@ def test_a_result_that_cannot_be_fetched_is_not_the_workers_fault() -> None:
 @pytest.mark.slow
 def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[str]]]) -> None:
     address, workers = cluster
-    plan = planned(sweep_file(tmp_path, GRID.format(count=120), chunk=2))
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=120), chunk=2))
     seen: list[Progress] = []
 
     def tell(progress: Progress) -> None:
@@ -145,10 +145,10 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from icmj.work import crew
+    from icmj.work import workers
 
-    monkeypatch.setattr(crew, "_PATIENCE", 0.3)
-    plan = planned(sweep_file(tmp_path, GRID.format(count=2)))
+    monkeypatch.setattr(workers, "_ANSWER", 0.3)
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=2)))
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(SweepError, match="no scheduler answers there"):
             carry_out(plan, tmp_path / "out", dask=address)

@@ -7,8 +7,8 @@ import icmj
 from icmj.case.case import prepare, simulate
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.experiments.rounds import rounds_of
-from icmj.report.maps.pictures import pictures
+from icmj.experiments.attraction import rounds_of
+from icmj.report.maps import pictures
 from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import load_sweep
 

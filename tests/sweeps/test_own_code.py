@@ -12,8 +12,8 @@ import pytest
 import icmj
 from icmj.cli.main import main
 from icmj.errors import SweepError
-from icmj.sweeps.chunk import compute
-from icmj.sweeps.sweep import carry_out, planned
+from icmj.study.chunk import compute
+from icmj.study.sweep import carry_out, make_plan
 
 RULES = """
 import numpy as np
@@ -92,13 +92,13 @@ def test_two_processes_run_the_code_of_a_file(folder: Path) -> None:
 @pytest.mark.slow
 def test_another_source_is_another_sweep(folder: Path) -> None:
     out, file = folder / "out", folder / "own-sweep.toml"
-    plan = planned(file, allow_code=True)
+    plan = make_plan(file, allow_code=True)
     carry_out(plan, out, jobs=1)
     (folder / "rules.py").write_text(RULES + "\n# changed\n", encoding="utf-8")
     with pytest.raises(SweepError, match=r"rules:\w+: its source is not the one with which the sweep began"):
         compute(plan, range(1))
     with pytest.raises(SweepError, match="another sweep file, run file, model or code"):
-        carry_out(planned(file, allow_code=True), out, jobs=1)
+        carry_out(make_plan(file, allow_code=True), out, jobs=1)
 
 
 def test_code_is_not_run_unasked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

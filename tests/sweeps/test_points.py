@@ -10,7 +10,7 @@ import pytest
 from sweep_cases import sweep_file
 
 from icmj.runfile.sweep_tables import load_sweep
-from icmj.sweeps.points import Points
+from icmj.study.plan import Points
 
 DRAWN = """
 [[vary]]

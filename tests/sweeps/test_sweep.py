@@ -18,14 +18,13 @@ from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
 
 import icmj
+from icmj.case.result import SweepTable
 from icmj.errors import SweepError
-from icmj.report.maps.grid import label
-from icmj.result.swept import Swept
+from icmj.report.maps import label
 from icmj.runfile.sweep_tables import load_sweep
-from icmj.sweeps.chunk import Computed, compute
-from icmj.sweeps.dataset import read_table, resume_sweep
-from icmj.sweeps.plan import Plan
-from icmj.sweeps.sweep import carry_out, planned, tried
+from icmj.study.chunk import ChunkResult, compute
+from icmj.study.plan import Plan
+from icmj.study.sweep import carry_out, make_plan, read_table, resume_sweep, try_plan
 from icmj.work.folder import Folder
 
 KILLS = 20
@@ -35,20 +34,20 @@ KILLS = 20
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("swept")
     file = sweep_file(folder, GRID.format(count=5) + THRESHOLDS, ask='motion = ["linear", "mujoco"]', chunk=3)
-    carry_out(planned(file), folder / "two", jobs=2)
+    carry_out(make_plan(file), folder / "two", jobs=2)
     return folder
 
 
 @pytest.mark.slow
 def test_one_process_gives_the_bytes_that_two_give(swept: Path) -> None:
-    plan = planned(swept / "sweep.toml")
+    plan = make_plan(swept / "sweep.toml")
     assert {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)} == contents(
         swept / "two"
     )
 
 
 def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
-    run = icmj.load_run(planned(swept / "sweep.toml").file.base.path)
+    run = icmj.load_run(make_plan(swept / "sweep.toml").file.base.path)
     rows = read_table(swept / "two").to_pylist()
     for row in rows:
         case = icmj.prepare(run.with_(**{"actual.gain": row["b"], "controller.q_t": row["q_t"]}))
@@ -82,7 +81,7 @@ def test_other_readers_open_the_dataset(swept: Path) -> None:
 
 def test_a_finished_sweep_computes_nothing_again(swept: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()}
-    assert carry_out(planned(swept / "sweep.toml"), swept / "two", jobs=1).done == 10
+    assert carry_out(make_plan(swept / "sweep.toml"), swept / "two", jobs=1).done == 10
     assert {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()} == before
 
 
@@ -94,7 +93,7 @@ def test_a_point_that_fails_or_falls_is_a_row(tmp_path: Path) -> None:
     assert table["status"].to_pylist() == ["ok", "ok"]
     assert table["mujoco_outcome"].to_pylist() == ["completed", "fell"]
     vary = '[[vary]]\nfield = "controller.Q_t"\nvalues = ["output", [0.0, 0.0]]'
-    plan = planned(sweep_file(tmp_path, vary, name="bad.toml"))
+    plan = make_plan(sweep_file(tmp_path, vary, name="bad.toml"))
     rows = pq.read_table(pa.BufferReader(compute(plan, range(2)).content)).to_pylist()
     assert [row["status"] for row in rows] == ["ok", "failed"]
     assert "Q_t is zero" in rows[1]["words"]
@@ -122,9 +121,9 @@ def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_
 ) -> None:
     from contextlib import nullcontext
 
-    from icmj.sweeps import sweep
+    from icmj.study import sweep
 
-    plan = planned(sweep_file(tmp_path, GRID.format(count=20)))
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=20)))
     carry_out(plan, tmp_path / "sound", jobs=1)
     monkeypatch.setattr(sweep, "_crew", lambda *_: nullcontext(_Crew({9}, {3, 15})))
     carry_out(plan, tmp_path / "deadly")
@@ -138,8 +137,8 @@ def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_
 
 
 def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
-    one = planned(sweep_file(tmp_path, GRID.format(count=4)))
-    two = planned(sweep_file(tmp_path, GRID.format(count=5), name="two.toml"))
+    one = make_plan(sweep_file(tmp_path, GRID.format(count=4)))
+    two = make_plan(sweep_file(tmp_path, GRID.format(count=5), name="two.toml"))
     with resume_sweep(tmp_path / "out", one) as (dataset, _):
         with pytest.raises(SweepError, match=rf"another sweep \(process {os.getpid()}\) is writing there"):
             carry_out(one, tmp_path / "out", jobs=1)
@@ -159,16 +158,16 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = planned(sweep_file(tmp_path, GRID.format(count=4), chunk=1))
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=4), chunk=1))
 
     def full(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
     with resume_sweep(tmp_path / "out", plan) as (dataset, _):
-        dataset.write(0, Computed(b"whole", 1, 0, 0.0, 0.0))
+        dataset.write(0, ChunkResult(b"whole", 1, 0, 0.0, 0.0))
         monkeypatch.setattr(os, "fsync", full)
         with pytest.raises(SweepError, match="No space left on device; what is finished is kept"):
-            dataset.write(1, Computed(b"not", 1, 0, 0.0, 0.0))
+            dataset.write(1, ChunkResult(b"not", 1, 0, 0.0, 0.0))
     assert contents(tmp_path / "out") == {"00000000.parquet": b"whole"}
 
 
@@ -176,7 +175,7 @@ def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch
 @pytest.mark.skipif(sys.platform != "linux", reason="kills a process group")
 def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig: pytest.Config) -> None:
     file = sweep_file(tmp_path, GRID.format(count=160), chunk=1)
-    plan = planned(file)
+    plan = make_plan(file)
     whole = {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)}
     seed = pytestconfig.getoption("--seed") or random.randrange(10**6)
     dice, out = random.Random(seed), tmp_path / "out"
@@ -209,11 +208,11 @@ def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig:
 
 
 def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
-    from icmj.sweeps.chunk import died
+    from icmj.study.chunk import report_death
 
-    plan = planned(sweep_file(tmp_path, GRID.format(count=2)))
-    computed: Computed = compute(plan, range(2))
-    assert died(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=2)))
+    computed: ChunkResult = compute(plan, range(2))
+    assert report_death(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
 
 
 @pytest.mark.parametrize(
@@ -225,8 +224,8 @@ def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
 )
 def test_axes_of_maps_have_the_units_of_what_varies(name: str, units: dict[str, str]) -> None:
     """Axes were called angle and rate, without a unit."""
-    plan = tried(Plan.of(load_sweep(name)))
+    plan = try_plan(Plan.of(load_sweep(name)))
     assert plan.units == units
-    swept = Swept(name, name, (), 0, pa.table({}), plan.units)
+    swept = SweepTable(name, name, (), 0, pa.table({}), plan.units)
     assert next(label(each, swept) for each in units) in ("angle (rad)", "$q_{t}$ (rad)")
     assert label("b", swept) == "$b$"

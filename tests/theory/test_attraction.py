@@ -7,7 +7,7 @@ import pytest
 from theory_cases import random_systems, shipped
 
 from icmj.controller.controller import Controller
-from icmj.controller.hold import system_matched
+from icmj.controller.design import system_matched
 from icmj.controller.trigger import EventTrigger
 from icmj.linear.run import simulate
 from icmj.simulation.settings import Settings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from icmj.controller.switching import SwitchingPD
+from icmj.controller.delayed import SwitchingPD
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots, stability_limit

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, shipped
 
-from icmj.controller.design import Design
-from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.design import Design, system_matched, zero_order
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.matching import deviated
+from icmj.plant.linear_plant import LinearPlant, deviate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import error_system
 
@@ -130,7 +128,7 @@ def _changed(plant, S):
 
 def test_the_family_in_rho_runs_from_the_exact_model_to_the_actual_plant():
     design, actual = pendulum_design(), pendulum(0.8)
-    at = [error_system(deviated(design.plant, actual, rho), design).A_C for rho in (0.0, 0.5, 1.0)]
+    at = [error_system(deviate(design.plant, actual, rho), design).A_C for rho in (0.0, 0.5, 1.0)]
     np.testing.assert_allclose(at[0], shipped("exact").A_C, atol=1e-14)
     np.testing.assert_allclose(at[1], (at[0] + at[2]) / 2, atol=1e-14)
     np.testing.assert_allclose(at[2], error_system(actual, design).A_C, atol=1e-14)

@@ -17,16 +17,15 @@ from theory_cases import (
 )
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Design, system_matched
 from icmj.controller.trigger import EventTrigger
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.family import mixtures, modulo
 from icmj.theory.prediction import predict
+from icmj.theory.reduction import mixtures, modulo
 
 
 def orthogonal(rng, size):

@@ -10,9 +10,7 @@ from theory_cases import SHIPPED, random_systems, shipped
 from icmj.controller.design import design_lq
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.error_system import error_system
-from icmj.theory.flow import flow
-from icmj.theory.locus import follow, locus
+from icmj.theory.error_system import error_system, flow, follow, locus
 
 
 @pytest.mark.parametrize("case", SHIPPED)

@@ -22,9 +22,7 @@ from theory_cases import (
 )
 
 from icmj.controller.controller import Controller
-from icmj.controller.delay import Delay
-from icmj.controller.design import Design
-from icmj.controller.hold import system_matched
+from icmj.controller.design import Delay, Design, system_matched
 from icmj.controller.trigger import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 
-from icmj.controller.hold import zero_order
+from icmj.controller.design import zero_order
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.theory.crossing import Crossing
-from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
-from icmj.theory.error_system import error_system
-from icmj.theory.locus import locus
-from icmj.theory.prediction import critical_crossing, predict
+from icmj.theory.circle import Crossing
+from icmj.theory.error_system import error_system, locus
+from icmj.theory.prediction import ILL_CONDITIONED, critical_crossing, eigenstructure, predict
 
 PUBLISHED = {
     "b=0.8": (1.807, 1, True, "attracting"),

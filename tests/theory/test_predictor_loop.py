@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from linear_cases import pendulum_design
 
-from icmj.controller.delay import Delay
-from icmj.controller.predictor import PredictorController
+from icmj.controller.delayed import PredictorController
+from icmj.controller.design import Delay
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.errors import AnalysisError
-from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots
-from icmj.theory.predictor_loop import predictor_covariance, predictor_loop
+from icmj.theory.delay_roots import DelayLoop, delay_loop, predictor_covariance, predictor_loop, rightmost_roots
 
 
 def poles(design) -> np.ndarray:

@@ -9,8 +9,8 @@ from scipy.optimize import brentq, linear_sum_assignment
 from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj.controller.trigger import EventTrigger
+from icmj.theory.orbit import jacobian, multipliers
 from icmj.theory.prediction import predict
-from icmj.theory.return_map import jacobian, multipliers
 
 
 class EventMap:

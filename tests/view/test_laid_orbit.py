@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from report_cases import result
 
+from icmj.case.result import Result, event_rows, lay_orbit, output_rate, reduce_state
 from icmj.linear.run import simulate
-from icmj.log.signals import groups
-from icmj.report.pairing import paired
+from icmj.log.writer import groups
 from icmj.report.panels import PANELS
-from icmj.result.result import Result
+from icmj.report.wording import pair
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import error_system
-from icmj.view.laid_orbit import laid_orbit
-from icmj.view.motion import event_rows, output_rate, reduced
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]  # b1.2 is mirrored; neglected has n = 4, n̂ = 2
 
@@ -41,14 +39,14 @@ def on_the_orbit(name: str, sign: int = 1, point: int = 0, intervals: float = 4.
 @pytest.mark.parametrize("name", CYCLES)
 def test_laid_on_a_run_on_the_predicted_cycle_it_is_the_run(name: str, sign: int, point: int) -> None:
     found = on_the_orbit(name, sign, point)
-    run, laid = found.simulation, laid_orbit(found)
+    run, laid = found.simulation, lay_orbit(found)
     assert len(run.events) == 4
     between = np.ones(len(run.t), dtype=bool)
     between[[0, *event_rows(run)]] = False  # at an event, which t = 0 is, inputs and rates jump
     rate = output_rate(found, run.x, run.u)
     for signal, values, at in (
         (laid.orbit.y, run.y, slice(None)),
-        (laid.reduced, reduced(found, run.x, run.x_o, run.x_h), slice(None)),
+        (laid.reduced, reduce_state(found, run.x, run.x_o, run.x_h), slice(None)),
         (laid.orbit.u, run.u, between),
         (laid.rate, rate, between),
     ):
@@ -57,7 +55,7 @@ def test_laid_on_a_run_on_the_predicted_cycle_it_is_the_run(name: str, sign: int
 
 @pytest.mark.parametrize("name", CYCLES)
 def test_it_repeats_with_its_period_and_each_interval_has_the_sign_of_its_eigenvalue(name: str) -> None:
-    laid = laid_orbit(on_the_orbit(name))
+    laid = lay_orbit(on_the_orbit(name))
     orbit = laid.orbit
     t = laid.start + np.linspace(-2.3, 1.4, 101) * orbit.delta
     for signal in (orbit.y, laid.reduced):
@@ -69,15 +67,15 @@ def test_it_repeats_with_its_period_and_each_interval_has_the_sign_of_its_eigenv
 @pytest.mark.parametrize("name", CYCLES)
 def test_one_period_is_a_closed_curve_that_starts_at_the_last_event(name: str) -> None:
     found = on_the_orbit(name, -1)
-    laid = laid_orbit(found)
+    laid = lay_orbit(found)
     whole = laid.whole(laid.reduced)
     assert len(whole) == round(laid.orbit.period / laid.orbit.delta) * len(laid.orbit.t)
-    last = reduced(found, *(getattr(found.simulation.events, name)[-1] for name in ("x", "x_o", "x_h")))
+    last = reduce_state(found, *(getattr(found.simulation.events, name)[-1] for name in ("x", "x_o", "x_h")))
     np.testing.assert_allclose(whole[[0, -1]], [last, last], atol=1e-7 * np.abs(whole).max())
 
 
 def test_its_own_times_are_those_of_the_theory_within_the_bounds() -> None:
-    laid = laid_orbit(on_the_orbit("b1.2"))
+    laid = lay_orbit(on_the_orbit("b1.2"))
     begin, end = laid.start - 2.5 * laid.orbit.delta, laid.start + 0.5 * laid.orbit.delta
     t = laid.times(begin, end)
     step = laid.orbit.t[1]
@@ -104,9 +102,9 @@ def test_off_the_cycle_the_nearer_image_is_taken(x_part: float, observer_part: f
     orbit, events = found.prediction.orbit, found.simulation.events
     x_bar = np.concatenate([events.x[-1], events.x_o[-1] - events.x[-1]])
     distance = {sign: np.linalg.norm(x_bar - sign * orbit.x_bar) for sign in (1, -1)}
-    assert laid_orbit(found).side == min(distance, key=distance.get)
+    assert lay_orbit(found).side == min(distance, key=distance.get)
     if abs(observer_part) == 200:  # the plant's state alone would point to the other
-        assert laid_orbit(found).side != np.sign(events.x[-1] @ orbit.x_bar[: found.actual.n])
+        assert lay_orbit(found).side != np.sign(events.x[-1] @ orbit.x_bar[: found.actual.n])
 
 
 @pytest.mark.parametrize(("x_part", "observer_part"), [(1, 1), (-1, -1), (-0.1, 200), (0.1, -200)])
@@ -116,7 +114,7 @@ def test_viewer_and_report_lay_it_alike(x_part: float, observer_part: float) -> 
     start = found.simulation.events.t[-1]
     series = next(group for group in groups(found) if group.path == "outputs/predicted")
     in_viewer = series.values[np.searchsorted(series.t, start), 0]
-    axes = next(panel for panel in PANELS if panel.letter == "d").draw(paired([found])[0]).axes[0]
+    axes = next(panel for panel in PANELS if panel.letter == "d").draw(pair([found])[0]).axes[0]
     curve = next(line for line in axes.get_lines() if line.get_label() == "predicted")
     assert np.deg2rad(curve.get_xdata()[0]) == pytest.approx(in_viewer, rel=1e-6)
 
@@ -125,23 +123,23 @@ def test_viewer_and_report_lay_it_alike(x_part: float, observer_part: float) -> 
 def test_without_events_it_is_laid_on_the_start_which_is_one(sign: int) -> None:
     found = on_the_orbit("b1.2", sign, intervals=0.9)
     assert len(found.simulation.events) == 0
-    laid = laid_orbit(found)
+    laid = lay_orbit(found)
     assert (laid.start, laid.side) == (0.0, sign)
     run = found.simulation
     np.testing.assert_allclose(laid.at(run.t, laid.orbit.y), run.y, atol=1e-7 * np.abs(run.y).max())
 
 
 def test_a_state_that_is_not_a_number_has_a_sign_all_the_same() -> None:
-    laid = laid_orbit(off_the_cycle(np.nan, 1))
+    laid = lay_orbit(off_the_cycle(np.nan, 1))
     assert laid.side == 1
     assert np.isfinite(laid.at(np.linspace(0, 5, 7), laid.orbit.y)).all()
 
 
 def test_without_an_orbit_there_is_nothing_to_lay() -> None:
-    assert laid_orbit(result("exact")) is None
+    assert lay_orbit(result("exact")) is None
 
 
 def test_an_orbit_without_a_predicted_cycle_is_laid_too() -> None:
     found = result("b1.7")
     assert not found.prediction.cycle
-    assert laid_orbit(found).orbit is found.prediction.orbit
+    assert lay_orbit(found).orbit is found.prediction.orbit

@@ -9,9 +9,9 @@ import pytest
 from report_cases import result
 from scipy.linalg import expm
 
+from icmj.case.result import curve, modes, output_rate, reduce_state
 from icmj.linear.run import simulate
 from icmj.theory.error_system import error_system
-from icmj.view.motion import curve, modes, output_rate, reduced
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]
 
@@ -67,8 +67,8 @@ def test_the_reduced_state_is_that_of_the_error_system(name: str) -> None:
     system = error_system(found.actual, found.controller.design)
     s = found.simulation
     X = system.from_original(np.hstack([s.x, s.x_o, s.x_h]))
-    np.testing.assert_array_equal(reduced(found, s.x, s.x_o, s.x_h), X @ system.T.T)
-    np.testing.assert_array_equal(reduced(found, s.x[7], s.x_o[7], s.x_h[7]), X[7] @ system.T.T)
+    np.testing.assert_array_equal(reduce_state(found, s.x, s.x_o, s.x_h), X @ system.T.T)
+    np.testing.assert_array_equal(reduce_state(found, s.x[7], s.x_o[7], s.x_h[7]), X[7] @ system.T.T)
 
 
 @pytest.mark.parametrize("name", CYCLES)
@@ -76,7 +76,7 @@ def test_the_critical_mode_is_gamma_at_the_events_of_the_cycle(name: str) -> Non
     """Eq. gamma: χ_k1 = ±γ at the events of the limit cycle, and all other modes vanish there."""
     found = result(name)
     events, gamma = found.simulation.events, found.prediction.gamma
-    chi = modes(found, reduced(found, events.x, events.x_o, events.x_h))[-4:]
+    chi = modes(found, reduce_state(found, events.x, events.x_o, events.x_h))[-4:]
     np.testing.assert_allclose(np.abs(chi[:, 0]), gamma, rtol=1e-6)
     assert np.abs(chi[:, 1:]).max() < 1e-5 * gamma
     assert (np.sign(chi[1:, 0].real * chi[:-1, 0].real) == found.prediction.orbit.sign).all()

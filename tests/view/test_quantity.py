@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from icmj.case.result import in_brackets, in_unit, quantities, shared_unit
 from icmj.plant.linear_plant import LinearPlant
-from icmj.view.quantity import in_brackets, in_unit, quantities, shared_unit
 
 
 def plant(*units: str) -> LinearPlant:

@@ -4,8 +4,8 @@ import re
 import subprocess
 from importlib.metadata import version
 
-from icmj.work import provenance as ours
-from icmj.work.provenance import git_state, provenance
+from icmj.work import folder as ours
+from icmj.work.folder import git_state, provenance
 
 
 def test_versions_are_those_installed(tmp_path):
@@ -37,5 +37,5 @@ def test_git_state_is_the_commit_and_tells_changes(tmp_path):
 
 def test_a_git_that_does_not_answer_leaves_the_state_unknown(tmp_path, monkeypatch):
     """It was said to be no checkout, which a busy machine made of one."""
-    monkeypatch.setattr(ours, "_PATIENCE", 1e-6)
+    monkeypatch.setattr(ours, "_GIT_PATIENCE", 1e-6)
     assert git_state(tmp_path) == "unknown: git did not answer within 1e-06 s"

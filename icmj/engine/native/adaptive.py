@@ -1,25 +1,184 @@
-"""One adaptive step: its stages, its error, its dense output, and where the event function reaches zero in it."""
+"""One adaptive step, with the roots and extremes of the polynomials on it.
 
-# numba rewrites calls of types, which type checkers cannot see
-# mypy: disable-error-code="call-arg, call-overload"
+The first root of the event function, which is a polynomial on each adaptive step.
+
+Extremes of smooth signals between their samples.
+
+One adaptive step: its stages, its error, its dense output, and where the event function reaches zero in it.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array
-from icmj.engine import tableau
-from icmj.engine.native.compilation import compiled, engine_function, exact, inlined
+from icmj.base.array import Array, from_powers
+from icmj.base.compilation import call
+from icmj.base.roots import DEEPEST, evaluate, first_root
+from icmj.engine import schedule
 from icmj.engine.native.field import flow, look
-from icmj.engine.native.memory import address
+from icmj.engine.native.memory import address, allocating, compiled, engine_function, entry, exact, inlined, sources
+from icmj.engine.schedule import POWER
+
+DEGREE = 2 * POWER
+_DEGREE, _POWER = DEGREE, POWER
+
+
+class Roots(NamedTuple):
+    """Work arrays of the search for the event function's first root.
+
+    Attributes:
+        to_bernstein: from power to Bernstein coefficients, shape (15, 15).
+        row, powers: coefficients of a row of R a(θ), (8,), and of E, (15,).
+        stack, spans: as :mod:`icmj.base.roots` has them, shapes (56, 15), (56, 3).
+    """
+
+    to_bernstein: Array
+    row: Array
+    powers: Array
+    stack: Array
+    spans: Array
+
+
+def roots() -> Roots:
+    """The work arrays for one loop."""
+    return Roots(
+        np.ascontiguousarray(from_powers(DEGREE)), np.zeros(POWER + 1), np.zeros(DEGREE + 1),
+        np.zeros((DEEPEST, DEGREE + 1)), np.zeros((DEEPEST, 3)),
+    )  # fmt: skip
+
+
+@compiled
+def event_in(r, stepper, rule, first, at):  # type: ignore[no-untyped-def]
+    """Where in the step, from the fraction ``at`` on, the event function first reaches zero; −1 if it had before.
+
+    ``first`` is where the controller's states begin in the state. Infinity where it does not reach zero.
+    """
+    found = np.inf
+    for face in range(len(rule.cuts) - 1):
+        for j in range(_DEGREE + 1):
+            r.powers[j] = 0.0
+        r.powers[0] = -1.0
+        for k in range(rule.cuts[face], rule.cuts[face + 1]):
+            p = r.row
+            for j in range(_POWER + 1):
+                p[j] = 0.0
+            for i in range(rule.spans[k, 0], rule.spans[k, 1]):
+                p[0] += rule.R[k, i] * stepper.start[first + i]
+            for m in range(_POWER):
+                part = 0.0
+                for i in range(rule.spans[k, 0], rule.spans[k, 1]):
+                    part += rule.R[k, i] * stepper.F[m, first + i]
+                for j in range(m + 2):
+                    p[j] += part * stepper.powers[m, j]
+            for i in range(_POWER + 1):
+                for j in range(_POWER + 1):
+                    r.powers[i + j] += p[i] * p[j]
+        if at > 0 and evaluate(r.powers, _DEGREE, at) >= 0:
+            return -1.0
+        if at < 1:
+            found = min(found, first_root(r.powers, _DEGREE, r.to_bernstein, r.stack, r.spans, at))
+    return found
+
+
+@compiled
+def _peak(s, z, c):  # type: ignore[no-untyped-def]
+    """Maximum near the highest point of the polynomial through (s, z); ``c`` is scratch of the same length."""
+    size = len(s)
+    top = 0
+    for i in range(size):
+        c[i] = z[i]
+        if z[i] > z[top]:
+            top = i
+    # Newton's divided differences, then the coefficients of the powers (Björck and Pereyra)
+    for k in range(size - 1):
+        for i in range(size - 1, k, -1):
+            c[i] = (c[i] - c[i - 1]) / (s[i] - s[i - k - 1])
+    for k in range(size - 2, -1, -1):
+        for i in range(k, size - 1):
+            c[i] -= c[i + 1] * s[k]
+    low, high = s[max(top - 1, 0)], s[min(top + 1, size - 1)]
+    at, value = s[top], 0.0
+    for _ in range(9):
+        value, d1, d2 = 0.0, 0.0, 0.0
+        for i in range(size - 1, -1, -1):
+            d2 = d2 * at + 2 * d1
+            d1 = d1 * at + value
+            value = value * at + c[i]
+        if d2 < 0:
+            at = min(max(at - d1 / d2, low), high)
+    return max(value, z[top])
+
+
+@allocating
+def _find(t, y, high, low, points):  # type: ignore[no-untyped-def]
+    gap = 0.05 * (t[-1] - t[0]) / max(len(t) - 1, 1)
+    kept = np.empty(len(t), np.int64)
+    n = 0
+    for i in range(len(t)):
+        inside = 0 < i < len(t) - 1
+        if not inside or min(t[i] - t[i - 1], t[i + 1] - t[i]) > gap:
+            kept[n] = i
+            n += 1
+    size = min(points, n)
+    s, z, c = np.empty(size), np.empty(size), np.empty(size)
+    for column in range(y.shape[1]):
+        top, bottom = -np.inf, np.inf
+        for i in range(len(t)):
+            top, bottom = max(top, y[i, column]), min(bottom, y[i, column])
+        for i in range(1, n - 1):
+            before, here, after = y[kept[i - 1], column], y[kept[i], column], y[kept[i + 1], column]
+            for sign in (1.0, -1.0):
+                peak = sign * here >= sign * before and sign * here >= sign * after
+                peak = peak or (i == 1 and sign * before > sign * here)
+                peak = peak or (i == n - 2 and sign * after > sign * here)
+                if peak:
+                    first = min(max(i - size // 2, 0), n - size)
+                    begin, scale = t[kept[first]], (t[kept[first + size - 1]] - t[kept[first]]) / 2
+                    for j in range(size):
+                        s[j] = (t[kept[first + j]] - begin) / scale - 1
+                        z[j] = sign * y[kept[first + j], column]
+                    value = sign * _peak(s, z, c)
+                    top, bottom = max(top, value), min(bottom, value)
+        high[column], low[column] = top, bottom
+
+
+@cache
+def _entry() -> Any:
+    source = sources()
+
+    @entry
+    def find(t, y, high, low, points):  # type: ignore[no-untyped-def]
+        if source:
+            _find(t, y, high, low, points)
+
+    return find
+
+
+def extremes(t: Array, y: Array, points: int) -> tuple[Array, Array]:
+    """Largest and smallest value of each smooth signal y(t), between samples too.
+
+    Around every sample that is higher (lower) than its neighbours the polynomial through the ``points`` nearest
+    samples is maximised; the ends of the span count as they are. Samples much closer together than the others are
+    thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,).
+    """
+    high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
+    # contiguous: for every other layout numba would compile once more
+    call(_entry(), np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)
+    return high, low
+
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
 
 _normalize_quat = engine_function("mj_normalizeQuat")
 
 # constants that compiled code freezes
-_POWER, _WITHIN, _LAST = tableau.POWER, tableau.WITHIN, tableau.LAST
+_STEP_POWER, _WITHIN, _LAST = schedule.POWER, schedule.WITHIN, schedule.LAST
 
 
 class Stepper(NamedTuple):
@@ -27,7 +186,7 @@ class Stepper(NamedTuple):
 
     Attributes:
         A, c, E3, E5, D, powers, last, rates, looks, exponent, allowed: of the method; see
-            :class:`icmj.engine.tableau.Tableau`.
+            :class:`icmj.engine.schedule.Tableau`.
         scalars, quaternions: (address in qpos, address in qvel) of hinges, slides and translations, and of rotations.
         origin: the state that departures are counted from, shape (n,).
         start, end, reach, rate: states at the step's ends; largest departures since the last event; room; (n,).
@@ -65,7 +224,7 @@ class Stepper(NamedTuple):
     apart: bool
 
 
-def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) -> Stepper:
+def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: schedule.Tableau) -> Stepper:
     """The stepper of a model with its work arrays."""
     n = model.nq + model.nv + model.na
     scalars, quaternions = [], []
@@ -84,7 +243,7 @@ def stepper_of(model: mujoco.MjModel, qpos_0: Array, method: tableau.Tableau) ->
     return Stepper(
         method.A, method.c, method.E3, method.E5, method.D, method.powers,
         method.stages, method.rates, method.looks, method.exponent, method.allowed,
-        single, quadruple, origin, start, end, reach, room, np.zeros((tableau.RATES, n)), np.zeros((_POWER, n)),
+        single, quadruple, origin, start, end, reach, room, np.zeros((schedule.RATES, n)), np.zeros((_STEP_POWER, n)),
         np.zeros(model.nsensordata), np.zeros(1, dtype=np.int64), False,
     )  # fmt: skip
 
@@ -231,7 +390,7 @@ def error_within(stepper, tolerance):  # type: ignore[no-untyped-def]
     """The estimated error of the dense output relative to the tolerance, the largest of the state."""
     most = 0.0
     for i in range(len(stepper.start)):
-        error = abs(_LAST * stepper.F[_POWER - 1, i]) / (_WITHIN * _scale(stepper, i, tolerance))
+        error = abs(_LAST * stepper.F[_STEP_POWER - 1, i]) / (_WITHIN * _scale(stepper, i, tolerance))
         if not np.isfinite(error):
             return np.inf
         most = max(most, error)
@@ -243,7 +402,7 @@ def interpolate(stepper, theta):  # type: ignore[no-untyped-def]
     """The state at the fraction ``theta`` of the step, from its dense output, into ``stepper.room``."""
     for i in range(len(stepper.room)):
         value = 0.0
-        for k in range(_POWER - 1, -1, -1):
+        for k in range(_STEP_POWER - 1, -1, -1):
             value = (value + stepper.F[k, i]) * (theta if k % 2 == 0 else 1 - theta)
         stepper.room[i] = stepper.start[i] + value
 

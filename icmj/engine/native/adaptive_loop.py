@@ -12,34 +12,33 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine import tableau
+from icmj.engine import schedule
 from icmj.engine.native.adaptive import (
     accept,
     densify,
     error_of,
     error_within,
+    event_in,
     get,
     look_within,
     normalise,
     pass_at,
     put,
     rates_at,
+    roots,
     stages,
     stepper_of,
 )
-from icmj.engine.native.compilation import compiled, entry, inlined, merged, run_guarded, sources
-from icmj.engine.native.ledger import apply, conclude, jump, note, planned, standing
-from icmj.engine.native.loop import FixedLoop
-from icmj.engine.native.memory import bare
-from icmj.engine.native.roots import event_in, roots
-from icmj.engine.native.search import active, evaluate, reached
+from icmj.engine.native.loop import FixedLoop, active, evaluate, reached
+from icmj.engine.native.memory import bare, compiled, entry, inlined, merged, run_guarded, sources
+from icmj.engine.native.state import apply, conclude, jump, note, planned, standing
 from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status
 
 # constants that compiled code freezes
 _RUNNING, _COLLAPSED = int(Status.RUNNING), int(Status.COLLAPSED)
-_GROWTH, _SHRINKAGE, _SAFETY = tableau.GROWTH, tableau.SHRINKAGE, tableau.SAFETY
-_rounded = compiled(tableau.rounded)
-_SHORTEST, _NUDGE, _TOLERANCE = tableau.SHORTEST, tableau.NUDGE, EVENT_TOLERANCE
+_GROWTH, _SHRINKAGE, _SAFETY = schedule.GROWTH, schedule.SHRINKAGE, schedule.SAFETY
+_rounded = compiled(schedule.round_step)
+_SHORTEST, _NUDGE, _TOLERANCE = schedule.SHORTEST, schedule.NUDGE, EVENT_TOLERANCE
 
 
 @compiled

@@ -1,10 +1,11 @@
 """The loop from event to event as one compiled function.
 
 It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
-"""
 
-# numba rewrites calls of types, which type checkers cannot see
-# mypy: disable-error-code="call-arg, call-overload"
+One step of the engine, which can be undone and repeated with another length.
+
+Whether the event function reaches zero within a step, and where.
+"""
 
 from __future__ import annotations
 
@@ -16,20 +17,315 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.environment import SWITCH
-from icmj.engine.block import Block, Slot, block_of
-from icmj.engine.fault import can_fault
-from icmj.engine.native.adaptive import stepper_of
-from icmj.engine.native.compilation import entry, exact, merged, run_guarded, sources
-from icmj.engine.native.ledger import apply, conclude, jump, planned, standing
-from icmj.engine.native.memory import bare
-from icmj.engine.native.roots import roots
-from icmj.engine.native.search import active, copy, evaluate, locate, margin, may_reach_zero, reached, search
-from icmj.engine.native.state import engine_of, new_progress, plan_of, progress_at, rule_of
-from icmj.engine.native.step import refresh, save, step
-from icmj.engine.schedule import Recording, Schedule, Status
-from icmj.engine.tableau import tableau
+from icmj.base.process import SWITCH
+from icmj.engine.block import Block, Slot, Stages, block_of
+from icmj.engine.native.adaptive import roots, stepper_of
+from icmj.engine.native.field import drive, flow, forward
+from icmj.engine.native.memory import (
+    bare,
+    compiled,
+    engine_function,
+    entry,
+    exact,
+    inlined,
+    merged,
+    run_guarded,
+    sources,
+)
+from icmj.engine.native.state import (
+    EULER,
+    IMPLICIT,
+    RK4,
+    apply,
+    conclude,
+    engine_of,
+    jump,
+    new_progress,
+    plan_of,
+    planned,
+    progress_at,
+    rule_of,
+    standing,
+)
+from icmj.engine.safety import can_fault
+from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status, tableau
 from icmj.errors import ModelError
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
+
+_euler, _implicit, _mj_step = (engine_function(f"mj_{name}") for name in ("Euler", "implicit", "step"))
+_runge_kutta = engine_function("mj_RungeKutta", "void(intp, intp, int32)")
+
+_WHOLE = int(Stages.WHOLE)
+
+
+@exact
+def save(engine):  # type: ignore[no-untyped-def]
+    """Save the state at the start of a step, and its rates."""
+    at = 0
+    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
+        for i in range(len(part)):
+            engine.saved[at + i] = part[i]
+        at += len(part)
+    keep_rates(engine, engine.k[0])
+
+
+@exact
+def keep_rates(engine, k):  # type: ignore[no-untyped-def]
+    """Save (qvel, qacc, act_dot) at the engine's state."""
+    at = 0
+    for part in (engine.qvel, engine.qacc, engine.act_dot):
+        for i in range(len(part)):
+            k[at + i] = part[i]
+        at += len(part)
+
+
+@exact
+def _restore(engine, progress):  # type: ignore[no-untyped-def]
+    at = 0
+    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
+        for i in range(len(part)):
+            part[i] = engine.saved[at + i]
+        at += len(part)
+    engine.time[0] = progress[0].begin
+
+
+@compiled
+def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped-def]
+    """mj_RungeKutta from the saved state, and the rates at its end: the same operations in the same order.
+
+    For hinges and slides, whose positions move as vectors do.
+    """
+    k, saved = engine.k, engine.saved
+    nv, na = len(engine.qvel), len(engine.act)
+    for stage in range(1, 5):
+        sum = engine.sum
+        for i in range(2 * nv + na):
+            if stage < 3:
+                sum[i] = k[stage - 1, i] * 0.5
+            elif stage == 3:
+                sum[i] = k[2, i]
+            else:
+                sum[i] = k[0, i] * (1 / 6) + k[1, i] * (1 / 3) + k[2, i] * (1 / 3) + k[3, i] * (1 / 6)
+        for i in range(nv):
+            engine.qpos[i] = saved[i] + sum[i] * length
+            engine.qvel[i] = saved[nv + i] + sum[nv + i] * length
+        for i in range(na):
+            engine.act[i] = saved[2 * nv + i] + sum[2 * nv + i] * length
+        if stage == 4:
+            engine.time[0] = end
+        else:
+            engine.time[0] = progress[0].begin + (0.5 * length if stage < 3 else length)
+        flow(engine)
+        if stage < 4:
+            keep_rates(engine, k[stage])
+
+
+@exact
+def undo(engine, progress):  # type: ignore[no-untyped-def]
+    """Restore the saved state, to take another step from it."""
+    if engine.integrator != RK4 or engine.stages == _WHOLE:
+        _restore(engine, progress)
+        forward(engine.model, engine.data)
+
+
+@exact
+def step(engine, progress, length):  # type: ignore[no-untyped-def]
+    """One step of the length given from the saved state, and the forward pass at its end."""
+    # not the sum that the engine keeps: its rounding errors add up over many equal steps
+    end = progress[0].end if length == progress[0].length else progress[0].begin + length
+    if engine.integrator == RK4 and engine.stages != _WHOLE:
+        _lean_runge_kutta(engine, progress, length, end)
+        return
+    engine.timestep[0] = length
+    if engine.integrator == RK4:
+        _runge_kutta(engine.model, engine.data, 4)
+    elif engine.integrator == EULER:
+        _euler(engine.model, engine.data)
+    elif engine.integrator == IMPLICIT:
+        _implicit(engine.model, engine.data)
+    else:
+        _mj_step(engine.model, engine.data)
+    engine.time[0] = end
+    forward(engine.model, engine.data)
+
+
+@compiled
+def refresh(engine):  # type: ignore[no-untyped-def]
+    """Recompute the rates after a change of the controller's state or of a disturbance."""
+    if engine.stages == _WHOLE:
+        forward(engine.model, engine.data)
+    else:
+        drive(engine)
+
+
+_TOLERANCE = EVENT_TOLERANCE
+_SPLITS = 64  # finest division of a step in which E is looked at before a near-touch counts as none
+
+
+@inlined
+def evaluate(rule):  # type: ignore[no-untyped-def]
+    """Write (E_j, dE_j/dt) of every face at the engine's state, after a forward pass, into ``rule.now``."""
+    for face in range(len(rule.now)):
+        E, dE = -1.0, 0.0
+        for row in range(rule.cuts[face], rule.cuts[face + 1]):
+            value, rate = 0.0, 0.0
+            for i in range(rule.spans[row, 0], rule.spans[row, 1]):
+                value += rule.R[row, i] * rule.a[i]
+                rate += rule.R[row, i] * rule.a_rate[i]
+            E += value * value
+            dE += 2 * value * rate
+        rule.now[face, 0], rule.now[face, 1] = E, dE
+
+
+@inlined
+def active(levels):  # type: ignore[no-untyped-def]
+    """The face with the largest E_j; −1 where one is not finite, or there is none."""
+    best = -1
+    for face in range(len(levels)):
+        if not np.isfinite(levels[face, 0]):
+            return -1
+        if best < 0 or levels[face, 0] > levels[best, 0]:
+            best = face
+    return best
+
+
+@inlined
+def reached(levels):  # type: ignore[no-untyped-def]
+    """Whether the event function has reached zero."""
+    face = active(levels)
+    return face >= 0 and levels[face, 0] >= 0
+
+
+@inlined
+def copy(source, target):  # type: ignore[no-untyped-def]
+    """Copy the levels (E_j, dE_j/dt) of one point to another."""
+    for face in range(len(source)):
+        target[face, 0], target[face, 1] = source[face, 0], source[face, 1]
+
+
+@inlined
+def _may_reach_zero(E_0, dE_0, E_1, dE_1, length, margin):  # type: ignore[no-untyped-def]
+    """Whether E, negative at the start, may reach zero *inside* the step and fall again, with E and dE/dt at both ends.
+
+    The cubic Hermite interpolant H(s) = E_0 + dE_0 s + c s² + d s³ stands for E, allowing for ``margin`` of error. Of
+    its two stationary points the maximum is where H'' = −2 √disc; the forms of the root below do not cancel.
+    """
+    c = (3 * (E_1 - E_0) / length - 2 * dE_0 - dE_1) / length
+    d = (dE_0 + dE_1 - 2 * (E_1 - E_0) / length) / length**2
+    disc = c * c - 3 * d * dE_0
+    if disc <= 0:
+        return False
+    root = np.sqrt(disc)
+    if c < 0:
+        s = dE_0 / (root - c)
+    elif d != 0:
+        s = (-c - root) / (3 * d)
+    else:
+        return False
+    if not 0 < s < length:
+        return False
+    return E_0 + s * (dE_0 + s * (c + s * d)) + margin >= 0
+
+
+@inlined
+def may_reach_zero(before, after, top, length, margin):  # type: ignore[no-untyped-def]
+    """Whether any face's E_j may reach zero inside; ``top`` holds the larger |E_j + 1| of the step's ends."""
+    for j in range(len(before)):
+        if _may_reach_zero(before[j, 0], before[j, 1], after[j, 0], after[j, 1], length, margin * top[j]):
+            return True
+    return False
+
+
+@inlined
+def margin(rate, length):  # type: ignore[no-untyped-def]
+    """How far E_j + 1 may leave its cubic Hermite interpolant within a step, relative to its value at the ends.
+
+    E_j + 1 = |R_j a|² is a sum of exponentials with rates up to twice the loop's, and a Hermite cubic errs by
+    h⁴/384 times the fourth derivative; the factor 10 is for what the nonlinear plant adds.
+    """
+    return 10 * (2 * rate * length) ** 4 / 384
+
+
+@compiled
+def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-def]
+    """Root of the cubic Hermite interpolant of E between ``low`` (E < 0) and ``high`` (E ≥ 0)."""
+    length = high - low
+    c = (3 * (E_h - E_l) / length - 2 * dE_l - dE_h) / length
+    d = (dE_l + dE_h - 2 * (E_h - E_l) / length) / length**2
+    a, b = 0.0, length
+    s = length * E_l / (E_l - E_h)
+    for _ in range(50):
+        value = E_l + s * (dE_l + s * (c + s * d))
+        if value >= 0:
+            b = s
+        else:
+            a = s
+        slope = dE_l + s * (2 * c + s * 3 * d)
+        new = s - value / slope if slope > 0 else -1.0
+        if not a < new < b:
+            new = (a + b) / 2
+        if abs(new - s) <= 1e-15 * length:
+            break
+        s = new
+    return low + max(s, 1e-3 * _TOLERANCE)
+
+
+@compiled
+def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untyped-def]
+    """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not)."""
+    now = rule.now
+    s = np.inf
+    for j in range(len(now)):
+        if now[j, 0] >= 0:
+            s = min(s, _hermite_root(low, at_low[j, 0], at_low[j, 1], high, now[j, 0], now[j, 1]))
+    for trial in range(60):
+        undo(engine, progress)
+        step(engine, progress, s)
+        evaluate(rule)
+        face = active(now)
+        E, dE = now[face, 0], now[face, 1]
+        if E >= 0:
+            high = s
+        else:
+            low = s
+        newton = s - E / dE if dE > 0 else np.inf
+        if abs(newton - s) <= _TOLERANCE or high - low <= _TOLERANCE:
+            break
+        s = newton if low < newton < high and trial % 8 != 7 else (low + high) / 2
+
+
+@compiled
+def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def]
+    """Search for an event inside the last step by bisection; leaves the state at the event, or at the step's end."""
+    pieces = 2
+    while pieces <= _SPLITS:
+        s_a = 0.0
+        copy(rule.before, rule.left)
+        allowed = margin(rate, length / pieces)
+        settled = True
+        for j in range(1, pieces + 1):
+            s_b = length * j / pieces
+            undo(engine, progress)
+            step(engine, progress, s_b)
+            evaluate(rule)
+            if rule.now[active(rule.now), 0] >= 0:
+                locate(engine, progress, rule, s_a, rule.left, s_b)
+                return True
+            settled = settled and not may_reach_zero(rule.left, rule.now, rule.top, s_b - s_a, allowed)
+            s_a = s_b
+            copy(rule.now, rule.left)
+        if settled:
+            break
+        pieces *= 2
+    return False
+
+
+# numba rewrites calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload"
+
 
 _RUNNING = int(Status.RUNNING)
 
@@ -153,7 +449,7 @@ class FixedLoop:
         self.begin()
         _verify(data, block)
 
-    def rescheduled(self, schedule: Schedule, qpos_0: Array) -> FixedLoop:
+    def reschedule(self, schedule: Schedule, qpos_0: Array) -> FixedLoop:
         """The same loop, work arrays included, with another schedule of the same order; for the same thread."""
         other = copy_of(self)
         engine, _, *room = self._run

@@ -1,23 +1,100 @@
-"""The engine's memory: its fields by name, and arrays without a reference count.
+"""The engine's memory in compiled code, and how that code is compiled.
+
+How the engine's code is compiled: as :mod:`icmj.base.compilation` does, with the engine's functions within reach.
+
+Compiled code reads and writes MuJoCo's structs in place and calls the engine's functions by their symbols, so that
+numba can keep it on disk and the next process starts without compiling. Interpreted, the same code calls these
+functions through MuJoCo's Python bindings: models and data are then objects, and arrays go to the engine as they are.
+
+The engine's memory: its fields by name, and arrays without a reference count.
 
 Compiled code has addresses of models and data, and offsets of their fields; interpreted code has MuJoCo's own objects,
 and the fields' names. :func:`size`, :func:`number`, :func:`doubles` and :func:`integers` read both.
 """
 
-# numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
-# mypy: disable-error-code="call-arg, call-overload, no-untyped-def, no-redef"
-
 from __future__ import annotations
 
 import ctypes
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from icmj.base.compilation import viewing
-from icmj.base.environment import INTERPRETED
-from icmj.engine.native.compilation import inlined
+from icmj.base.compilation import allocating, call, compiled, contents, entry, inlined, viewing, within
+from icmj.base.compilation import c_entry as entry_cfunc
+from icmj.base.process import INTERPRETED, SWITCH
+from icmj.engine.safety import guard
+from icmj.errors import ModelError
+
+MODEL_AND_DATA = "void(intp, intp)"
+
+exact = within(forceinline=True, _nrt=False)
+"""``inlined``, with every sum in the order written: for what has to equal the engine's to the last bit."""
+merged = within(inline="always")
+"""A function that stands in one entry point as if written there: it is not compiled twice."""
+
+
+@cache
+def _load_engine() -> None:
+    """Make the engine's symbols known to compiled code.
+
+    Raises:
+        ModelError: if MuJoCo's library is not where its package is.
+    """
+    import llvmlite.binding  # type: ignore[import-untyped]
+
+    folder = Path(mujoco.__file__).parent
+    libraries = [*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]
+    if not libraries:
+        raise ModelError(f"{folder}: no MuJoCo library here; {SWITCH}")
+    llvmlite.binding.load_library_permanently(str(libraries[0]))
+
+
+@cache
+def sources() -> int:
+    """A number that changes with any source file of the engine, whose functions and constants compiled code holds."""
+    return contents(Path(__file__).parents[1], mujoco.__version__)
+
+
+def engine_function(name: str, signature: str = MODEL_AND_DATA) -> Any:
+    """A function of MuJoCo, for both compiled and interpreted code.
+
+    In the signature pointers are integers of their size: the same registers, and no type to convert.
+
+    Raises:
+        ModelError: if MuJoCo's library is not where its package is.
+    """
+    if INTERPRETED:
+        return _solve if name == "mj_solveM" else getattr(mujoco, name)
+    from numba import types
+    from numba.core.sigutils import normalize_signature
+
+    _load_engine()
+    arguments, result = normalize_signature(signature)
+    return types.ExternalFunction(name, result(*arguments))
+
+
+def _solve(model: mujoco.MjModel, data: mujoco.MjData, x: Any, y: Any, n: int) -> None:
+    """mj_solveM with its right-hand sides as C takes them, one after the other; the bindings want a matrix."""
+    mujoco.mj_solveM(model, data, x.reshape(n, -1), y.reshape(n, -1))
+
+
+def run_guarded(dispatcher: Any, arguments: tuple[Any, ...], faulty: bool) -> Any:
+    """``dispatcher(*arguments)``; where it is ``faulty`` MuJoCo may give up in it, which is caught.
+
+    Raises:
+        EngineFault: if MuJoCo gives up; ``mujoco.FatalError`` of its bindings where the code is interpreted.
+    """
+    if faulty and not INTERPRETED:
+        return guard(lambda: call(dispatcher, *arguments))
+    return call(dispatcher, *arguments)
+
+
+# numba rewrites signatures of intrinsics and calls of types, which type checkers cannot see
+# mypy: disable-error-code="call-arg, call-overload, no-untyped-def, no-redef"
+
 
 if not INTERPRETED:  # a MuJoCo that does not declare its structs is interpreted
     from icmj.engine.native import structs
@@ -177,3 +254,17 @@ else:
     def integers(base, offset):
         """An array of the engine's, row by row; its length is not known."""
         return carray(pointer(size(base, offset)), LONG, np.int32)
+
+
+__all__ = [
+    "allocating",
+    "compiled",
+    "engine_function",
+    "entry",
+    "entry_cfunc",
+    "exact",
+    "inlined",
+    "merged",
+    "run_guarded",
+    "sources",
+]

@@ -14,7 +14,7 @@ import mujoco
 from mujoco.introspect import ast_nodes, enums
 from mujoco.introspect.structs import STRUCTS
 
-from icmj.base.environment import SWITCH
+from icmj.base.process import SWITCH
 from icmj.errors import ModelError
 
 POINTER = 8

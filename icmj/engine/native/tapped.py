@@ -29,19 +29,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.instant import SAME
-from icmj.base.roots import evaluate
-from icmj.engine.block import Slot
+from icmj.base.roots import SAME, evaluate
+from icmj.engine.block import Slot, Stages
 from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.adaptive_loop import _fly
-from icmj.engine.native.compilation import compiled, engine_function, entry, merged, run_guarded, sources
 from icmj.engine.native.field import flow, forward
-from icmj.engine.native.ledger import note, note_again, note_row, standing
-from icmj.engine.native.loop import FixedLoop
-from icmj.engine.native.memory import address, bare
-from icmj.engine.native.step import save, step
+from icmj.engine.native.loop import FixedLoop, save, step
+from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, merged, run_guarded, sources
+from icmj.engine.native.state import note, note_again, note_row, standing
 from icmj.engine.schedule import Recording, Status, row_after
-from icmj.engine.stages import Stages
 from icmj.simulation.native.taps import (
     SMOOTH,
     beyond,
@@ -83,7 +79,7 @@ class Reader(NamedTuple):
         levels: of the edges of what acts, see :mod:`icmj.simulation.native.taps`.
         errors: of the outputs as they are read, n_y rows.
         joint: whether the controller's state is integrated with the plant.
-        M, N, K, S: then, of each mode as the model holds them (:func:`icmj.engine.composition.at_ports`).
+        M, N, K, S: then, of each mode as the model holds them (:func:`icmj.engine.closed_loop.at_ports`).
     """
 
     entries: np.ndarray

@@ -5,7 +5,7 @@ is dismissed at once if short polynomials with a bound of what they leave out sh
 no extreme of an output; only the others are looked at with the whole series.
 
 Quiet motion counts its steps from where the piece begins, and disturbed motion from zero: what acts on a step of that
-grid does not depend on the state, and has been worked out before (:mod:`icmj.linear.response`). A piece then begins
+grid does not depend on the state, and has been worked out before (:mod:`icmj.linear.tables`). A piece then begins
 and ends within a step. It is followed back to where that step begins, as if it had come from there, so that all steps
 are looked at in the same way. After a jump, what has jumped is followed back alone.
 
@@ -36,9 +36,11 @@ from typing import Any
 import numpy as np
 
 from icmj.base.compilation import compiled, contents, entry, inlined
-from icmj.base.instant import SAME, one
-from icmj.base.roots import DEEPEST
+from icmj.base.roots import DEEPEST, SAME, one
 from icmj.linear.native.motion import (
+    EVENT,
+    FALL,
+    NOTHING,
     add,
     at,
     backward,
@@ -46,13 +48,17 @@ from icmj.linear.native.motion import (
     combine,
     copy,
     dot,
+    doubtful,
+    extend,
+    extremes,
+    first_end,
     forward,
     look_up,
     multiply,
+    settle,
     times,
     unfold,
 )
-from icmj.linear.native.search import EVENT, FALL, NOTHING, doubtful, extend, extremes, first_end, settle
 from icmj.linear.native.state import FRESH, Count, Now, Status, Work
 
 _DIVERGED = 1e12

@@ -1,7 +1,7 @@
 """What the compiled simulation works on: numbers that stay, numbers that change, and buffers.
 
 The state that it moves is s = (z, f): z the moving part of the closed loop's state w
-(:mod:`icmj.controller.closed_loop`), and f the derivatives of what acts on it from outside, in steps, signal by
+(:mod:`icmj.controller.controller`), and f the derivatives of what acts on it from outside, in steps, signal by
 signal within each power. A polynomial that acts on a linear system is part of a larger linear system that nothing acts
 on, so one matrix of s does for quiet and disturbed motion alike; quiet motion has no f.
 """

@@ -20,8 +20,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, contents, entry
-from icmj.base.instant import SAME
-from icmj.base.roots import evaluate, first_root, largest
+from icmj.base.roots import SAME, evaluate, first_root, largest
 from icmj.linear.native.state import Status
 from icmj.simulation.native.taps import (
     SMOOTH,

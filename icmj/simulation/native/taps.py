@@ -24,8 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.compilation import compiled, contents, summing
-from icmj.base.instant import SAME
-from icmj.base.roots import evaluate, first_root
+from icmj.base.roots import SAME, evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import called, compiled, contents, entry
+from icmj.base.compilation import call, compiled, contents, entry
 
 
 class Waves(NamedTuple):
@@ -68,7 +68,7 @@ def turn(turns: Array, real: Array, imaginary: Array, out: Array) -> None:
         turns, out: real and imaginary parts, shapes (2, K, at least as many columns) and (2, K, columns).
         real, imaginary: one number for each row, shape (K,).
     """
-    called(_turn(), turns, real, imaginary, out)
+    call(_turn(), turns, real, imaginary, out)
 
 
 @cache

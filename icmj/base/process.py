@@ -1,0 +1,487 @@
+"""The process: its environment, its signals, what it imports when, and whether it compiles.
+
+The environment of the process: variables that libraries read once at the start, and Python's garbage collection.
+
+A request to terminate, which unwinds the current work like Ctrl-C, so that no files are left behind.
+
+Import control for the command line: unused libraries are not imported, and late ones are imported in the background.
+
+This applies to the command line only: a program that imports icmj gets all libraries unchanged.
+
+Whether something is compiled for the first time, in this process or in one that works for it, and for how long.
+
+Compiling takes about ten seconds after installation. Whoever shows what is under way asks :func:`compiling`, and of
+the time that passes how much of it is :func:`spent` so; a worker process passes its own state on by :func:`listen`.
+"""
+
+from __future__ import annotations
+
+import ast
+import gc
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Hashable, Iterator, MutableMapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from threading import Lock
+from types import FrameType, ModuleType
+from typing import Any, get_origin
+
+_inside, _lock = 0, Lock()
+_before: list[int] = []
+
+LEAST_ROOM = 1 << 30  # bytes
+_ARENAS = -8  # M_ARENA_MAX of the GNU C library
+INTERPRETED = os.environ.get("ICMJ_INTERPRETED", "") not in ("", "0")
+"""Whether what is otherwise compiled runs as plain Python; see :mod:`icmj.base.compilation`."""
+SWITCH = "set the environment variable ICMJ_INTERPRETED=1, with which the same code runs as plain Python"
+_BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+def one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMapping[str, str]:
+    """Let BLAS work in one thread, in ``environment`` (by default this process's), unless it says otherwise already.
+
+    The matrices here are small: more threads only wait for each other, which takes a third more of the processor, and
+    sums depend on their number in the last bit.
+    """
+    environment = os.environ if environment is None else environment
+    if "OMP_NUM_THREADS" not in environment:
+        for name in _BLAS:
+            environment.setdefault(name, "1")
+    return environment
+
+
+@contextmanager
+def limit_to_one_thread() -> Iterator[None]:
+    """Let BLAS work in one thread within the block, or the function that this decorates, whatever the process is told.
+
+    A matrix of some hundred columns is shared out among threads, and what a sum is to the last bit depends on their
+    number. The number is the whole process's: who leaves last gives back what was there.
+    """
+    global _inside, _before
+    with _lock:
+        if _inside == 0:
+            _before = [library.get_num_threads() for library in _libraries()]
+            _set_threads([1] * len(_before))
+        _inside += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _inside -= 1
+            if _inside == 0:
+                _set_threads(_before)
+
+
+def _set_threads(threads: list[int]) -> None:
+    for library, number in zip(_libraries(), threads, strict=True):
+        # what is public lets but one thread of Python set the number, which need not be the last to leave
+        getattr(library, "_real_set_num_threads", library.set_num_threads)(number)
+
+
+@cache
+def _libraries() -> list[Any]:
+    """The BLAS of numpy and that of SciPy, which is another one; looked for once, as that takes milliseconds."""
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return [library for library in ThreadpoolController().lib_controllers if library.user_api == "blas"]
+
+
+def collect_garbage_seldom() -> None:
+    """Have Python look for cyclic garbage less often: compiling and drawing make many objects, few in cycles.
+
+    A tenth of the time of both goes into looking otherwise, and a sixth of that of a short run.
+    """
+    gc.set_threshold(300_000, 10, 10)
+
+
+def narrow() -> float | None:
+    """The limit on this process's address space [bytes] if it is too small to start; ``None`` otherwise.
+
+    A library for linear algebra that is loaded into less may never return, and no signal is heard while it tries.
+    """
+    allowed = _room()
+    return None if allowed is None or allowed >= LEAST_ROOM else allowed
+
+
+def sparing() -> None:
+    """Make allocators reserve little where the address space is limited; must be called before libraries are loaded.
+
+    Each of two allocators reserves addresses by the gigabyte, and by the thread, of which little is ever used: a run
+    that peaks at 0.35 GB of memory takes 3.6 GB of addresses, so 1.0 GB. Where reserving fails, code in Rust ends the
+    process at once.
+    """
+    if _room() is None:
+        return
+    for name, value in (("MIMALLOC_ARENA_RESERVE", "32768"), ("RAYON_NUM_THREADS", "1"), ("TOKIO_WORKER_THREADS", "1")):
+        os.environ.setdefault(name, value)
+    if "MALLOC_ARENA_MAX" not in os.environ:
+        import ctypes
+
+        with suppress(OSError, AttributeError):  # of another C library
+            ctypes.CDLL(None).mallopt(_ARENAS, 1)
+
+
+def _room() -> float | None:
+    """The limit on addresses [bytes]; ``None`` where there is none."""
+    try:
+        import resource
+    except ImportError:  # no such limits here
+        return None
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if allowed == resource.RLIM_INFINITY else float(allowed)
+
+
+_POLITE = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+_ALARM = getattr(signal, "SIGALRM", None)  # not everywhere; where it is not, or somebody's, nothing is said twice
+_AGAIN = 1.0  # s
+
+
+class Termination(BaseException):
+    """The process was asked to end.
+
+    Attributes:
+        status: exit status, 128 and the number of the signal.
+    """
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(signum)
+        self.status = 128 + signum
+
+
+@dataclass
+class EndRequest:
+    """Whether, and by which signal, the process was asked to end; 0 if it was not."""
+
+    signum: int = 0
+
+
+@contextmanager
+def terminable() -> Iterator[EndRequest]:
+    """Within the block SIGTERM and SIGHUP raise :class:`Termination`, unless they are ignored or have a handler.
+
+    Code in other languages may turn an exception that falls into it into another one, or lose it. So what is yielded
+    remembers, and the exception is raised again every second until the block is left. So is KeyboardInterrupt, but
+    for what is :func:`interrupt_once`. Signals reach the main thread only; in another thread the block changes nothing.
+    """
+    asked = EndRequest()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    before: dict[int, Any] = {}
+
+    def ring(after: float, again: float) -> None:
+        if _ALARM in before:
+            signal.setitimer(signal.ITIMER_REAL, after, again)
+
+    def stop(signum: int, _: object) -> None:
+        if signum != _ALARM:
+            asked.signum = signum
+            ring(_AGAIN, _AGAIN)
+        if asked.signum == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise Termination(asked.signum)
+
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
+        if lost.exc_type in (Termination, KeyboardInterrupt):  # it fell into a destructor, which cannot end anything
+            ring(0.01, signal.getitimer(signal.ITIMER_REAL)[1] if _ALARM in before else 0.0)
+        else:
+            hook(lost)
+
+    for signum in (*_POLITE, *([_ALARM] if _ALARM else [])):
+        if signal.getsignal(signum) is signal.SIG_DFL:
+            before[signum] = signal.signal(signum, stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, stop)
+    hook = sys.unraisablehook
+    sys.unraisablehook = unraisable
+    try:
+        yield asked
+    finally:
+        sys.unraisablehook = hook
+        ring(0.0, 0.0)
+        for signum, handler in before.items():
+            signal.signal(signum, handler)
+
+
+@dataclass
+class Interrupt:
+    """Ctrl-C within :func:`interrupt_once`."""
+
+    count: int = 0
+    waits: bool = False
+
+    @contextmanager
+    def postpone(self) -> Iterator[None]:
+        """Within the block the first Ctrl-C waits until its end."""
+        before, self.waits = self.count, True
+        try:
+            yield
+        finally:
+            self.waits = False
+        if before == 0 and self.count:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def defer_interrupt() -> Iterator[None]:
+    """Defer Ctrl-C to the end of the block, which is short, so that related changes are made together.
+
+    In another thread than the main one it changes nothing.
+    """
+    before, late = signal.getsignal(signal.SIGINT), list[tuple[int, FrameType | None]]()
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda signum, frame: late.append((signum, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if late:
+        before(*late[-1])
+
+
+@contextmanager
+def interrupt_once() -> Iterator[Interrupt]:
+    """Within the block Ctrl-C raises KeyboardInterrupt once; the code that catches it keeps its results and goes on.
+
+    A second one raises :class:`Termination`, which nothing catches that keeps anything. Without a :func:`terminable`
+    around it, or in another thread than the main one, it changes nothing.
+    """
+    before, heard = signal.getsignal(signal.SIGINT), Interrupt()
+    bare = not callable(before) or before is signal.default_int_handler
+    if threading.current_thread() is not threading.main_thread() or bare:
+        yield heard
+        return
+    handler: Callable[[int, FrameType | None], Any] = before  # type: ignore[assignment]
+
+    def once(signum: int, frame: FrameType | None) -> None:
+        heard.count += 1
+        if heard.count > 1:
+            raise Termination(signum)
+        if heard.waits:
+            return
+        try:
+            handler(signum, frame)
+        finally:
+            if _ALARM and signal.getsignal(_ALARM) is handler:  # not somebody else's
+                signal.setitimer(signal.ITIMER_REAL, 0)
+
+    signal.signal(signal.SIGINT, once)
+    try:
+        yield heard
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+_IDLE = ("numpy.f2py", "numpy.ma", "numpy.random", "numpy.testing", "yaml", "PIL.Image")
+"""What libraries import at their start and use, if at all, when asked to: a tenth of what a run imports."""
+_SHOPS = (
+    *(f"rerun{part}" for part in ("", ".archetypes", ".components", ".encodings", ".catalog", ".chunk", ".blueprint")),
+    *(f"rerun.blueprint.{part}" for part in ("archetypes", "components", "encodings", "views")),
+)
+"""Packages that import each of their many modules to offer its names, of which a log needs one in four."""
+
+
+class _Later:
+    """Finds modules that are loaded when something is taken from them, and packages whose names are."""
+
+    def __init__(self, names: Sequence[str], shops: Sequence[str]) -> None:
+        self._names, self._shops = frozenset(names), frozenset(shops)
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module's own specification, with a loader that waits."""
+        if fullname not in self._names | self._shops:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is None or spec.loader is None:
+            return spec
+        if fullname in self._names:
+            from importlib.util import LazyLoader
+
+            spec.loader = LazyLoader(spec.loader)
+        elif type(spec.loader) is SourceFileLoader:
+            spec.loader = _Shop(spec.loader.name, spec.loader.path)
+        return spec
+
+
+class _Shop(SourceFileLoader):
+    """Loads a package without what it imports from its own modules only to offer it: that is imported when asked for.
+
+    What the package's code uses itself is imported with it, as ever.
+    """
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Execute the package's code without those imports; ``__getattr__`` of the module makes up for them."""
+        tree = ast.parse(self.get_data(self.path))
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} | {"*"}
+        offered: dict[str, tuple[str, str]] = {}
+        for node in [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.level == 1]:
+            here = [alias for alias in node.names if (alias.asname or alias.name) in used]
+            for alias in node.names:
+                if alias not in here:
+                    of, name = (f".{node.module}", alias.name) if node.module else (f".{alias.name}", "")
+                    offered[alias.asname or alias.name] = of, name
+                    if node.module:  # which importing from it leaves there, too, if nothing else has this name
+                        module_name = node.module.partition(".")[0]
+                        offered.setdefault(module_name, (f".{module_name}", ""))
+            node.names = here
+            if not here:
+                tree.body.remove(node)
+        own: list[Any] = []
+
+        def ask(name: str) -> Any:
+            if name not in offered:
+                if own:
+                    return own[0](name)
+                raise AttributeError(f"module {module.__name__!r} has no attribute {name!r}", name=name, obj=module)
+            of, attribute = offered[name]
+            found = import_module(of, module.__name__)
+            value = getattr(found, attribute) if attribute else found
+            setattr(module, name, value)
+            return value
+
+        space = module.__dict__
+        space["__getattr__"] = ask  # before: its modules may import each other by way of it
+        exec(compile(tree, self.path, "exec", dont_inherit=True), space)
+        if space["__getattr__"] is not ask:
+            own.append(space["__getattr__"])
+            space["__getattr__"] = ask
+
+
+class _Without:
+    """Hides a library from the thread that makes this, until it is told to hide nothing any more.
+
+    It stays in ``sys.meta_path``: another thread that goes through the list as one is taken out misses the next finder,
+    and does not find a module that is there.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name, self._thread, self.hides = name, threading.get_ident(), True
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Nothing, or an error of a module that is not there."""
+        if self.hides and fullname == self._name and threading.get_ident() == self._thread:
+            raise ModuleNotFoundError(f"No module named {fullname!r}", name=fullname)
+        return None
+
+
+@contextmanager
+def skip_typeguard() -> Iterator[None]:
+    """Let tyro see by its kind alone whether a default has the type that it is declared with.
+
+    Of tuples it would ask typeguard, whose import takes as long as tyro's own.
+    """
+    if "typeguard" in sys.modules:
+        yield
+        return
+    guard: Any = ModuleType("typeguard")
+    guard.check_type, guard.TypeCheckError = _expect_kind, TypeError
+    sys.modules["typeguard"] = guard
+    try:
+        yield
+    finally:
+        del sys.modules["typeguard"]
+
+
+def _expect_kind(value: object, kind: Any) -> None:
+    if not isinstance(value, get_origin(kind) or kind):
+        raise TypeError(f"{value!r} is no {kind}")
+
+
+def defer_idle_modules() -> None:
+    """Defer modules that libraries import when they are loaded and that icmj does not need."""
+    if not any(isinstance(finder, _Later) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Later(_IDLE, _SHOPS))
+
+
+def arrow_alone() -> None:
+    """Load pyarrow so that it never looks for pandas, which it would import to see whether it is given a table of it.
+
+    Tables of pandas it then does not know; icmj gives it none.
+    """
+    if "pyarrow" in sys.modules or "pandas" in sys.modules:
+        return
+    hiding = _Without("pandas")
+    sys.meta_path.insert(0, hiding)
+    try:
+        import_module("pyarrow").array([0])  # it looks once, and remembers
+    finally:
+        hiding.hides = False
+
+
+def meanwhile(name: str) -> None:
+    """Import a module that is needed later, in a separate thread, while compiled code computes.
+
+    Whoever imports it then waits for it; what goes wrong with it shows there.
+    """
+
+    def load() -> None:
+        with suppress(Exception):
+            arrow_alone()
+            import_module(name)
+
+    threading.Thread(target=load, name=f"import {name}", daemon=True).start()
+
+
+USUAL = 10.0  # s that a loop takes to compile on a processor that does nothing else
+
+_under_way: dict[Hashable, int] = {}
+_listeners: list[Callable[[bool], None]] = []
+_since, _compiled_before = 0.0, 0.0  # when the present compilation began, and what all before it took [s]
+
+
+def compiling() -> bool:
+    """Whether something is being compiled now."""
+    return bool(_under_way)
+
+
+def spent() -> float:
+    """Seconds since the start of this process during which something was compiled."""
+    return _compiled_before + (time.monotonic() - _since if _under_way else 0.0)
+
+
+def begin_compiling(who: Hashable = "here") -> None:
+    """``who`` compiles; every beginning needs its :func:`end`."""
+    global _since
+    if not _under_way:
+        _since = time.monotonic()
+    _under_way[who] = _under_way.get(who, 0) + 1
+    _report()
+
+
+def end_compiling(who: Hashable = "here", *, altogether: bool = False) -> None:
+    """``who`` has finished compiling once, or does not compile any more at all."""
+    global _compiled_before
+    before = spent()
+    left = 0 if altogether else _under_way.get(who, 0) - 1
+    if left > 0:
+        _under_way[who] = left
+    else:
+        _under_way.pop(who, None)
+    if not _under_way:
+        _compiled_before = before
+    _report()
+
+
+def listen_to_compiling(listener: Callable[[bool], None]) -> None:
+    """Call ``listener`` with :func:`compiling` whenever something begins or ends."""
+    _listeners.append(listener)
+
+
+def _report() -> None:
+    for listener in _listeners:
+        listener(compiling())

@@ -1,0 +1,472 @@
+"""Commands that write a first run file, and those that read recordings, logs and experiment files.
+
+The commands to begin with: ``icmj cases``, ``icmj new`` and ``icmj schema``.
+
+The commands that export, measure and replay logs and time series.
+
+What ``icmj experiment`` does and shows.
+
+What ``icmj fit`` does and shows.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import textwrap
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.base.numbers import amount
+from icmj.base.text import one_line
+from icmj.cli import arguments
+from icmj.cli.arguments import Cases, Experiment, Fit, New, Replay, Schema
+from icmj.cli.terminal import ERR, OUT, Column, Terminal, Working, show_table
+from icmj.errors import FitError, RunFileError, StudyError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from icmj.case.drafting import FirstRunFile
+    from icmj.series.series import Series
+    from icmj.study.experiment import Experiment as Done
+    from icmj.study.fit import Fit as DoneFit
+    from icmj.study.fit import Subject
+
+LISTED = {
+    "cases": "Cases of the study: icmj run NAME, icmj analyse NAME",
+    "rivals": "Cases under other controllers: icmj run NAME",
+    "joystick": "Plants that a person controls by a joystick, for experiments: icmj run NAME",
+    "sweeps": "Sweeps: icmj sweep NAME",
+    "experiments": "Experiments: icmj experiment NAME",
+    "families": "Families of controllers: icmj fit RECORDING --model NAME",
+}
+
+
+def cases(command: Cases) -> None:
+    """List what comes with icmj, by name, with title and one sentence each."""
+    from icmj.work.own_code import describe_shipped
+
+    found = describe_shipped()
+    if command.json:
+        keys = ("name", "title", "about", "file")
+        OUT.show(
+            {kind: [{key: str(getattr(one, key)) for key in keys} for one in ones] for kind, ones in found.items()}
+        )
+        return
+    for kind, ones in found.items():
+        OUT.say(LISTED.get(kind, kind), style="bold")
+        for one in ones:
+            _paragraph(f"{one.name}: {one.title}", "  ")
+            _paragraph(one.about, "      ", style="dim")
+        OUT.say("")
+
+
+def _paragraph(words: str, indent: str, style: str | None = None) -> None:
+    """Print words wrapped to the terminal, at most 100 columns wide."""
+    width = min(OUT.width, 100)
+    for line in textwrap.wrap(words, width, initial_indent=indent, subsequent_indent=" " * 6, break_on_hyphens=False):
+        OUT.say(line, style=style, wrap=False)
+
+
+def new(command: New) -> None:
+    """Write the run file, and say what is in it and what may be done with it."""
+    from icmj.work.own_code import RUNS, model_file
+
+    given = command.model
+    shipped = RUNS.meant(given)
+    if shipped != given:
+        files = _copy(shipped, command.out or Path(f"{given.name}.toml"))
+        models = ", ".join(map(str, files[1:]))
+        _tell(f"run file  {files[0]}", f"model     {models}", f"next      icmj analyse {files[0]}")
+        return
+    model = model_file(given)
+    out = command.out or Path(f"{model.stem}.toml")
+    _free(out)
+
+    from icmj.base.files import write_text
+    from icmj.case.drafting import draft_run
+
+    with Working(f"looking at {model.name}", ERR):
+        draft = draft_run(model, out, command.keyframe)
+    write_text(out, draft.text)
+    _tell(f"run file  {out}", *_describe_draft(draft), *_note_shipped(model), f"next      icmj analyse {out}")
+
+
+def schema(command: Schema) -> None:
+    """Print the JSON Schema of a kind of file, or write it."""
+    from icmj.base.files import replaceable, write_text
+    from icmj.runfile.sweep_tables import json_schema
+
+    record = json_schema(command.kind)
+    if command.out is None:
+        OUT.show(record)
+        return
+    replaceable(command.out)
+    write_text(command.out, json.dumps(record, indent=2) + "\n")
+    OUT.say(f"schema   {command.out}", wrap=False)
+
+
+def _tell(*lines: str) -> None:
+    for line in lines:
+        OUT.say(line, wrap=False)
+
+
+def _describe_draft(draft: FirstRunFile) -> list[str]:
+    """Lines on what the drafted run file contains and what the theory predicts for it."""
+    if draft.case is None:
+        return [f"note: it does not run as written: {one_line(draft.trouble)}"]
+    case = draft.case
+    plant, prediction = case.actual.linearisation.plant, case.prediction
+    table = case.run.assumed
+    where = f"keyframe {table.keyframe}" if table.keyframe else "its reference configuration"
+    how = {"static control": ", held there by its controls", "balance": ", moved to where it balances"}
+    lines = [
+        f"at        {where}{how.get(table.operating_point or '', '')}",
+        f"inputs    {', '.join(plant.inputs)}",
+        f"outputs   {', '.join(plant.outputs)}",
+        f"weights   R_c = {case.run.design.R_c}, R_o = {case.run.design.R_o}, from the gain of the plant",
+    ]
+    if prediction.delta_crit is not None and prediction.cycle:
+        lines.append(f"predicted a limit cycle, Δ_crit = {prediction.delta_crit:.4g} s, {prediction.verdict}")
+    else:
+        lines.append("predicted no limit cycle")
+    return lines + [f"note: {one_line(notice)}" for notice in case.notices]
+
+
+def _note_shipped(model: Path) -> list[str]:
+    """A note if a shipped case uses this model with other weights."""
+    from icmj.runfile.reading import load_run
+    from icmj.work.own_code import RUNS
+
+    for name, file in RUNS.files.items():
+        run = load_run(file)
+        same = run.assumed.model is not None and run.assumed_path.resolve() == model.resolve()
+        if same and not run.simulation.disturbance and not run.assumed.delay:
+            weights = f"R_c = {run.design.R_c} and R_o = {run.design.R_o}"
+            return [
+                f"note: the shipped case {name} has this model with {weights}, and so another Δ_crit; "
+                f"icmj new {name} copies it"
+            ]
+    return []
+
+
+def _copy(shipped: Path, out: Path) -> list[Path]:
+    """The run file of a shipped case, and the models that it names, side by side."""
+    from icmj.base.files import read_bytes, replaceable, write_bytes, write_text
+    from icmj.engine.safety import MOST_BYTES
+    from icmj.runfile.reading import load_run
+
+    run = load_run(shipped)
+    _free(out)
+    text = run.text.replace(f"runs/{shipped.name}", str(out))
+    models: dict[str, Path] = {}
+    for name in filter(None, (run.assumed.model, run.actual.model)):
+        models[name] = out.parent / Path(name).name
+        text = text.replace(f'"{name}"', f'"{Path(name).name}"')
+    replaceable(*models.values())
+    for name, target in models.items():
+        source = shipped.parent / name
+        if target.exists() and read_bytes(target, MOST_BYTES) != source.read_bytes():
+            raise RunFileError(f"{target}: exists already and is another model; choose another folder with --out")
+    for name, target in models.items():
+        write_bytes(target, (shipped.parent / name).read_bytes())
+    write_text(out, text)
+    return [out, *models.values()]
+
+
+def _free(out: Path) -> None:
+    if os.path.lexists(out):
+        raise RunFileError(f"{out}: exists already; choose another name with --out")
+    if not out.parent.is_dir():
+        raise RunFileError(f"{out}: no such folder; make it first")
+
+
+MOST = 6  # signals in one table
+RATE = 100.0  # Hz: at which a log is measured
+
+
+def export(command: arguments.Export) -> None:
+    """Write rows and events of a log, say where they are."""
+    from icmj.base.files import replaceable
+    from icmj.errors import DataError
+    from icmj.log import read_log
+    from icmj.series.reading import FORMATS, write_series
+
+    out = command.log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
+    if out.suffix not in ([f".{command.to}"] if command.to else FORMATS):
+        expected = f".{command.to}, as --to says" if command.to else ", ".join(FORMATS)
+        raise DataError(f"--out {out}: expected a name that ends in {expected}")
+    events_out = out.with_suffix(f".events{out.suffix}")
+    replaceable(out, events_out)
+    with Working(f"exporting {command.log.name}", ERR):
+        result = read_log(command.log)
+        rows, events = result.to_series(command.rate), result.events_to_series()
+        write_series(rows, out)
+        write_series(events, events_out)
+    for what, series, path in (("rows", rows, out), ("events", events, events_out)):
+        size = f"{len(series)} rows, {len(series.names)} signals"
+        OUT.say(f"{what:<7} {path}  {size}", wrap=False)
+
+
+def measure(command: arguments.Measure) -> None:
+    """Print the measures of sway in a log or a file."""
+    from icmj.cli.printing import record, show_sway
+    from icmj.errors import DataError
+    from icmj.measurement.sway import from_torque, measure_sway
+
+    if (command.torque is None) != (command.weight is None):
+        raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")
+    with Working(f"measuring {command.file.name}", ERR):
+        series, notes = _signals(command)
+        series = series if command.since is None else series.since(command.since)
+        if command.torque is not None and command.weight is not None:
+            series = from_torque(series, command.torque, command.weight)
+        if len(series.names) > MOST and not command.json:
+            some = ", ".join(series.names[:4])
+            raise DataError(
+                f"{command.file}: {len(series.names)} signals ({some}, ...); name up to {MOST} by --columns"
+            )
+        try:
+            sway = measure_sway(series, low_pass=command.low_pass, band=command.band or (0.0, float("inf")))
+        except DataError as error:
+            raise DataError(f"{command.file}: {error}") from error
+    if command.json:
+        OUT.show({**record(sway), "notices": notes})
+        return
+    filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
+    show_sway(sway, f"{command.file.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}", OUT)
+    if "resampled" in sway.series.facts:
+        notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
+    for note in notes:
+        OUT.note(note)
+
+
+def replay(command: Replay) -> None:
+    """Open, serve or picture a log."""
+    from icmj.log.reader import replay as show
+
+    with Working(f"rendering {command.screenshot}", ERR) if command.screenshot else nullcontext():
+        show(command.log, web=command.web, screenshot=command.screenshot, time=command.time, say=ERR.say)
+
+
+def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
+    """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
+    from icmj.series.reading import read_series
+    from icmj.series.series import even_series
+
+    columns = command.columns if command.torque is None else (*command.columns, command.torque)
+    if command.file.suffix == ".rrd":
+        from icmj.log import read_log
+
+        result = read_log(command.file)
+        notes = tuple(notice for notice in result.notices if notice.startswith("slow noise"))
+        series = result.to_series(RATE if command.rate is None else command.rate)
+        ground = result.simulation.pressure
+        moving = () if ground is None else tuple(f"cop.{axis}" for axis in ground.axes)
+        series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
+        return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
+    series = read_series(command.file, columns=columns, rate=command.rate)
+    return (series if command.rate is None else even_series(series, command.rate)), ()
+
+
+def experiment(command: Experiment) -> None:
+    """Carry out an experiment, or analyse recordings as it says; what was finished stays, however it ends."""
+    from icmj.runfile.experiment_tables import load_experiment
+    from icmj.study.estimate import LONGEST
+    from icmj.study.experiment import FIGURE, PAGE, RESULTS, analyse_recordings, run_experiment, summary
+
+    if command.jobs is not None and command.jobs < 1:
+        raise StudyError(f"--jobs {command.jobs}: expected at least 1")
+    file = load_experiment(command.experiment, allow_code=command.allow_code)
+    name = file.experiment.name
+    folder = command.out or Path("runs/out") / (f"{name}-recording" if command.recording else name)
+    with Working(name, ERR) as working:
+        if command.recording:
+            done = analyse_recordings(file, command.recording, folder, rate=command.rate)
+        else:
+            longest = None if command.yes else LONGEST
+            done = run_experiment(file, folder, jobs=command.jobs, progress=working.tell, longest=longest)
+    if command.json:
+        OUT.show({**summary(done), "folder": str(folder)})
+        return
+    _show_experiment(done, OUT)
+    for what, path in (("results", RESULTS), ("figure", f"{FIGURE}.svg"), ("page", PAGE)):
+        OUT.say(f"{what:<8} {folder / path}", wrap=False)
+
+
+def _show_experiment(done: Done, out: Terminal) -> None:
+    """One table, cases and plants as columns; then what was found, in words."""
+    from icmj.report.experiment import plant_name
+
+    found = [told for told in done.found if told.finding is not None]
+    names = list(dict.fromkeys(name for told in found if told.finding for name in told.finding.numbers))
+    columns = (Column(""), *(Column(f"{told.case}, {plant_name(told.plant)}", "right") for told in found))
+    rows = [
+        (name, *(amount((told.finding.numbers if told.finding else {}).get(name), figures=4) for told in found))
+        for name in names
+    ]
+    if rows:
+        show_table(columns, rows, out, title=done.file.experiment.title or done.file.experiment.name)
+    for told in done.found:
+        out.say(f"{told.case}, {plant_name(told.plant)}, {told.trials} trials: {told.words}")
+
+
+_COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
+
+
+def fit(command: Fit) -> None:
+    """Fit families to recordings; whatever is finished stays, however it ends."""
+    from icmj.fitting.family import DELAY, load_family
+    from icmj.fitting.network import library
+    from icmj.study.fit import fit as fitted
+    from icmj.study.fit_page import PAGE, RESULTS, summary, write_fit
+
+    if command.jobs is not None and command.jobs < 1:
+        raise FitError(f"--jobs {command.jobs}: expected at least 1")
+    for name, value, least in (
+        ("simulations", command.simulations, 200), ("draws", command.draws, 100), ("hold-out", command.hold_out, 0),
+        ("seed", command.seed, 0),
+    ):  # fmt: skip
+        if value < least:
+            raise FitError(f"--{name} {value}: expected at least {least}")
+    if not command.model:
+        raise FitError("no family; give --model, such as --model event")
+    if bool(command.recordings) == (command.table is not None):
+        raise FitError("give either recordings or --table")
+    with Working("reading recordings", ERR) as working:
+        people = people_of(command, working.tell)
+    families = [load_family(path, allow_code=command.allow_code) for path in command.model]
+    if delayed := [family.name for family in families if family.has_delay]:
+        ERR.note(f"{', '.join(delayed)}: {DELAY}")  # before hours of simulation
+    library()
+    with Working("fit", ERR) as working:
+        done = fitted(
+            people,
+            families,
+            command.out,
+            trained=command.trained,
+            simulations=command.simulations,
+            draws=command.draws,
+            seed=command.seed,
+            jobs=command.jobs,
+            dask=command.dask,
+            progress=working.tell,
+        )
+        working.tell("writing", 1.0)
+        write_fit(done, command.out)
+    if command.json:
+        OUT.show({**summary(done), "folder": str(command.out)})
+        return
+    _show_fit(done, OUT)
+    for what, path in (("results", RESULTS), ("page", PAGE)):
+        OUT.say(f"{what:<8} {command.out / path}", wrap=False)
+
+
+def people_of(command: Fit, progress: Callable[[str, float], None] = lambda what, done: None) -> list[Subject]:
+    """Those whose recordings were given, or whom a table lists; the trials of a person and condition are one.
+
+    Raises:
+        FitError: one line, if a recording or the table cannot be used, or a recording is listed twice for one person.
+    """
+    from icmj.fitting.recordings import MOST, TrialOf, read_trials
+    from icmj.study.fit import Subject
+
+    if command.table is None:
+        rows = [{"file": str(path), "person": command.recordings[0].stem} for path in command.recordings]
+        base = Path()
+    else:
+        rows, base = _rows(command.table), command.table.parent
+    listed: set[tuple[str, ...]] = set()
+    found: dict[tuple[str, ...], list[tuple[str, TrialOf]]] = {}
+    count = 0
+    for i, row in enumerate(rows):
+        columns = (row["column"],) if row.get("column") else command.columns
+        key = row["person"], row.get("group", ""), row.get("condition", "")
+        recording = *key, os.path.abspath(base / row["file"]), *columns
+        if recording in listed:
+            raise FitError(f"{command.table or row['file']}: {row['file']} is given twice for {row['person']}")
+        listed.add(recording)
+        trials = read_trials(base / row["file"], columns, unit=command.unit, rate=command.rate)
+        count += len(trials)
+        if count > MOST:
+            raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")
+        found.setdefault(key, []).extend((row["file"], one) for one in trials)
+        progress("reading recordings", (i + 1) / len(rows))
+    return [
+        Subject(
+            person,
+            tuple(one.cop for _, one in trials),
+            command.hold_out,
+            group,
+            condition,
+            tuple(f"{file}, {one.name}: {note}" for file, one in trials for note in one.notes),
+        )
+        for (person, group, condition), trials in found.items()
+    ]
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a table of people, or of the public data set's own table."""
+    from icmj.fitting.recordings import INFO, public_trials, read_table
+
+    if path.name == INFO:
+        return [
+            {
+                "file": one.file.name,
+                "person": one.person,
+                "group": one.group,
+                "condition": f"eyes {one.vision}, {one.surface}".lower(),
+            }
+            for one in public_trials(path.parent)
+        ]
+    names, rows = read_table(path, _COLUMNS, required=_REQUIRED)
+    unknown = [name for name in names if name not in _COLUMNS]
+    missing = [name for name in _REQUIRED if name not in names]
+    if unknown or missing:
+        wrong = f"no column {missing[0]!r}" if missing else f"unknown column {one_line(unknown[0], 40)!r}"
+        raise FitError(f"{path}: {wrong}; expected {', '.join(_COLUMNS)}, of which file and person are required")
+    if not rows:
+        raise FitError(f"{path}: lists no people")
+    return rows
+
+
+def _show_fit(done: DoneFit, out: Terminal) -> None:
+    """A table of numbers for each person and family, then what else was found, in words."""
+    from icmj.study.fit_page import caveats, words_of
+
+    for one in done.people:
+        for note in one.notes:
+            out.say(f"note: {note}")
+    for each in done.trained.values():
+        out.say(each.words)
+    for found in done.fitted:
+        trained = done.trained[found.family]
+        low, median, high = np.quantile(found.theta, (0.05, 0.5, 0.95), axis=0)
+        prior, verdicts = trained.family.prior, trained.calibration.verdicts
+        rows = [
+            (name, prior.units[i], *(amount(of[i], figures=4) for of in (median, low, high)), verdicts[i])
+            for i, name in enumerate(prior.names)
+        ]
+        columns = (
+            Column("number"), Column("unit", rank=1), Column("median", "right"), Column("5 %", "right"),
+            Column("95 %", "right"), Column("on synthetic people"),
+        )  # fmt: skip
+        show_table(columns, rows, out, title=f"{found.person.label}: {trained.family.title}")
+        out.say(words_of(found))
+    if done.confusion is not None and done.probabilities is not None:
+        head = (Column("probability"), *(Column(name, "right") for name in done.trained))
+        shares = [
+            (one.label, *(f"{p:.2f}" for p in each)) for one, each in zip(done.people, done.probabilities, strict=True)
+        ]
+        show_table(head, shares, out, title="Which family")
+        out.say(done.confusion.words + ".")
+    for said in caveats(done):
+        out.say(said)
+    for name, differences in done.differences.items():
+        for difference in differences:
+            out.say(f"{name}: {difference.words}")

@@ -1,1 +1,0 @@
-"""Prediction and measurement side by side: numbers, and a verdict in words."""

@@ -1,0 +1,367 @@
+"""Limits of the plant: kinks along the predicted motion, and saturation during a run.
+
+Kinks of the plant's response along the predicted motion, where the linear theory does not hold.
+
+The engine is asked for its rates and outputs at states and inputs of the motion. The limits that a model can have are
+lifted on a copy: where that changes the answer, one of them acts, and each imposed by itself says which. With these
+lifted, the way from rest to a state is followed in ever finer steps: what is smooth changes its slope less from step to
+step, a corner (a contact made or lost, a muscle that cannot pull less) by as much in however small a step.
+
+The part of a command that passes the actuators' limits of control, activation and force; outputs at a cutoff.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.engine.model import activation_rates, input_names, second_order_lag
+from icmj.engine.plant import MujocoPlant
+from icmj.engine.pose import Dynamics
+from icmj.engine.safety import hush, install_callbacks
+from icmj.plant.quality import BENT, Kind, Notice
+from icmj.simulation.disturbance import Disturbance
+
+_SAMPLES = 64  # of a motion, beside those where a signal is largest
+_SAME = 1e-6  # of the size of an answer: a change that no limit makes
+_SLIGHT = 5e-4  # of the size of an answer: a departure from the linear one that hides no corner
+_SMALL = 1e-3  # of the size of the largest answer of its kind: one that is taken to be as large
+_WAYS = 16  # from rest that are followed
+_LEAP = 1e-4  # of the size of an answer: what is no rounding
+_CELLS, _FINER, _DEPTH = 16, 4, 4  # cells of the way from rest; into how many a cell is cut, and how often
+_END = "; the linear theory knows no limits"
+
+
+class _Limit(NamedTuple):
+    """An entry of an array of the model, and its value where it limits nothing."""
+
+    array: str
+    at: int
+    lifted: Array
+
+
+# arrays that limit a plant: the kind of the notice, what of the plant each entry belongs to, and words for it
+_LIMITS: dict[str, tuple[Kind, str, str]] = {
+    "actuator_ctrllimited": ("saturation", "actuator", "the ctrlrange of {}"),
+    "actuator_forcelimited": ("saturation", "actuator", "the forcerange of {}"),
+    "actuator_actlimited": ("saturation", "actuator", "the actrange of {}"),
+    "jnt_actfrclimited": ("saturation", "joint", "the actuatorfrcrange of joint {}"),
+    "tendon_actfrclimited": ("saturation", "tendon", "the actuatorfrcrange of tendon {}"),
+    "sensor_cutoff": ("saturation", "sensor", "the cutoff of sensor {}"),
+    "jnt_limited": ("joint limit", "joint", "an end of the range of joint {}"),
+    "tendon_limited": ("joint limit", "tendon", "an end of the range of tendon {}"),
+    "tendon_lengthspring": ("not linear", "tendon", "an end of the springlength of tendon {}"),
+}
+
+
+@hush()
+def corners(plant: MujocoPlant, x: Array, u: Array) -> tuple[Notice, ...]:
+    """The corners on a motion that the linear theory predicts: each limit that acts, and one that no limit explains.
+
+    Args:
+        plant: the plant.
+        x, u: states and inputs of the motion, departures from rest, shapes (N, n), (N, n_u).
+    """
+    return tuple(_corners(plant, x, u))
+
+
+def _corners(plant: MujocoPlant, x: Array, u: Array) -> Iterator[Notice]:
+    signals = np.hstack([x, u, x @ plant.linearisation.plant.C.T])
+    if not np.isfinite(signals).all():
+        return
+    even = np.linspace(0, len(x) - 1, _SAMPLES).astype(int)
+    few = np.unique(np.concatenate([even, signals.argmax(axis=0), signals.argmin(axis=0)]))
+    engine, x, u = Dynamics(plant), x[few], u[few]
+    try:
+        limits = _limits(engine)
+        yield from (_notice(plant, limit, x, u) for limit in _acting(engine, limits, x, u))
+        _impose(engine, limits)
+        yield from _elsewhere(engine, x, u)
+    except mujoco.FatalError as error:
+        yield Notice(
+            "not linear", "warning", f"the engine gives up on the predicted orbit: {' '.join(str(error).split())}"
+        )
+
+
+def _answers(engine: Dynamics, x: Array, u: Array) -> Array:
+    """ẋ and y, shape (N, n + n_y)."""
+    return np.array([np.concatenate(engine(*at)) for at in zip(x, u, strict=True)])
+
+
+def _at_rest(engine: Dynamics) -> Array:
+    plant = engine.plant.linearisation.plant
+    return _answers(engine, np.zeros((1, plant.n)), np.zeros((1, plant.n_u)))[0]
+
+
+def _impose(engine: Dynamics, limits: Sequence[_Limit], *those: _Limit) -> None:
+    """Remove all limits except ``those``."""
+    for limit in limits:
+        there = any(limit is one for one in those)
+        value = getattr(engine.plant.model, limit.array)[limit.at] if there else limit.lifted
+        getattr(engine.model, limit.array)[limit.at] = value
+
+
+def _limits(engine: Dynamics) -> list[_Limit]:
+    """The limits of the model, without those that act at rest: they are in the linearisation."""
+    model, rest = engine.model, _at_rest(engine)
+    lengths = engine.data.ten_length.copy()
+    found = []
+    for array in _LIMITS:
+        entries = getattr(model, array)
+        if array != "tendon_lengthspring":
+            found += [_Limit(array, int(i), np.zeros(())) for i in np.flatnonzero(entries)]
+            continue
+        for i in np.flatnonzero(entries[:, 0] < entries[:, 1]):
+            low, high = entries[i]
+            slack = low <= lengths[i] <= high
+            end = low if lengths[i] < low else high
+            lifted = np.array([-mujoco.mjMAXVAL, mujoco.mjMAXVAL]) if slack else np.array([end, end])
+            found.append(_Limit(array, int(i), lifted))
+    quiet = []
+    for limit in found:
+        _impose(engine, [limit])
+        if (np.abs(_at_rest(engine) - rest) <= _SAME * (1 + np.abs(rest))).all():
+            quiet.append(limit)
+        _impose(engine, [limit], limit)
+    return quiet
+
+
+def _acting(engine: Dynamics, limits: Sequence[_Limit], x: Array, u: Array) -> Iterator[_Limit]:
+    """The ``limits`` that change the rates or outputs."""
+    if not limits:
+        return
+    _impose(engine, limits)
+    free = _answers(engine, x, u)
+    _impose(engine, limits, *limits)
+    bound = _answers(engine, x, u)
+    same = _SAME * np.maximum(np.abs(free), np.abs(bound)).max(axis=0) + 1e-12
+    there = (np.abs(bound - free) > same).any(axis=1)
+    if not there.any():
+        return
+    x, u, free = x[there], u[there], free[there]
+    for limit in limits:
+        _impose(engine, limits, limit)
+        if (np.abs(_answers(engine, x, u) - free) > same).any():
+            yield limit
+
+
+def _notice(plant: MujocoPlant, limit: _Limit, x: Array, u: Array) -> Notice:
+    model, here, i = plant.model, plant.linearisation, limit.at
+    kind, sort, what = _LIMITS[limit.array]
+    name = input_names(model)[i] if sort == "actuator" else getattr(model, sort)(i).name or str(i)
+    words = f"the predicted orbit passes {what.format(name)}{_END}"
+    if limit.array == "actuator_ctrllimited":
+        port = np.flatnonzero(here.ports.actuators == i)
+        peak = float(np.abs(here.ports.b[port] * u[:, port]).max(initial=0.0))
+        room = np.abs(model.actuator_ctrlrange[i] - here.point.ctrl[i]).min()
+        words = f"the predicted orbit moves {name} by {peak:.3g}, and its ctrlrange leaves {room:.3g}{_END}"
+    margins = [margin for margin in plant.quality.room if limit.array == "jnt_limited" and margin.of == name]
+    for margin in margins:
+        peak = float(np.abs(x[:, here.plant.states.index(name)]).max())
+        room = max(min(margin.down, margin.up), 0)
+        words = f"the predicted orbit moves {name} by {peak:.3g}, and {room:.3g} are left to an end of its range{_END}"
+    return Notice(kind, "warning", words)
+
+
+def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
+    """A corner that no known limit explains."""
+    linear, rest = engine.plant.linearisation.plant, _at_rest(engine)
+    expected = np.hstack([x @ linear.A.T + u @ linear.B.T, x @ linear.C.T])
+    found = _answers(engine, x, u) - rest
+    size = np.maximum(np.abs(expected), np.abs(found)).max(axis=0)
+    nq, n = int((engine.plant.linearisation.ports.states < engine.model.nv).sum()), linear.n
+    for kind in (slice(0, nq), slice(nq, n), slice(n, None)):  # what is small beside its like is rounding, or squares
+        size[kind] = np.maximum(size[kind], _SMALL * size[kind].max(initial=0.0))
+    size[size < 1e-12] = np.inf
+    departure = (np.abs(found - expected) / size).max(axis=1)
+    touching = _touching(engine, 0 * x[0], 0 * u[0])
+    for i in _ways(departure, u):
+
+        def along(s: float, x: Array = x[i], u: Array = u[i]) -> Array:
+            return np.concatenate(engine(s * x, s * u)) / size
+
+        s = _corner(along)
+        if s is None:
+            continue
+        words = f"the predicted orbit passes a corner of the plant, at {s:.0%} of its size"
+        excitations = engine.plant.linearisation.point.ctrl.copy()
+        excitations[engine.plant.linearisation.ports.actuators] += engine.plant.linearisation.ports.b * u[i]
+        muscles = engine.model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
+        beyond = np.flatnonzero(muscles & ((excitations < 0) | (excitations > 1)))
+        if len(beyond):
+            names = ", ".join(input_names(engine.model)[k] for k in beyond)
+            yield Notice("saturation", "warning", f"{words}: the excitation of {names} is beyond 0 to 1{_END}")
+            return
+        others = sorted(touching ^ _touching(engine, x[i], u[i]))
+        why = ": " + ", ".join(f"{one} and {other} touch, or let go" for one, other in others) if others else ""
+        yield Notice("not linear", "warning", f"{words}{why}; the linear theory knows none")
+        return
+
+
+def _ways(departure: Array, u: Array) -> list[int]:
+    """Samples towards which the straight line from rest is searched, largest departure first.
+
+    Some of all that depart, and those where an input is largest, either way.
+    """
+    order = [int(i) for i in np.argsort(-departure) if departure[i] > _SLIGHT]
+    some = set(order[:: max(1, len(order) // _WAYS)]) | {*u.argmax(axis=0), *u.argmin(axis=0)}
+    return [i for i in order if i in some]
+
+
+def _corner(
+    along: Callable[[float], Array], low: float = 0.0, high: float = 1.0, depth: int = 0, before: float = np.inf
+) -> float | None:
+    """The place from ``low`` to ``high`` where the slope of ``along``, of size 1, jumps; ``None`` without a jump."""
+    s = np.linspace(low, high, (2 * _FINER if depth else _CELLS) + 1)
+    slopes = np.diff(np.array([along(at) for at in s]), axis=0) / (s[1] - s[0])
+    jumps = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+    for k in np.argsort(-jumps):
+        # a curve's jump falls in proportion to the step; that of rounding, and of a leap, grows with its inverse
+        rounding = jumps[k] > 2.5 * before and jumps[k] * (s[1] - s[0]) < _LEAP
+        if jumps[k] <= BENT or rounding or (depth and jumps[k] < 0.4 * before):
+            continue
+        if depth == _DEPTH:
+            return float(s[k + 1])
+        found = _corner(along, s[k], s[k + 2], depth + 1, jumps[k])
+        if found is not None:
+            return found
+    return None
+
+
+def _touching(engine: Dynamics, x: Array, u: Array) -> set[tuple[str, str]]:
+    """Pairs of geoms that push each other."""
+    engine.forward(x, u)
+    model, contact, force = engine.model, engine.data.contact, np.zeros(6)
+    pairs = set()
+    for i in range(engine.data.ncon):
+        mujoco.mj_contactForce(model, engine.data, i, force)
+        if force[0] > 0 and min(contact[i].geom) >= 0:
+            one, other = sorted(model.geom(int(k)).name or f"geom{k}" for k in contact[i].geom)
+            pairs.add((one, other))
+    return pairs
+
+
+_FORCES, _TORQUES = ("actuator_forcelimited", "tendon_actfrclimited"), ("jnt_actfrclimited",)
+
+
+def has_limit(model: mujoco.MjModel) -> bool:
+    """Whether any actuator, or the joint or tendon that it moves, has a limit."""
+    muscles = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE).any()
+    return bool(muscles or model.actuator_ctrllimited.any() or _has_strength_limit(model))
+
+
+def _has_strength_limit(model: mujoco.MjModel) -> bool:
+    return any(getattr(model, name).any() for name in ("actuator_actlimited", *_FORCES, *_TORQUES))
+
+
+def apply_limits(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: Array) -> tuple[Array, np.ndarray]:
+    """The part of u + d that acts, in the units of u, and where it is limited; both of shape (N, n_u).
+
+    A limit of force takes away as much of the control as would give what it cuts off; of an actuator with dynamics of
+    its own, or of a joint's limit, it is told that it saturates, and the control stays.
+
+    Args:
+        plant: the plant.
+        disturbance: d on its inputs.
+        rows: recorded (t, qpos, qvel, act, ...), shape (N, ...).
+        u: commands, shape (N, n_u).
+    """
+    model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
+    wanted = u + disturbance.beside(rows[:, 0], u)
+    if not has_limit(model):
+        return wanted, np.zeros(wanted.shape, dtype=bool)
+    ctrl = np.tile(point.ctrl, (len(rows), 1))
+    ctrl[:, ports.actuators] += ports.b * wanted
+    passed = np.clip(ctrl, *_range(model))
+    cut = np.abs(passed - ctrl) > 1e-12 * (1 + np.abs(ctrl))
+    if _has_strength_limit(model):
+        passed, beyond = _within_force(copy(model), rows, passed)
+        cut |= beyond
+    b = np.where(ports.b == 0, 1.0, ports.b)
+    acting = (passed - point.ctrl)[:, ports.actuators] / b
+    there = cut[:, ports.actuators]
+    return np.where(there, acting, wanted), there
+
+
+def find_clipped(plant: MujocoPlant, rows: Array) -> np.ndarray:
+    """Whether each output is at the cutoff of its sensor, shape (N, n_y).
+
+    Args:
+        plant: the plant.
+        rows: recorded (..., sensordata), shape (N, ...).
+    """
+    model, entries = plant.model, plant.linearisation.ports.entries
+    cutoff = np.repeat(model.sensor_cutoff, model.sensor_dim)[entries]
+    there = np.abs(rows[:, rows.shape[1] - model.nsensordata :][:, entries]) >= cutoff
+    return np.asarray(there & (cutoff > 0))
+
+
+def shares(inputs: Sequence[str], cut: np.ndarray, fact: str = "saturated") -> dict[str, float | str]:
+    """The share of the rows that are limited: as one number, and as text for each limited input (or output)."""
+    facts: dict[str, float | str] = {f"{fact}_share": float(cut.any(axis=1).mean())}
+    each = [f"{name} {share:.1%}" for name, share in zip(inputs, cut.mean(axis=0), strict=True) if share > 0]
+    return facts | ({fact: ", ".join(each)} if each else {})
+
+
+def _range(model: mujoco.MjModel) -> tuple[Array, Array]:
+    low, high = model.actuator_ctrlrange.T.copy()
+    free = ~model.actuator_ctrllimited.astype(bool)
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL):
+        free[:] = True
+    low[free], high[free] = -np.inf, np.inf
+    muscle = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
+    return np.where(muscle, np.maximum(low, 0), low), np.where(muscle, np.minimum(high, 1), high)
+
+
+def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Array, np.ndarray]:
+    """Controls reduced by the limits of force, and whether these or an activation's range are reached.
+
+    The engine says what each limit does: those of actuators and tendons, then those of joints, are lifted on the way.
+    """
+    data, nq, nv, na = mujoco.MjData(model), model.nq, model.nv, model.na
+    passed, cut = ctrl.copy(), np.zeros(ctrl.shape, dtype=bool)
+    switches = [(array, array.copy()) for array in (getattr(model, name) for name in (*_FORCES, *_TORQUES))]
+    direct = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE
+    jointed, clamped = bool(model.jnt_actfrclimited.any()), np.flatnonzero(model.actuator_actlimited)
+
+    def forces(control: Array, *, on_actuators: bool, on_joints: bool) -> tuple[Array, Array]:
+        """Forces of the actuators and on the degrees of freedom under these limits."""
+        for (array, limits), on in zip(switches, (on_actuators, on_actuators, on_joints), strict=True):
+            array[:] = limits if on else False
+        data.ctrl[:] = control
+        mujoco.mj_fwdActuation(model, data)
+        return data.actuator_force.copy(), data.qfrc_actuator.copy()
+
+    with install_callbacks(act_dyn=second_order_lag):
+        for i, row in enumerate(rows):
+            data.qpos[:], data.qvel[:] = row[1 : 1 + nq], row[1 + nq : 1 + nq + nv]
+            data.act[:] = row[1 + nq + nv : 1 + nq + nv + na]
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            free, _ = forces(ctrl[i], on_actuators=False, on_joints=False)
+            slope = forces(ctrl[i] + 1.0, on_actuators=False, on_joints=False)[0] - free
+            inside, torque = forces(ctrl[i], on_actuators=True, on_joints=False)
+            cut[i] = np.abs(inside - free) > 1e-12 * (1 + np.abs(free))
+            there = direct & cut[i] & (slope != 0)
+            passed[i, there] += (inside - free)[there] / slope[there]
+            if jointed:
+                left = forces(ctrl[i], on_actuators=True, on_joints=True)[1] - torque
+                cut[i] |= _moments(data, nv) @ (np.abs(left) > 1e-12 * (1 + np.abs(torque))) > 0
+            held = activation_rates(model, data) != data.act_dot
+            for k in clamped:
+                cut[i, k] |= held[model.actuator_actadr[k] :][: model.actuator_actnum[k]].any()
+    return passed, cut
+
+
+def _moments(data: mujoco.MjData, nv: int) -> np.ndarray:
+    """Whether each actuator acts on each degree of freedom, shape (nu, nv)."""
+    acts = np.zeros((len(data.moment_rownnz), nv), dtype=bool)
+    for row, first, count in zip(acts, data.moment_rowadr, data.moment_rownnz, strict=True):
+        entries = slice(first, first + count)
+        row[data.moment_colind[entries]] = data.actuator_moment[entries] != 0
+    return acts

@@ -1,0 +1,543 @@
+"""The operating point of a model: units of its coordinates, the pose, and the equilibrium near it.
+
+Units of a model's states, inputs and outputs, from its joints, actuators and sensors; "" where it tells none.
+
+The rule for the operating point applied to a model: the pose, its free joints, and the support of a body.
+
+The equilibrium near a pose: controls, and positions of the free joints, with zero accelerations.
+
+At rest the force that each degree of freedom needs, by inverse dynamics, is what the actuators give, and activations
+stand still. Newton's method solves these equations for control, activation and free joints; where they leave a choice,
+effort is least: the sum of squares of what the actuators give, less what the controls given do, as a share of the
+range of each or, without one, as torque beside the weight. A body on a floor is first set down until contacts bear it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from icmj.base.array import Array, leading
+from icmj.base.process import limit_to_one_thread
+from icmj.engine.model import (
+    OperatingPoint,
+    data_at,
+    input_names,
+    is_second_order_lag,
+    model_name,
+    second_order_lag,
+    state_names,
+)
+from icmj.engine.safety import install_callbacks
+from icmj.errors import ModelError
+from icmj.plant.body import OperatingRule
+from icmj.plant.quality import Notice
+
+_JOINT = {mujoco.mjtJoint.mjJNT_HINGE: ("rad",), mujoco.mjtJoint.mjJNT_SLIDE: ("m",),
+          mujoco.mjtJoint.mjJNT_BALL: ("rad",) * 3, mujoco.mjtJoint.mjJNT_FREE: ("m",) * 3 + ("rad",) * 3}  # fmt: skip
+_SENSOR = {
+    "FRAMEPOS": "m", "SUBTREECOM": "m", "RANGEFINDER": "m", "GEOMDIST": "m", "FRAMELINVEL": "m/s",
+    "VELOCIMETER": "m/s", "SUBTREELINVEL": "m/s", "GYRO": "rad/s", "FRAMEANGVEL": "rad/s", "BALLANGVEL": "rad/s",
+    "ACCELEROMETER": "m/s²", "FRAMELINACC": "m/s²", "FRAMEANGACC": "rad/s²", "FORCE": "N", "TOUCH": "N",
+    "TORQUE": "N m", "SUBTREEANGMOM": "kg m²/s", "CLOCK": "s", "E_POTENTIAL": "J", "E_KINETIC": "J",
+}  # fmt: skip
+
+
+def state_units(model: mujoco.MjModel) -> tuple[str, ...]:
+    """One for each state; an activation's is known where it is a lag of the control."""
+    q = [unit for i in range(model.njnt) for unit in _JOINT[mujoco.mjtJoint(model.jnt_type[i])]]
+    return (*q, *(_per_second(unit) for unit in q), *(unit for i in range(model.nu) for unit in _activations(model, i)))
+
+
+def input_units(model: mujoco.MjModel) -> tuple[str, ...]:
+    """One for each actuator: N m or N for a motor (with its factor, where it has one), the servo's own for a servo."""
+    return tuple(_input(model, i) for i in range(model.nu))
+
+
+def output_units(model: mujoco.MjModel) -> tuple[str, ...]:
+    """One for each entry of ``sensordata``."""
+    return tuple(_output(model, i) for i in range(model.nsensor) for _ in range(int(model.sensor_dim[i])))
+
+
+def _activations(model: mujoco.MjModel, i: int) -> tuple[str, ...]:
+    if is_second_order_lag(model, i):
+        return _per_second(_input(model, i)), _input(model, i)
+    if mujoco.mjtDyn(model.actuator_dyntype[i]) in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
+        return (_input(model, i),)
+    return ("",) * int(model.actuator_actnum[i])
+
+
+def _per_second(unit: str) -> str:
+    return f"{unit}/s" if unit else ""
+
+
+def _input(model: mujoco.MjModel, i: int) -> str:
+    kind, joint = mujoco.mjtTrn(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
+    moved = ""  # what the actuator's length is measured in
+    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        moved = _JOINT[mujoco.mjtJoint(model.jnt_type[joint])][0]
+    elif kind == mujoco.mjtTrn.mjTRN_TENDON:
+        moved = _tendon(model, joint)
+    if not moved or model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED:
+        return ""
+    factor, dynamics = float(model.actuator_gainprm[i, 0]), model.actuator_dyntype[i]
+    if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
+        position, velocity = -model.actuator_biasprm[i, 1:3]
+        if factor == 0 or dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+            return ""
+        return moved if position == factor else _per_second(moved) if velocity == factor and position == 0 else ""
+    if model.actuator_biastype[i] != mujoco.mjtBias.mjBIAS_NONE or dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+        return ""
+    if kind != mujoco.mjtTrn.mjTRN_TENDON:
+        factor *= float(np.abs(model.actuator_gear[i]).max())
+    unit = "N m" if moved == "rad" else "N"
+    return unit if abs(factor) == 1 else f"{abs(factor):g} {unit}"
+
+
+def _output(model: mujoco.MjModel, i: int) -> str:
+    kind, of = mujoco.mjtSensor(model.sensor_type[i]).name.removeprefix("mjSENS_"), int(model.sensor_objid[i])
+    if kind.startswith("JOINT") and kind != "JOINTACTFRC":
+        unit = _JOINT[mujoco.mjtJoint(model.jnt_type[of])][0]
+        return {"JOINTPOS": unit, "JOINTVEL": _per_second(unit), "JOINTLIMITPOS": unit}.get(kind, "")
+    if kind.startswith("TENDON") and kind in ("TENDONPOS", "TENDONVEL"):
+        unit = _tendon(model, of)
+        return unit if kind == "TENDONPOS" else _per_second(unit)
+    return _SENSOR.get(kind, "")
+
+
+def _tendon(model: mujoco.MjModel, i: int) -> str:
+    """m for a spatial tendon; for a fixed one what its joints have in common."""
+    first, count = int(model.tendon_adr[i]), int(model.tendon_num[i])
+    if any(kind != mujoco.mjtWrap.mjWRAP_JOINT for kind in model.wrap_type[first : first + count]):
+        return "m"
+    joints = model.wrap_objid[first : first + count]
+    units = {_JOINT[mujoco.mjtJoint(model.jnt_type[joint])][0] for joint in joints}
+    return units.pop() if len(units) == 1 else ""
+
+
+Room = tuple[Array, Array]  # how far each degree of freedom may go down and up
+_BENDS = (0.1, 0.25)  # of a joint's range
+
+
+@contextmanager
+def soften(model: mujoco.MjModel, factor: float) -> Iterator[None]:
+    """Contacts and joint limits made softer by the square of ``factor``."""
+    times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
+    widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
+    before = [array.copy() for array in (*times, *widths)]
+    for array in times:
+        # a negative entry is a stiffness, else a time constant [s]
+        array[:, 0] *= np.where(array[:, 0] > 0, factor, factor**-2)
+    for array in widths:
+        array[:, 2] *= factor**2
+    try:
+        yield
+    finally:
+        for array, old in zip((*times, *widths), before, strict=True):
+            array[:] = old
+
+
+def apply_pose(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
+    """The given state with the joints of the rule's pose."""
+    qpos = given.qpos.copy()
+    for name, value in rule.pose.items():
+        joint = _joint(model, name, "pose")
+        if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
+        qpos[model.jnt_qposadr[joint]] = value
+    return replace(given, qpos=qpos)
+
+
+def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
+    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
+    if name not in names:
+        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
+    return names.index(name)
+
+
+def free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
+    """Degrees of freedom that may move."""
+    if rule.kind not in ("balance", "found"):
+        return np.zeros(0, dtype=int)
+    chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
+    return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
+
+
+def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
+    """Sets of degrees of freedom that may move: first the fewest that can balance a free body, then all.
+
+    It keeps its place and stays upright; only its height is found.
+    """
+    moving = free(model, rule)
+    loose = [i for i in moving if model.jnt_type[model.dof_jntid[i]] == int(mujoco.mjtJoint.mjJNT_FREE)]
+    heights = [i for i in loose if i == model.jnt_dofadr[model.dof_jntid[i]] + 2]
+    upright = np.array([i for i in moving if i not in loose or i in heights], dtype=int)
+    return [upright, moving] if loose and not rule.free and len(upright) > len(heights) else [moving]
+
+
+def starts(
+    model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray
+) -> Iterator[tuple[OperatingPoint, Room]]:
+    """Starting points and ranges of the search for a balance: the given state, then joints bent into their ranges.
+
+    Those of the rule's pose are not.
+    """
+    yield given, room(model, given, rule, 0.0)
+    for share in _BENDS:
+        start = bend(model, given, moving, rule, share)
+        if not np.array_equal(start.qpos, given.qpos):
+            yield start, room(model, start, rule, share / 2)
+
+
+def bend(
+    model: mujoco.MjModel, given: OperatingPoint, moving: np.ndarray, rule: OperatingRule, share: float
+) -> OperatingPoint:
+    """The given state with free joints at least ``share`` of their range away from its ends."""
+    low, high = room(model, given, rule, share)
+    step = np.zeros(model.nv)
+    step[moving] = np.clip(0.0, low, high)[moving]
+    qpos = given.qpos.copy()
+    mujoco.mj_integratePos(model, qpos, step, 1.0)
+    return replace(given, qpos=qpos)
+
+
+def room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
+    """The distances that every degree of freedom may go down and up to stay ``share`` of its range from its ends.
+
+    Without a share, and where there is no range, it is not bounded; nor are joints in the rule's pose.
+    """
+    low, high = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
+    for i in find_limited(model) if share else ():
+        joint = int(model.dof_jntid[i])
+        if model.joint(joint).name not in rule.pose:
+            at, (least, most) = given.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+            low[i], high[i] = least + share * (most - least) - at, most - share * (most - least) - at
+    return low, high
+
+
+def find_limited(model: mujoco.MjModel) -> list[int]:
+    """Degrees of freedom of hinges and slides that have a range."""
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = (int(joint) for joint in model.dof_jntid)
+    return [i for i, j in enumerate(joints) if model.jnt_limited[j] and model.jnt_type[j] in kinds]
+
+
+def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
+    """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
+    for i in free:
+        joint = int(model.dof_jntid[i])
+        body, first = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
+        if model.body_parentid[body] != 0:
+            continue
+        kind = model.jnt_type[joint]
+        if kind == mujoco.mjtJoint.mjJNT_FREE and i == first + 2:
+            return int(i)
+        if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
+            return int(i)
+    return None
+
+
+def notice_move(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint, why: str) -> Iterator[Notice]:
+    """A notice if the operating point found differs from the given pose: by how much, and why."""
+    gap = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
+    units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]
+    far = [i for i in np.argsort(-np.abs(gap)) if abs(gap[i]) > max(1e-9, 1e-3 * np.abs(gap).max())]
+    if not far and np.array_equal(given.ctrl, found.ctrl):
+        return
+    names = state_names(model)
+    steps = [f"{names[i]} {gap[i]:+.3g} {units[i]}".rstrip() for i in far[:4]]
+    more = f" and {len(far) - 4} more" if len(far) > 4 else ""
+    where = f"away from it by {', '.join(steps)}{more}" if far else "with controls that hold it"
+    words = f"the pose {why}; balanced {where}. Name a keyframe, a pose or operating_point to have another"
+    yield Notice("operating point", "warning", words)
+
+
+_EPS = 1e-6  # half the distance of a difference
+_STEPS = 100
+_REST = 1e-11  # of the weight: forces that are none
+_HELD = 1e-7  # of the weight: forces that the solver may leave, before balance is given up
+_EFFORT = 1e-2  # how much effort counts beside balance, where both are sought at once
+_HOLD = 1e-4  # how much leaving where a last round begins counts beside it
+_END = 1e-3  # from an end of its room [rad, m], a joint is at it
+_STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
+
+
+def equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> Iterator[OperatingPoint]:
+    """The operating points that ``rule`` makes of ``given``, the nearest first.
+
+    There is one, but for a balance, which may lie at the end of a range: then one is sought from bent joints.
+
+    Raises:
+        ModelError: if a free joint does not exist, or nothing can hold the model at rest; it says what is left over.
+    """
+    given = apply_pose(model, given, rule)
+    if rule.kind in ("as given", "found"):
+        yield given
+    if rule.kind == "as given":
+        return
+    failed, found = None, False
+    for moving in ways(model, rule):
+        for start, room in starts(model, given, rule, moving):
+            try:
+                yield _Search(model, start, rule, moving, room).run()
+                found = True
+            except ModelError as error:  # straight joints may end at a kink, from where bent ones do not
+                failed = failed or error
+    if failed and not found:
+        raise failed
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Forces at rest: left over on each degree of freedom, shape (nv,); of the actuators, (nu,); act_dot, (na,)."""
+
+    left: Array
+    actuator: Array
+    act_dot: Array
+
+
+class _Search:
+    """Newton's method on z = (free positions, controls, activations), as departures from the given values."""
+
+    def __init__(
+        self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray, room: Room
+    ) -> None:
+        self.model, self.given, self.rule = model, given, rule
+        self.data = data_at(model, given)
+        self.free, self.room = moving, room
+        self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
+        self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
+        self.z, self.size = np.zeros(model.nv + model.nu + model.na), np.ones(model.nu)
+        self.lag = np.ones(model.na)  # time constants of the activations [s]
+        low, high = model.actuator_ctrlrange.T
+        limited = model.actuator_ctrllimited.astype(bool)
+        self.low, self.high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+        muscle = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
+        self.low[muscle], self.high[muscle] = np.maximum(self.low[muscle], 0), np.minimum(self.high[muscle], 1)
+
+    def run(self) -> OperatingPoint:
+        flags = int(self.model.opt.disableflags)
+        # the search may pass beyond a range on its way
+        self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        try:
+            with limit_to_one_thread(), install_callbacks(act_dyn=second_order_lag):
+                self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
+                self.lag, self.size = self.lags(), self.sizes()
+                self.set_down()
+                for _ in range(self.model.nu + 1):
+                    self.solve()
+                    if not self.held() or self.is_cramped():
+                        self.approach()
+                    beyond = self.beyond()
+                    if not beyond.any():
+                        break
+                    self.fixed |= beyond
+                    ctrl = self.z[self.model.nv :][: self.model.nu]
+                    ends = np.clip(self.given.ctrl + ctrl, self.low, self.high) - self.given.ctrl
+                    ctrl[beyond] = ends[beyond]
+                self.check()
+        finally:
+            self.model.opt.disableflags = flags
+        point = self.place(self.z)
+        still = 0 * self.given.qvel
+        return replace(self.given, qpos=point.qpos.copy(), qvel=still, act=point.act.copy(), ctrl=point.ctrl.copy())
+
+    def place(self, z: Array) -> mujoco.MjData:
+        nv, nu, data = self.model.nv, self.model.nu, self.data
+        data.qpos[:] = self.given.qpos
+        mujoco.mj_integratePos(self.model, data.qpos, np.ascontiguousarray(z[:nv]), 1.0)
+        data.qvel[:], data.qacc[:] = 0, 0
+        data.ctrl[:], data.act[:] = self.given.ctrl + z[nv : nv + nu], self.given.act + z[nv + nu :]
+        return data
+
+    def forces(self, z: Array) -> _Forces:
+        model, data = self.model, self.place(z)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        given, force, act_dot = data.qfrc_actuator.copy(), data.actuator_force.copy(), data.act_dot.copy()
+        data.qacc[:] = 0
+        mujoco.mj_inverse(model, data)
+        return _Forces(data.qfrc_inverse - given, force, act_dot)
+
+    def residual(self, found: _Forces) -> Array:
+        """The residual: forces relative to the weight, and the distance of the activations from rest."""
+        return np.concatenate([found.left / self.weight, self.lag * found.act_dot])
+
+    def lags(self) -> Array:
+        """Time constant of each activation, from the slope of its rate over activation and control."""
+        slopes, _ = self.slopes(np.arange(self.model.nv, len(self.z)))
+        return 1 / np.maximum(np.abs(slopes[self.model.nv :]).max(axis=1, initial=0.0), 1.0)
+
+    def sizes(self) -> Array:
+        """The effort of a unit force of each actuator, shape (nu,)."""
+        model, data = self.model, self.place(self.z)
+        mujoco.mj_fwdPosition(model, data)
+        rows = zip(data.moment_rowadr, data.moment_rownnz, strict=True)
+        lever = np.array([np.linalg.norm(data.actuator_moment[first : first + count]) for first, count in rows])
+        gain = np.abs(model.actuator_gainprm[:, 0]) * (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED)
+        strongest = gain * (self.high - self.low) / 2
+        ranged = np.isfinite(strongest) & (strongest > 0)
+        return np.where(ranged, 1 / np.where(ranged, strongest, 1.0), lever / self.weight)
+
+    def set_down(self) -> None:
+        """Shift a body with a free vertical joint to the height at which its contacts carry the whole weight."""
+        i = vertical(self.model, self.free)
+        if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+            return
+        start = self.z[i]
+
+        def unborne(z: float) -> float:
+            self.z[i] = start + z
+            return float(self.forces(self.z).left[i])
+
+        here = unborne(0.0)
+        for reach in np.geomspace(1e-5, 1.0, 61):
+            z = -reach if here > 0 else reach
+            if unborne(z) * here < 0:
+                low, high = sorted((0.0, z))
+                for _ in range(60):
+                    middle = (low + high) / 2
+                    low, high = (middle, high) if unborne(middle) < 0 else (low, middle)
+                return
+        self.z[i] = start  # nothing to stand on within a metre
+
+    def moving(self) -> np.ndarray:
+        """Indices of the unknown entries of z."""
+        nv, nu = self.model.nv, self.model.nu
+        parts = (self.free, nv + np.flatnonzero(~self.fixed), np.arange(nv + nu, len(self.z)))
+        return np.concatenate(parts).astype(int)
+
+    def approach(self) -> None:
+        """Fallback where Newton's method fails: a trust-region method with contacts and limits softened at first.
+
+        Effort is least on soft contacts only: on those that are there its least lies at a kink, and the last bit would
+        decide where the search stops. The last rounds are for the balance alone and hold on to where they begin, so
+        that what does not matter, such as a place on the floor, stays, and so do joints at an end of their room.
+        """
+        for softer in (8.0, 4.0, 2.0):
+            with soften(self.model, softer):
+                self.set_down()
+                self.relax(_EFFORT)
+        self.set_down()
+        for _ in range(8):
+            self.relax(0.0)
+            if np.linalg.norm(self.residual(self.forces(self.z))) <= _REST:
+                return
+
+    def relax(self, effort: float) -> None:
+        """Minimise the squares of residual, effort and motion."""
+        moving, begin, nv = self.moving(), self.z.copy(), self.model.nv
+        low, high = np.full(len(begin), -np.inf), np.full(len(begin), np.inf)
+        low[:nv], high[:nv] = self.room
+        if effort > 0:  # close to a balance ranges would only hamper
+            ctrl = slice(nv, nv + self.model.nu)
+            low[ctrl], high[ctrl] = self.low - self.given.ctrl, self.high - self.given.ctrl
+        else:
+            moving = moving[(moving >= nv) | (np.minimum(begin - low, high - begin)[moving] > _END)]
+        position, bounds = moving < nv, (low[moving], high[moving])
+        stay = np.where(position, _STAY * (effort or _HOLD), _HOLD)
+        about = begin[moving] if effort == 0 else np.where(position, 0.0, begin[moving])
+
+        def misfit(part: Array) -> Array:
+            z = begin.copy()
+            z[moving] = part
+            found = self.forces(z)
+            strain = effort * self.size * (found.actuator - self.wanted)
+            return np.concatenate([self.residual(found), strain, stay * (part - about)])
+
+        from scipy.optimize import least_squares
+
+        tight = 1e-10 if effort else 1e-15  # less would stop where the last bit decides
+        found = least_squares(
+            misfit, np.clip(begin[moving], *bounds), jac="3-point", bounds=bounds, x_scale="jac", max_nfev=4 * _STEPS,
+            xtol=tight, ftol=tight, gtol=tight,
+        )  # fmt: skip
+        self.z[moving] = found.x
+
+    def solve(self) -> None:
+        """Newton's method; it stops where no step reduces the residual."""
+        moving = self.moving()
+        found = self.forces(self.z)
+        for _ in range(_STEPS):
+            r = self.residual(found)
+            J, F = self.slopes(moving)
+            step = self.step(r, found, J, F, moving)
+            size = float(np.linalg.norm(r))
+            for halving in range(30):
+                trial = self.z.copy()
+                trial[moving] += step / 2**halving
+                found = self.forces(trial)
+                if size <= _REST or float(np.linalg.norm(self.residual(found))) < max(0.99 * size, 10 * _REST):
+                    self.z = trial
+                    break
+            else:
+                return
+            if size <= _REST and np.abs(step).max(initial=0.0) < 1e-9 * (1 + np.abs(self.z).max(initial=0.0)):
+                return
+
+    def slopes(self, moving: np.ndarray) -> tuple[Array, Array]:
+        """d residual/dz and d forces/dz with respect to the unknown entries."""
+        J, F = [], []
+        for j in moving:
+            ends = []
+            for sign in (1, -1):
+                z = self.z.copy()
+                z[j] += sign * _EPS
+                ends.append(self.forces(z))
+            up, down = ends
+            J.append((self.residual(up) - self.residual(down)) / (2 * _EPS))
+            F.append((up.actuator - down.actuator) / (2 * _EPS))
+        size = self.model.nv + self.model.na
+        return np.array(J).reshape(-1, size).T, np.array(F).reshape(-1, self.model.nu).T
+
+    def step(self, r: Array, found: _Forces, J: Array, F: Array, moving: np.ndarray) -> Array:
+        """The Newton step of least effort and least motion."""
+        position = moving < self.model.nv
+        effort = np.vstack([self.size[:, None] * F, _STAY * np.diag(position.astype(float))])
+        present = np.concatenate(
+            [self.size * (found.actuator - self.wanted), _STAY * np.where(position, self.z[moving], 0)]
+        )
+        # controls of very different strength are brought to one size
+        scale = 1 / np.maximum(np.linalg.norm(np.vstack([J, effort]), axis=0), 1e-12)
+        U, values, Vt = np.linalg.svd(J * scale)
+        rank = int(np.sum(values > 1e-9 * max(values.max(initial=0.0), 1e-300)))
+        particular = Vt[:rank].T @ ((U[:, :rank].T @ -r) / values[:rank])
+        free = Vt[rank:].T
+        choice = np.linalg.lstsq(effort * scale @ free, -(present + effort * scale @ particular), rcond=1e-12)[0]
+        return scale * (particular + free @ choice)
+
+    def beyond(self) -> np.ndarray:
+        """Whether controls are outside their range."""
+        ctrl = self.given.ctrl + self.z[self.model.nv :][: self.model.nu]
+        slack = 1e-9 * (1 + np.abs(ctrl))
+        return ~self.fixed & ((ctrl < self.low - slack) | (ctrl > self.high + slack))
+
+    def is_cramped(self) -> bool:
+        """Whether a joint is at or beyond its limit."""
+        low, high = self.room
+        position = self.z[: self.model.nv]
+        return bool((position < low - 1e-6).any() or (position > high + 1e-6).any())
+
+    def held(self) -> bool:
+        """Whether the residual is negligible."""
+        return bool(np.abs(self.residual(self.forces(self.z))).max(initial=0.0) <= _HELD)
+
+    def check(self) -> None:
+        if self.held():
+            return
+        left = np.abs(self.forces(self.z).left)
+        name, i = model_name(self.model), leading(left)
+        stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
+        limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
+        unit = "N m" if state_units(self.model)[i] == "rad" else "N"
+        raise ModelError(
+            f"model {name!r} cannot be held at rest by operating_point = {self.rule.kind!r}: "
+            f"on {state_names(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
+            "choose another pose, or free joints"
+        )

@@ -1,1 +1,0 @@
-"""The double-step experiment: pairs of steps, reaction times, and the kinds of controller that explain them."""

@@ -1,1 +1,0 @@
-"""The inverse problem: the model error that explains a measured motion."""

@@ -1,0 +1,498 @@
+"""The sections of the page, each a function from the cases to a heading, a template and what it prints.
+
+Controllers without a prediction: how each moved, and several of one body side by side.
+
+The first screen: what was predicted, what was measured and whether they agree, in one sentence and one figure.
+
+The figures: the panels of each case, and the amplitude law.
+
+Many runs of one case: sweeps with their maps, coexisting attractors, and branches of cycles.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from icmj.base import numbers
+from icmj.base.array import between
+from icmj.base.numbers import count
+from icmj.case.result import Attractor, Quantity, Result, SweepTable, in_unit, quantities, threshold_unit
+from icmj.cycle.branch import Branch
+from icmj.report.branch import parameter_in_words
+from icmj.report.figures import Rival, kind_in_words
+from icmj.report.statements import statements as statements
+from icmj.report.style import NAME
+from icmj.report.summary import abstract as abstract
+from icmj.report.summary import agrees_with_paper as agrees_with_paper
+from icmj.report.summary import is_noisy
+from icmj.report.summary import noise as noise
+from icmj.report.summary import summary as summary
+from icmj.report.wording import CaseRuns, judge_attractor, notice_in_words, verdicts
+from icmj.report.wording import DrawnPanel as DrawnPanel
+from icmj.report.wording import Picture as Picture
+from icmj.report.wording import Section as Section
+from icmj.report.wording import designs as designs
+from icmj.report.wording import matrix as matrix
+from icmj.report.wording import rule_fact as rule_fact
+from icmj.report.wording import settings as settings
+
+_RIVALS = (
+    "Left: power spectra of the outputs over the second half of each run; right: rate of each output against its value "
+    "over the last 20 s. Numbers are those of the table."
+)
+
+
+def others(
+    runs: Sequence[Result],
+    pictures: Mapping[str, Picture],
+    first_number: int,
+    motions: Mapping[str, str] = MappingProxyType({}),
+) -> Section | None:
+    """A table of the runs, and a figure of each case, or ``None`` where there are none.
+
+    Args:
+        runs: of any case, on any plant.
+        pictures: outputs over time, by case.
+        first_number: number of the first figure.
+        motions: the script's names of runs, by case.
+    """
+    cases: dict[str, list[Result]] = {}
+    for run in runs:
+        cases.setdefault(run.run.case.name, []).append(run)
+    items = [
+        {
+            "title": same[0].run.case.title,
+            "number": number,
+            "picture": pictures[name],
+            "motion": motions.get(name),
+            "facts": _controller_facts(same[0]),
+            "outputs": _outputs(same[0]),
+            "rows": [_row(run) for run in same],
+            "notices": list(map(notice_in_words, dict.fromkeys(notice for run in same for notice in run.notices))),
+        }
+        for number, (name, same) in enumerate(cases.items(), first_number)
+    ]
+    return Section("others", "Other controllers", "others.html.j2", {"items": items}) if items else None
+
+
+def _controller_facts(run: Result) -> list[tuple[str, str]]:
+    return [(key.replace("_", " "), numbers.setting(_show(value))) for key, value in run.controller.facts().items()]
+
+
+def _outputs(run: Result) -> list[str]:
+    return [
+        shown.label(name).replace("deg", "°")
+        for name, shown in zip(run.actual.outputs, quantities(run.actual), strict=True)
+    ]
+
+
+def rms_in_words(run: Result) -> str:
+    """RMS of every output over the second half of the run, with its unit."""
+    units = (shown.unit.replace("deg", "°") for shown in quantities(run.actual))
+    each = zip(run.actual.outputs, _row(run)["rms"], units, strict=True)
+    return ", ".join(
+        f"{name} {value}{'' if unit.startswith('°') else ' '}{unit}".rstrip() for name, value, unit in each
+    )
+
+
+def _row(run: Result) -> dict[str, Any]:
+    """RMS of every output over the second half of the run, weighted by time, and the outcome."""
+    simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
+    late = between(simulation.t, simulation.t[-1] / 2)
+    t, y = simulation.t[late], simulation.y[late]
+    length = float(t[-1] - t[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
+    return {
+        "plant": NAME[simulation.plant],
+        "kind": kind_in_words(run),
+        "end": simulation.outcome.message,
+        "switches": len(simulation.events),
+        "rms": [numbers.number(float(value), 3) for value in rms * scale],
+    }
+
+
+def _show(value: Any) -> Any:
+    return (value.item() if value.size == 1 else value.tolist()) if isinstance(value, np.ndarray) else value
+
+
+def rivals(found: Sequence[tuple[Sequence[Rival], tuple[Picture, Picture]]], first_number: int) -> Section | None:
+    """A table and two pictures for each body, or ``None`` where none has several controllers.
+
+    Args:
+        found: the controllers of each body, with spectra and paths.
+        first_number: number of the first figure.
+    """
+    items = [
+        {
+            "title": _of_group(group),
+            "number": number,
+            "pictures": pictures,
+            "outputs": [f"{c.name} ({c.unit})".replace("deg", "°") for c in group[0].sway.coordinates],
+            "rows": [_rival_row(n, rival) for n, rival in enumerate(group, 1)],
+            "caption": _RIVALS,
+        }
+        for number, (group, pictures) in enumerate(found, first_number)
+    ]
+    return Section("controllers", "Controllers side by side", "rivals.html.j2", {"items": items}) if items else None
+
+
+def _of_group(group: Sequence[Rival]) -> str:
+    """Which controllers of one body these are, and on which plant."""
+    kinds = [kind_in_words(rival.run) for rival in group]
+    plant = "linear plant" if group[0].run.simulation.plant == "linear" else NAME[group[0].run.simulation.plant]
+    return f"One body under {', '.join(kinds[:-1])} and {kinds[-1]} control, {plant}"
+
+
+def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
+    simulation = rival.run.simulation
+    late = simulation.events.t[between(simulation.events.t, simulation.t[-1] / 2)]
+    return {
+        "name": f"{number}. {rival.name}",
+        "rate": numbers.number(len(late) / rival.sway.duration, 3),
+        "outcome": simulation.outcome.kind,
+        "measures": [
+            (numbers.number(c.rms, 3), numbers.number(c.speed, 3), numbers.number(c.frequencies.median, 3))
+            for c in rival.sway.coordinates
+        ],
+    }
+
+
+CAPTION = (
+    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it "
+    "predicts no cycle. Marks: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar "
+    "agrees with the prediction; the relative error shows how closely (the further left, the closer). {}"
+)
+ARROW = "Arrow: the intervals grow without bound. "
+NOISE = "Line: mean and standard deviation of the intervals under noise. "
+NAMED = 3  # cases without a predicted cycle that the first sentence names
+WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
+
+
+def caption(cases: Sequence[CaseRuns]) -> str:
+    """What the overview shows of these cases."""
+    grows = any(c.measured.kind == "homoclinic" for case in cases for c in case.comparisons.values())
+    return CAPTION.format(ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)
+
+
+def headline(cases: Sequence[CaseRuns], others: Sequence[Result] = ()) -> str:
+    """One sentence: predicted, measured, agreement; of controllers without a prediction, what they did."""
+    if not cases:
+        return others[0].words if len(others) == 1 else _describe_hold(others)
+    if len(cases) == 1:
+        return _single(cases[0])
+    expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
+    quiet = [case for case in cases if not is_noisy(case)]
+    said = count(len(quiet), "case") + (" without noise" if len(quiet) < len(cases) else "")
+    if not expected:
+        return f"Linear theory predicts a limit cycle in none of {said}."
+    found = [case.comparisons[case.last.simulation.plant] for case in expected]
+    settled = [comparison for comparison in found if comparison.measured.converged]
+    worst = max((abs(c.relative_error.interval or 0.0) for c in settled), default=0.0)
+    plants = {case.last.simulation.plant for case in expected}
+    who = {"mujoco": "the bodies simulated in MuJoCo settle", "linear": "the simulated linear plants settle"}
+    subject = who[plants.pop()] if len(plants) == 1 else "the simulated plants settle"
+    many = "all of them" if len(settled) == len(found) else f"{len(settled)} of them"
+    close = f", at intervals within {_percent(worst)} of the predicted ones" if settled else ""
+    first = f"Linear theory predicts a limit cycle in {len(expected)} of {said}; {subject} on {many}{close}"
+    rest = [case for case in quiet if not case.prediction.cycle]
+    if not rest:
+        agree = "prediction and measurement agree"
+        return f"{first}: {agree if len(settled) == len(found) else f'{len(found) - len(settled)} do not agree'}."
+    return f"{first}. {_without_prediction(rest)}"
+
+
+def _without_prediction(cases: Sequence[CaseRuns]) -> str:
+    """What the plant drawn last does where no cycle is predicted."""
+    last = {case: case.comparisons[case.last.simulation.plant].measured for case in cases}
+    on_cycle = [case for case, measured in last.items() if measured.kind == "cycle"]
+    if not on_cycle:
+        return "Where it predicts none, none is reached."
+    subject = (
+        "the body in MuJoCo settles" if on_cycle[0].last.simulation.plant == "mujoco" else "the linear plant settles"
+    )
+    if len(on_cycle) > NAMED:
+        what = f"on a cycle in {len(on_cycle)} of {count(len(cases), 'case')}"
+        return f"Where it predicts none, {subject} {what}."
+    each = [
+        f"every {numbers.number(last[case].interval, 3)} s on average for “{case.first.run.case.title}”"
+        for case in on_cycle
+    ]
+    others = len(cases) - len(on_cycle)
+    more = f"; in {count(others, 'other case')} it settles on none" if others else ""
+    return f"Where it predicts none, {subject} on another cycle, with events {' and '.join(each)}{more}."
+
+
+def _single(case: CaseRuns) -> str:
+    prediction, comparison = case.prediction, case.comparisons[case.last.simulation.plant]
+    if not prediction.cycle or is_noisy(case):
+        return " ".join(verdicts(case))
+    delta, plant = numbers.number(prediction.delta_crit), comparison.plant
+    said = (
+        f"Linear theory predicts a limit cycle with an open-loop interval of {delta} s; "
+        f"the run {'in MuJoCo' if plant == 'mujoco' else 'of the linear plant'} "
+    )
+    if comparison.measured.converged:
+        close = _percent(abs(comparison.relative_error.interval or 0.0))
+        said += f"settles on it, with an interval within {close} of the predicted one"
+        return f"{said}: prediction and measurement agree."
+    return f"{said}does not settle on it. {' '.join(verdicts(case))}"
+
+
+def _describe_hold(others: Sequence[Result]) -> str:
+    """How runs without a prediction ended, and how large the sway of the last one of each case was."""
+    stood = sum(run.simulation.outcome.kind == "completed" for run in others)
+    kinds = ", ".join(dict.fromkeys(map(kind_in_words, others)))
+    last = {run.run.case.name: run for run in others}
+    sizes = "; ".join(f"{f'{run.run.case.title}, ' * (len(last) > 1)}{rms_in_words(run)}" for run in last.values())
+    many = f"{stood} of {len(others)} runs"
+    if stood == len(others):
+        many = "Both runs" if stood == 2 else f"All {stood} runs"
+    return f"{many} under {kinds} control ran to the end, with these RMS values in the second half: {sizes}."
+
+
+def _percent(error: float) -> str:
+    return "10⁻¹² %" if error < 1e-14 else f"{numbers.number(100 * error, 2)} %"
+
+
+def figures(
+    cases: Sequence[CaseRuns],
+    panels: Mapping[str, Sequence[DrawnPanel]],
+    motions: Mapping[str, str] = MappingProxyType({}),
+) -> Section:
+    """The panels of each case; ``motions`` are the keys of their motions, by case."""
+    return Section(
+        "figures",
+        "The panels of each case",
+        "figures.html.j2",
+        {
+            "cases": [
+                {
+                    "name": case.name,
+                    "title": case.first.run.case.title,
+                    "motion": motions.get(case.name),
+                    "panels": panels[case.name],
+                    "caption": _figure_caption(case),
+                    "given": _list_parameters(case),
+                    "verdicts": verdicts(case),
+                }
+                for case in cases
+            ]
+        },
+    )
+
+
+def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number: int) -> Section | None:
+    """The amplitude law, or ``None`` where no log holds one."""
+    items: list[dict[str, Any]] = []
+    for case in cases:
+        result = next((r for r in reversed(case.runs.values()) if r.law is not None), None)
+        if result is not None and result.law is not None:
+            items.append(
+                {
+                    "title": result.run.case.title,
+                    "number": first_number + len(items),
+                    "threshold": in_unit("Threshold", threshold_unit(result)),
+                    "picture": pictures[case.name],
+                    "interval_slope": f"{result.law.interval_slope:.3f}",
+                    "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
+                    "rows": [
+                        [numbers.short(q), numbers.error(i, signed=False), numbers.error(a, signed=False)]
+                        for q, i, a in zip(
+                            result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
+                        )
+                    ],
+                }
+            )
+    return Section("law", "The amplitude law", "law.html.j2", {"items": items}) if items else None
+
+
+def _list_parameters(case: CaseRuns) -> list[tuple[str, str]]:
+    """The parameters of a case: body, model error, rule, delay, weights, start and duration."""
+    result = case.first
+    run, settings = result.run, result.run.simulation.settings()
+    gain = run.actual.gain if isinstance(run.actual.gain, list) else [run.actual.gain]
+    changes = [f"{change.what} {change.of or ''}".strip() for change in run.actual.change]
+    delay = run.assumed.delay or 0.0
+    rule = result.controller.trigger.facts()
+    weights = ((name, getattr(run.design, name, None)) for name in ("R_c", "R_o"))
+    found = [
+        ("plant", run.actual_path.stem if run.on_engine else "matrices"),
+        ("b", ", ".join(f"{value:g}" for value in gain)),
+        ("changes", ", ".join(changes) or ("another model" if run.actual.model else "")),
+        *((name, f"{value:g}") for name, value in rule.items() if name in ("q_t", "delta_min") and value),
+        ("delay", f"{delay:g} s" if delay else ""),
+        *((name, f"{value:g}") for name, value in weights if isinstance(value, int | float)),
+        ("start", ", ".join(f"{name} {value:g}" for name, value in settings.initial.items())),
+        ("duration", f"{settings.duration:g} s"),
+    ]
+    units = {"q_t": threshold_unit(result), "delta_min": "s"}
+    names = {"delta_min": "Δ_min"}
+    return [(names.get(name, name), f"{value} {units.get(name, '')}".strip()) for name, value in found if value]
+
+
+def _figure_caption(case: CaseRuns) -> str:
+    prediction = case.prediction
+    if prediction.delta_crit is None:
+        return "No eigenvalue of φ(Δ) reaches ±1, so Δ_crit is undefined."
+    delta, value = numbers.number(prediction.delta_crit, 5), numbers.eigenvalue(prediction.eigenvalue)
+    text = f"Δ_crit = {delta} s with λ_crit = {value}; "
+    if not prediction.cycle:
+        return text + "no limit cycle is predicted."
+    period = numbers.number(prediction.period, 5)
+    return text + f"a limit cycle of period {period} s is predicted, its orbit {prediction.verdict}."
+
+
+_KINDS = {
+    "too short": "too short to settle",
+    "no events": "without events",
+    "homoclinic": "with growing intervals",
+    "growth": "growing",
+    "decay": "dying out",
+}
+_BRANCHES = (
+    "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, "
+    "dashed: repelling ones{}. (c) Multipliers μ of the first branch, the factors on small "
+    " deviations over one turn of the cycle; (d) some of its cycles."
+)
+
+
+def sweeps(
+    found: Sequence[SweepTable], pictures: Mapping[str, Sequence[tuple[Picture, str]]], first_number: int
+) -> Section | None:
+    """Every sweep with its pictures, or ``None`` where there is none.
+
+    Args:
+        found: the sweeps.
+        pictures: pictures and their captions by the name of the sweep.
+        first_number: number of the first figure.
+    """
+    items = []
+    for swept in found:
+        shown = [(first_number + i, *each) for i, each in enumerate(pictures[swept.name])]
+        first_number += len(shown)
+        items.append({"title": swept.title, "facts": _sweep_facts(swept), "pictures": shown})
+    return Section("sweeps", "Sweeps", "sweeps.html.j2", {"items": items}) if items else None
+
+
+def _sweep_facts(swept: SweepTable) -> list[tuple[str, str]]:
+    status = Counter(swept.texts("status"))
+    done = f"{len(swept.table)} of {swept.points}" if len(swept.table) < swept.points else f"{swept.points}"
+    bad = ", ".join(f"{count} {name}" for name, count in sorted(status.items()) if name != "ok")
+    facts = [("Points", f"{done}{f'; {bad}' if bad else ''}")]
+    for name, field in swept.varies:
+        facts.append((name, f"{_range(swept, name)}{f' ({field})' if field and field != name else ''}"))
+    for plant in NAME:
+        if f"{plant}_kind" in swept.table.column_names:
+            on = sum(value is True for value in swept.texts(f"{plant}_on_predicted"))
+            kinds = Counter(kind for kind in swept.texts(f"{plant}_kind") if kind)
+            words = (
+                f"{count} on a cycle ({on} on the predicted one)"
+                if kind == "cycle"
+                else f"{count} {_KINDS.get(kind, kind)}"
+                for kind, count in kinds.most_common()
+            )
+            facts.append((_plant(plant), ", ".join(words)))
+        elif f"{plant}_outcome" in swept.table.column_names:
+            ends = Counter(outcome for outcome in swept.texts(f"{plant}_outcome") if outcome)
+            facts.append((_plant(plant), ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())))
+    return facts
+
+
+def _plant(plant: str) -> str:
+    return "linear plant" if plant == "linear" else NAME[plant]
+
+
+def _range(swept: SweepTable, name: str) -> str:
+    values = sorted(set(swept.texts(name)))
+    try:
+        at = np.array(values, float)
+        words = f"{numbers.short(float(at[0]))} to {numbers.short(float(at[-1]))}"
+        return f"{words}, {len(at)} values" if len(at) > 1 else numbers.short(float(at[0]))
+    except (TypeError, ValueError):
+        return ", ".join(map(str, values[:6])) + (" …" if len(values) > 6 else "")
+
+
+def attractors(cases: Sequence[CaseRuns]) -> Section | None:
+    """Every motion found for each case, or ``None`` where no log holds a search."""
+    rows = [
+        {
+            "title": case.first.run.case.title if i == 0 else "",
+            "motion": motion(found),
+            "intervals": _intervals(found),
+            "peak": _peak(found, quantities(case.first.actual)),
+            "starts": f"{found.count} of {round(found.count / found.share)}",
+            "mark": judge_attractor(case.prediction, found.measurement),
+        }
+        for case in cases
+        if case.linear is not None
+        for i, found in enumerate(case.linear.attractors)
+    ]
+    return Section("attractors", "Coexisting attractors", "attractors.html.j2", {"rows": rows}) if rows else None
+
+
+def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
+    """Peak of all outputs if they share a unit, else of the first."""
+    amplitude = np.asarray(found.measurement.amplitude)
+    peak = float(np.max(amplitude if len(set(units)) == 1 else amplitude[:1])) * units[0].factor
+    unit = units[0].unit.replace("deg", "°")
+    return f"{numbers.number(peak, 3)}{unit if unit == '°' else f' {unit}'.rstrip()}"
+
+
+def motion(found: Attractor) -> str:
+    """The motion in a few words."""
+    measurement = found.measurement
+    match measurement.kind:
+        case "cycle":
+            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
+            return f"{'mirrored ' if measurement.mirrored else ''}cycle of {events}"
+        case "homoclinic":
+            return "intervals grow without bound"
+        case kind:
+            return kind
+
+
+def _intervals(found: Attractor) -> str:
+    measurement = found.measurement
+    if measurement.kind != "cycle":
+        return numbers.MISSING
+    distinct = measurement.intervals[: len(measurement.intervals) // (2 if measurement.mirrored else 1)]
+    return ", ".join(numbers.number(float(interval), 5) for interval in distinct)
+
+
+def branches(found: Sequence[tuple[Sequence[Branch], Picture]], first_number: int) -> Section | None:
+    """Every group of branches with its picture, or ``None`` where there is none.
+
+    Args:
+        found: branches of one run file along one parameter, and their picture.
+        first_number: number of the first figure.
+    """
+    items = []
+    for i, (group, picture) in enumerate(found):
+        facts = [_branch_fact(branch, n if len(group) > 1 else 0) for n, branch in enumerate(group, 1)]
+        beneath = len({one.plant for one in group}) > 1
+        caption = _BRANCHES.format(", broad and faint: the linear plant" if beneath else "")
+        title = f"{group[0].run.case.title}: cycles along the {parameter_in_words(group[0].parameter)}"
+        items.append({"title": title, "facts": facts, "pictures": [(first_number + i, picture, caption)]})
+    return Section("branches", "Branches of cycles", "sweeps.html.j2", {"items": items}) if items else None
+
+
+def count_figures(section: Section | None) -> int:
+    """How many figures a section of items has."""
+    return 0 if section is None else sum(len(item["pictures"]) for item in section.context["items"])
+
+
+def _branch_fact(branch: Branch, number: int) -> tuple[str, str]:
+    ends = " to ".join(numbers.short(float(branch.value[i])) for i in (0, -1))
+    attracting = int(branch.attracting.sum())
+    said = f"{len(branch)} {branch.name}, {branch.parameter} from {ends}, {attracting} of them attracting. "
+    words = [special.words for special in branch.specials]
+    if not words or words[-1] != branch.end:
+        words.append(f"The branch {branch.end}.")
+    where = "linear plant" if branch.plant == "linear" else NAME[branch.plant]
+    return f"branch {number}, {where}" if number else where, said + " ".join(words)

@@ -1,1 +1,0 @@
-"""Everything one log holds, as data. Runs nothing."""

@@ -1,1 +1,0 @@
-"""The data of a run and its prediction that are shown, as plain arrays; other modules draw them."""
