@@ -122,7 +122,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
 
 def test_what_goes_on_where_it_ended_does_so_in_one_way() -> None:
     """Lock, description and digests of a folder are those of :mod:`icmj.work.folder`."""
-    own = re.compile(r"\blocked\(|\"SHA256SUMS\"")
+    own = re.compile(r"(?<![\w.])lock\(|\"SHA256SUMS\"")
     found = {name_of(path) for path in MODULES if own.search(path.read_text(encoding="utf-8"))}
     assert found == {"icmj.base.files", "icmj.work.folder"}
 
