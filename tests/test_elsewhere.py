@@ -16,8 +16,6 @@ import pytest
 from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, sweep_file
 
-from icmj.engine.safety import _PROGRAM, library
-from icmj.series.formats import _READER
 from icmj.work.own_code import MODELS, RUNS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -297,35 +295,6 @@ def test_the_whole_study_and_a_fit_without_what_only_linux_has(tmp_path: Path) -
     assert len([*(tmp_path / "study").glob("*.rrd")]) == 22
     assert (tmp_path / "study" / "report.html").is_file()
     assert (tmp_path / "fit" / "report.html").is_file()
-
-
-def test_a_model_is_tried_where_no_limits_can_be_set(tmp_path: Path) -> None:
-    """In a process of its own: where there is no ``resource``, or, as on macOS, memory cannot be limited."""
-    model = tmp_path / "model.xml"
-    model.write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
-    none = "import sys; sys.modules['resource'] = None\n"
-    fails = "import resource\ndef no(*_):\n  raise ValueError('current limit exceeds maximum limit')\n"
-    fails += "resource.setrlimit = no\n"
-    for before in (none, fails):
-        limits = "3", "1000000000", "10", "1000000", "0"
-        command = [sys.executable, "-c", before + _PROGRAM, str(library()), str(model), *limits]
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-
-
-def test_c3d_is_read_where_memory_cannot_be_limited(tmp_path: Path) -> None:
-    """On macOS ``setrlimit`` refuses, and every C3D file was "reading it ended the reader"."""
-    program = f"""
-import resource, runpy, sys
-def no(*_):
-    raise ValueError("current limit exceeds maximum limit")
-resource.setrlimit = no
-sys.argv = ["reader", {str(tmp_path / "none.c3d")!r}, "found.npz"]
-open(sys.argv[1], "wb").close()
-runpy.run_path({str(_READER)!r}, run_name="__main__")
-"""
-    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
-    assert "limit" not in done.stderr  # what it says is of the file, or of ezc3d
 
 
 def test_shipped_files_are_found_where_git_makes_no_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

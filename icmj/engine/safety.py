@@ -52,6 +52,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.files import read_bytes
+from icmj.base.sandbox import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
@@ -260,22 +261,11 @@ _ENDED = [-getattr(signal, name) for name in ("SIGKILL", "SIGXCPU") if hasattr(s
 _PROGRAM = """
 import ctypes, os, signal, sys
 try:
-    import resource
-except ImportError:
-    resource = None
-for what, most in zip(("AS", "CPU", "STACK", "CORE"), map(int, sys.argv[4:8])):
-    try:  # each that the system has: macOS cannot limit memory
-        what = getattr(resource, "RLIMIT_" + what)
-        hard = resource.getrlimit(what)[1]
-        resource.setrlimit(what, (most if hard < 0 else min(most, hard), hard))
-    except (OSError, AttributeError, ValueError):
-        pass
-try:
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 except (OSError, AttributeError, TypeError):
     pass
 engine = ctypes.CDLL(sys.argv[1])
-plugins = [ctypes.CDLL(path) for path in sys.argv[8:]]
+plugins = [ctypes.CDLL(path) for path in sys.argv[4:]]
 class Config(ctypes.Structure):
     _fields_ = [("c", ctypes.c_bool), ("f", ctypes.c_bool), ("name", ctypes.c_char * 1024), ("topics", ctypes.c_int)]
 engine.mju_setLogConfig.argtypes = [Config]
@@ -314,21 +304,14 @@ def rehearse(path: Path) -> None:
     Raises:
         ModelError: if it does.
     """
-    limits = map(str, (REFUSED, BYTES, SECONDS, STACK, 0))
-    command = [sys.executable, "-I", "-S", "-c", _PROGRAM, str(library()), os.path.abspath(path), *limits, *_plugins()]
+    given = str(library()), os.path.abspath(path), str(REFUSED), *_plugins()
+    command = [sys.executable, "-I", "-S", "-c", _PROGRAM, *given]
     too_much = f"{path}: compiling the model takes more than {SECONDS} s or {BYTES >> 30} GB; make it smaller"
     try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            timeout=PATIENCE,
-            check=False,
-        )
+        done = run_bounded(command, PATIENCE, processor=SECONDS, addresses=BYTES, stack=STACK)
     except subprocess.TimeoutExpired as error:
         raise ModelError(too_much) from error
-    said = one_line(done.stderr.decode(errors="replace"), 300)
+    said = one_line(done.stderr, 300)
     if done.returncode in _ENDED or any(word in said.lower() for word in ("memory", "alloc", "unknown exception")):
         raise ModelError(too_much + (f" ({said})" if said else ""))
     if done.returncode not in (0, REFUSED):

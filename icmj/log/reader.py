@@ -29,6 +29,7 @@ from urllib.parse import quote
 from icmj.base.array import between
 from icmj.base.files import replaceable, write_bytes
 from icmj.base.process import interrupt_once, terminable
+from icmj.base.sandbox import run_bounded
 from icmj.base.text import one_line
 from icmj.case.result import Result
 from icmj.controller.controller import has_trigger
@@ -95,26 +96,10 @@ def salvage(path: Path, copy: Path) -> str:
 
 
 def _run_bounded(arguments: list[str], path: Path) -> subprocess.CompletedProcess[str]:
-    """``rerun rrd`` with these arguments, held to what the recording at ``path`` could need if it were whole.
-
-    The shell sets the limits, because setting them in Python between fork and exec is not safe with threads. Where
-    the system has no such limits, only the one on time holds.
-    """
-    command = [str(program()), "rrd", *arguments]
-    if os.name == "posix":
-        size = path.stat().st_size
-        limits = {"d": (MEMORY + PER_BYTE * size) >> 10, "t": SECONDS + size // BYTES_A_SECOND, "c": 0}
-        shell = "; ".join(f"ulimit -{kind} {most} 2>/dev/null" for kind, most in limits.items())
-        command = ["/bin/sh", "-c", f'{shell}; exec "$@"', "sh", *command]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-        timeout=LONGEST,
-        env=os.environ | {"NO_COLOR": "1"},
-    )
+    """``rerun rrd`` with these arguments, held to what the recording at ``path`` could need if it were whole."""
+    command, size = [str(program()), "rrd", *arguments], path.stat().st_size
+    processor, data = SECONDS + size // BYTES_A_SECOND, MEMORY + PER_BYTE * size
+    return run_bounded(command, LONGEST, processor=processor, data=data, environment={"NO_COLOR": "1"})
 
 
 _REPLACED = 5  # how often a log may be replaced while it is read

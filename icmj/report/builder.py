@@ -132,7 +132,7 @@ def render(
     if cases:
         parts = [
             sections.summary(cases),
-            sections.statements(cases) if any(case.first.run.case.paper.figure for case in cases) else None,
+            sections.statements(cases) if any(map(_is_about_the_paper, cases)) else None,
             sections.figures(cases, panels, of_case),
             sections.noise(cases, noisy, first_number=len(cases) + 1),
             sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
@@ -158,6 +158,11 @@ def render(
         ),
         beside="The figures are also available as PDF and SVG files in the folder beside this page.",
     )
+
+
+def _is_about_the_paper(case: CaseRuns) -> bool:
+    paper = case.first.run.case.paper
+    return bool(paper.figure or paper.note)
 
 
 def _headed(

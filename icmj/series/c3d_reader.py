@@ -1,19 +1,15 @@
 """A program: ``c3d_reader.py FILE.c3d FOUND.npz`` reads one file with ezc3d and writes its signals as arrays.
 
-It imports nothing of this package, and bounds its own memory, because a damaged file may ask for all there is.
+It imports nothing of this package. A damaged file may ask for all memory there is, which whoever starts it bounds.
 """
 
 from __future__ import annotations
 
-import os
 import sys
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-# bytes of addresses: at most, for the libraries, and for each byte of a file, of which ezc3d takes 14 for floats
-MEMORY, LIBRARIES, PER_BYTE = 1_400_000_000, 400_000_000, 30
 REFUSED = 3  # exit status with a reason on standard error
 
 
@@ -76,20 +72,8 @@ def _labels(group: Any) -> list[str]:
     return [str(label).strip() for key in keys for label in group.get(key, {}).get("value", [])]
 
 
-def _bound(path: str) -> None:
-    try:
-        import resource
-    except ImportError:  # Windows: the limit on time alone
-        return
-    most = min(MEMORY, LIBRARIES + PER_BYTE * os.path.getsize(path))
-    for kind, limit in (("RLIMIT_AS", most), ("RLIMIT_CORE", 0)):
-        with suppress(AttributeError, OSError, ValueError):  # macOS: memory cannot be limited
-            resource.setrlimit(getattr(resource, kind), (limit, limit))
-
-
 if __name__ == "__main__":
     try:
-        _bound(sys.argv[1])
         np.savez(sys.argv[2], **read(sys.argv[1]))
     except Exception as error:
         full = isinstance(error, MemoryError) or "bad_alloc" in str(error)

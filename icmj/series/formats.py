@@ -30,9 +30,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.files import open_file
+from icmj.base.sandbox import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.c3d_reader import MEMORY, REFUSED
+from icmj.series.c3d_reader import REFUSED
 from icmj.series.series import place
 
 HEAD = 200  # lines in which the numbers must begin
@@ -230,6 +231,8 @@ def header_of(lines: Iterable[bytes]) -> Header:
 
 
 LONGEST_READ = 120.0  # s on the clock
+# bytes of addresses: at most, for the libraries, and for each byte of a file, of which ezc3d takes 14 for floats
+MEMORY, LIBRARIES, PER_BYTE = 1_400_000_000, 400_000_000, 30
 _MOST = 65535  # frames that a header can count
 GROUPS = ("centres of pressure", "forces", "points", "analog channels")
 # each more takes 40 MB of the addresses that the reader may use, on a machine of sixty processors all of them
@@ -269,18 +272,13 @@ def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
     with tempfile.TemporaryDirectory(prefix="icmj-c3d-") as folder:
         found = Path(folder, "found.npz")
         try:
-            done = subprocess.run(
-                [sys.executable, "-I", str(_READER), str(path.absolute()), str(found)],
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=longest,
-                env={**os.environ, **_ONE_THREAD},
-                check=False,
-            )
+            command = [sys.executable, "-I", str(_READER), str(path.absolute()), str(found)]
+            most = min(MEMORY, LIBRARIES + PER_BYTE * path.stat().st_size)
+            done = run_bounded(command, longest, addresses=most, environment=_ONE_THREAD)
         except subprocess.TimeoutExpired as error:
             raise DataError(f"not a C3D file that can be read (it takes more than {longest:g} s)") from error
         if done.returncode or not found.exists():
-            said = done.stderr.decode(errors="replace").strip().splitlines()
+            said = done.stderr.strip().splitlines()
             own = said and done.returncode == REFUSED
             why = one_line(said[-1], 120) if own else f"reading it ended the reader, which may use {MEMORY / 1e9:g} GB"
             raise DataError(f"not a C3D file that can be read ({why})")
