@@ -335,7 +335,17 @@ def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
     if len(t) > 1 and np.isfinite(values).all():
         t, values = _refined(result, t, values)
     late = between(t, start, end)
-    return values[late, :n_y], values[late, n_y:]
+    t, values = t[late], values[late]
+    # where an input acts on an output's rate at once, that jumps with it, and the curve has a gap
+    jumping = np.flatnonzero(np.abs(result.actual.C @ result.actual.B).max(axis=1) > 0)
+    if len(jumping):
+        bends = np.unique(np.concatenate(run.breaks))
+        gaps = np.unique(np.searchsorted(t, bends[between(bends, start, end)] + NEAR))
+        gaps = gaps[(gaps > 0) & (gaps < len(t))]
+        gap = values[gaps - 1]
+        gap[:, n_y + jumping] = np.nan
+        values = np.insert(values, gaps, gap, axis=0)
+    return values[:, :n_y], values[:, n_y:]
 
 
 def _refined(result: Result, t: Array, values: Array) -> tuple[Array, Array]:

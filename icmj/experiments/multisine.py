@@ -131,8 +131,8 @@ def _respond_delayed(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]
     real = controller.realisation
     if len(real.modes) != 1 or real.eventful or real.commands or real.period < np.inf:
         raise AnalysisError(
-            f"the {controller.kind} controller has events, resets, several modes, or reads its own commands; a "
-            "frequency response is of one linear mode"
+            f"the {controller.kind} controller is not linear, or reads its own commands; a frequency response is of "
+            "one mode without events and resets"
         )
     on, n_y = real.modes[0], controller.plant.n_y
     s = 2j * np.pi * f[:, None, None]

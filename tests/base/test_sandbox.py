@@ -61,6 +61,6 @@ def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
         for path in (root / "icmj").rglob("*.py")
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
-    assert starts == {"base/sandbox.py", "work/provenance.py", "log/replay.py"}
-    used = {"engine/rehearsal.py", "series/c3d.py", "log/program.py"}
+    assert starts == {"base/sandbox.py", "work/folder.py", "log/reader.py"}
+    used = {"engine/safety.py", "series/formats.py", "log/reader.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

@@ -175,7 +175,7 @@ def test_continuous_control_is_kept_at_the_multiples_alone(root, plant, timestep
     """With a delay it is a clock of 5 ms, whose rows and states were half of a log."""
     without = {"study.growth_points": 0, "study.attractor_starts": 0, "study.law_q_t": [], "simulation.duration": 1.5}
     run = load_run(root / "runs" / "three-link-0.9-delay.toml").with_(**without, **{"simulation.timestep": timestep})
-    kept, case = run_case(run, plant).continuous, prepare(run)
+    kept, case = run_case(run, plant, study=True).continuous, prepare(run)
     ticks = continuous_limit(case.controller)
     whole = simulate(case, plant, trigger=ticks)
     assert len(whole.events) == 300

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.base.compilation import compiled, contents, summing
+from icmj.base.compilation import compiled, contents
 from icmj.base.roots import SAME, evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
@@ -35,23 +35,24 @@ _BINOMIAL = np.array([[float(comb(k + m, k)) for m in range(32)] for k in range(
 _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be wrong by
 
 
-@summing
+@compiled
 def shift(row, by, room):  # type: ignore[no-untyped-def]
     """Coefficients of a polynomial about a place ``by`` further on, in place: Σ_m C(k + m, k) by^m a_(k+m).
 
-    ``room`` is as long as the row, for the powers. These sums wait for nothing, unlike those of Horner's scheme.
+    ``room`` is as long as the row, for the sums. They wait for nothing, unlike those of Horner's scheme.
     """
     last = len(row) - 1
     while last > 0 and row[last] == 0:
         last -= 1
-    room[0] = 1.0
+    power = by
+    for k in range(last + 1):
+        room[k] = row[k]
     for m in range(1, last + 1):
-        room[m] = by * room[m - 1]
-    for k in range(last):
-        total = 0.0
-        for m in range(last + 1 - k):
-            total += _BINOMIAL[k, m] * room[m] * row[k + m]
-        row[k] = total
+        for k in range(last + 1 - m):
+            room[k] += _BINOMIAL[m, k] * power * row[k + m]
+        power *= by
+    for k in range(last + 1):
+        row[k] = room[k]
 
 
 @compiled
