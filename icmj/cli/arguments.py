@@ -91,17 +91,27 @@ class Cases(Shared):
 
 @dataclass(frozen=True)
 class New(Shared):
-    """Write a commented run file for a model, or copy a shipped case and its models.
+    """Write a commented file to begin with, or copy a shipped one and its models.
+
+    A run file for a model; a sweep, experiment or family file for a run file; a table of recordings for icmj fit.
 
     Example: icmj new body.xml --out body.toml
     """
 
-    model: tyro.conf.Positional[Path]
-    """MJCF file, or name of a shipped model or case."""
+    what: tyro.conf.Positional[Path]
+    """Kind of file: run, sweep, experiment, family or recordings. Or an MJCF file, for which a run file is written; or
+    the name of a shipped model, case, sweep, experiment or family."""
+    of: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """What the file is for: a model (run), a run file or shipped case (sweep, experiment, family), or recordings
+    (default: a shipped model or case)."""
+    stimulus: Literal["quiet_standing", "perturbed_stance", "multisine", "double_step", "intersection_point"] = (
+        "quiet_standing"
+    )
+    """Kind of experiment."""
     out: Path | None = None
-    """Run file to write (default: MODEL.toml in this folder). An existing file is never overwritten."""
+    """File to write (default: the name of the model or kind, in this folder). An existing file is never overwritten."""
     keyframe: str | None = None
-    """Keyframe of the operating point (default: the first at which the model is at rest)."""
+    """Keyframe of the operating point of a run (default: the first at which the model is at rest)."""
 
 
 @dataclass(frozen=True)

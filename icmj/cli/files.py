@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import textwrap
 from contextlib import nullcontext
 from dataclasses import replace
@@ -26,12 +27,13 @@ from icmj.base.text import one_line
 from icmj.cli import arguments
 from icmj.cli.arguments import Cases, Experiment, Fit, New, Replay, Schema
 from icmj.cli.terminal import ERR, OUT, Column, Terminal, Working, show_table
-from icmj.errors import FitError, RunFileError, StudyError
+from icmj.errors import FitError, IcmjError, RunFileError, StudyError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from icmj.case.drafting import FirstRunFile
+    from icmj.case.drafting import FirstRunFile, Kind
+    from icmj.runfile.experiment_tables import ExperimentFile
     from icmj.series.series import Series
     from icmj.study.experiment import Experiment as Done
     from icmj.study.fit import Fit as DoneFit
@@ -74,16 +76,41 @@ def _paragraph(words: str, indent: str, style: str | None = None) -> None:
 
 
 def new(command: New) -> None:
-    """Write the run file, and say what is in it and what may be done with it."""
-    from icmj.work.own_code import RUNS, model_file
+    """Write a file, and say what is in it and what may be done with it."""
+    kind, of = str(command.what), command.of
+    if kind not in ("run", *FILES, "recordings"):
+        kind, of = "run", (command.what, *of)
+    if kind != "recordings" and len(of) > 1:
+        raise RunFileError(f"{one_line(of[1], 80)}: one too many; icmj new takes one model or run file")
+    if kind == "recordings":
+        _new_table(of, command.out or Path("recordings.csv"))
+    elif kind == "run":
+        _new_run(of[0] if of else Path("pendulum"), command)
+    else:
+        _new_file(kind, of[0] if of else None, command)  # type: ignore[arg-type]  # it is in FILES
 
-    given = command.model
-    shipped = RUNS.meant(given)
-    if shipped != given:
-        files = _copy(shipped, command.out or Path(f"{given.name}.toml"))
-        models = ", ".join(map(str, files[1:]))
-        _tell(f"run file  {files[0]}", f"model     {models}", f"next      icmj analyse {files[0]}")
-        return
+
+FILES: dict[str, str] = {
+    "sweep": "icmj sweep", "experiment": "icmj experiment", "family": "icmj fit RECORDING --model"
+}  # fmt: skip
+
+
+def _new_run(given: Path, command: New) -> None:
+    """A run file for a model, or a copy of a shipped file."""
+    from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS, model_file
+
+    for shelf in (RUNS, SWEEPS, EXPERIMENTS, FAMILIES):
+        if (shipped := shelf.meant(given)) != given:
+            out = command.out or Path(f"{given.name}.toml")
+            files = _copy(shipped, out) if shelf is RUNS else _copy_file(shipped, out)
+            beside = ", ".join(map(str, files[1:]))
+            does = {"runs": "icmj analyse", "sweeps": FILES["sweep"], "experiments": FILES["experiment"]}
+            _tell(
+                f"{'run file' if shelf is RUNS else 'file':<10}{files[0]}",
+                *([f"{'model' if shelf is RUNS else 'run file':<10}{beside}"] if beside else []),
+                f"next      {does.get(shelf.kind, FILES['family'])} {files[0]}",
+            )
+            return
     model = model_file(given)
     out = command.out or Path(f"{model.stem}.toml")
     _free(out)
@@ -95,6 +122,86 @@ def new(command: New) -> None:
         draft = draft_run(model, out, command.keyframe)
     write_text(out, draft.text)
     _tell(f"run file  {out}", *_describe_draft(draft), *_note_shipped(model), f"next      icmj analyse {out}")
+
+
+def _new_file(kind: Kind, given: Path | None, command: New) -> None:
+    """A sweep, experiment or family file with every key, for a run file."""
+    from icmj.base.files import write_text
+    from icmj.case.case import prepare
+    from icmj.case.drafting import RUN_OF, Names, case_name, draft_file
+    from icmj.runfile.experiment_tables import ExperimentFile
+    from icmj.runfile.reading import load_run, parse_toml
+    from icmj.runfile.sweep_tables import FamilyFile, SweepFile
+
+    out = command.out or Path(f"{kind}.toml")
+    _free(out)
+    given = given or Path(RUN_OF[command.stimulus if kind == "experiment" else kind])
+    with Working(f"looking at {given.name}", ERR):
+        base = load_run(given)
+        plant = prepare(base).actual.linearisation.plant
+        run = given.name if not given.is_file() else Path(os.path.relpath(given, out.parent)).as_posix()
+        names = Names(plant.inputs, plant.outputs, plant.states)
+        text = draft_file(kind, out.name, case_name(out), run, base, names, command.stimulus)
+        trouble = ""
+        try:
+            data = parse_toml(text, out)
+            if kind == "experiment":
+                _expect_startable(ExperimentFile.validated(data, out, text))
+            else:
+                (SweepFile if kind == "sweep" else FamilyFile).validated(data, out, text)
+        except IcmjError as error:
+            trouble = f"note: it does not run as written: {one_line(error).removeprefix(f'{out}: ')}"
+    write_text(out, text)
+    _tell(f"{'file':<10}{out}", f"run file  {run}", *([trouble] if trouble else []), f"next      {FILES[kind]} {out}")
+
+
+def _expect_startable(file: ExperimentFile) -> None:
+    """See that every case of an experiment takes its stimulus.
+
+    Raises:
+        IcmjError: if one does not.
+    """
+    from icmj.case.case import prepare
+    from icmj.study.experiment import conditions_of, kind_of
+
+    kind = kind_of(file)
+    for one in conditions_of(file):
+        prepare(kind.stimulate(one.run, file.experiment.seed))
+
+
+TABLE = """# Recordings of standing people, for icmj fit --table {name} --model event --model switching
+# A line is a file, beside this table: {more}
+#   column     that holds the front-to-back centre of pressure; may be empty if it is the only one, or named so
+#   person     whose recording it is; several lines of one person and condition are trials that are fitted together
+#   group      to be compared with others, such as young; may be empty
+#   condition  such as eyes closed; may be empty
+file,column,person,group,condition
+"""
+
+
+def _new_table(recordings: tuple[Path, ...], out: Path) -> None:
+    """A table of recordings, each of which can be fitted as it is listed, or has a note why not."""
+    import csv
+    import io
+
+    from icmj.base.files import write_text
+    from icmj.fitting.recordings import read_trials
+
+    _free(out)
+    if not recordings:
+        raise FitError("no recording to list; give files, such as icmj new recordings anna-1.csv anna-2.csv")
+    text, notes = io.StringIO(), []
+    rows = csv.writer(text, lineterminator="\n")
+    with Working("reading recordings", ERR) as working:
+        for i, path in enumerate(recordings):
+            working.tell(f"reading {path.name}", i / len(recordings))
+            try:
+                read_trials(path)
+            except FitError as error:
+                notes.append(f"note: {one_line(error)}")
+            rows.writerow((Path(os.path.relpath(path, out.parent)).as_posix(), "", path.stem, "", ""))
+    write_text(out, TABLE.format(name=out.name, more="CSV, Parquet, npz or C3D") + text.getvalue())
+    _tell(f"table     {out}", *notes, f"next      icmj fit --table {out} --model event")
 
 
 def schema(command: Schema) -> None:
@@ -177,6 +284,23 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
         write_bytes(target, (shipped.parent / name).read_bytes())
     write_text(out, text)
     return [out, *models.values()]
+
+
+def _copy_file(shipped: Path, out: Path) -> list[Path]:
+    """A shipped sweep, experiment or family, and the run file of a family, which has no name of its own."""
+    from icmj.base.files import replaceable, write_bytes, write_text
+
+    _free(out)
+    text, beside = shipped.read_text(encoding="utf-8"), list[Path]()
+    for name in dict.fromkeys(re.findall(r'^run = "(runs/[^"]+)"', text, re.MULTILINE)):
+        target, source = out.parent / Path(name).name, shipped.parent / name
+        replaceable(target)
+        if target.exists() and target.read_bytes() != source.read_bytes():
+            raise RunFileError(f"{target}: exists already and is another run file; choose another folder with --out")
+        write_bytes(target, source.read_bytes())
+        text, beside = text.replace(f'"{name}"', f'"{target.name}"'), [*beside, target]
+    write_text(out, text)
+    return [out, *beside]
 
 
 def _free(out: Path) -> None:

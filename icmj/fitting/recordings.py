@@ -285,7 +285,8 @@ def read_table(
 ) -> tuple[tuple[str, ...], list[dict[str, str]]]:
     """The table of recordings in a text file: its header, and of each row the cells of some columns.
 
-    Cells lose surrounding white space. Empty lines are left out, and cells that a short row lacks are empty.
+    Cells lose surrounding white space. Empty lines, and comments (#) before the header, are left out; cells that a
+    short row lacks are empty.
 
     Args:
         path: a text file, whose first line names the columns.
@@ -302,7 +303,10 @@ def read_table(
         text = read_bytes(path, _MOST_BYTES).decode("utf-8-sig", "replace" if tabs else "strict")
         quoting: Literal[0, 3] = csv.QUOTE_NONE if tabs else csv.QUOTE_MINIMAL
         lines = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, quoting=quoting, strict=True)
-        names = tuple(cell.strip() for cell in next(lines, []))
+        head: list[str] = next(lines, [])
+        while not tabs and head and head[0].startswith("#"):
+            head = next(lines, [])
+        names = tuple(cell.strip() for cell in head)
         twice = [name for name, count in Counter(names).items() if count > 1 and name in columns]
         if twice:
             raise FitError(f"{path}: has the column {twice[0]!r} twice")

@@ -455,6 +455,14 @@ def _tables(model: type[BaseModel]) -> set[type[BaseModel]]:
 
 def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
     """Give the keys of a table the docstrings that stand under them."""
+    for key, words in docstrings(model).items():
+        if (entry := record.get("properties", {}).get(key)) is not None:
+            entry["description"] = words
+
+
+def docstrings(model: type[BaseModel]) -> dict[str, str]:
+    """The docstrings that stand under the keys of a table, by key."""
+    found = {}
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj."):
             continue
@@ -463,7 +471,6 @@ def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
         for key, said in zip(body.body, body.body[1:], strict=False):
             if not (isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)):
                 continue
-            if not (isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant)):
-                continue
-            if (entry := record.get("properties", {}).get(key.target.id)) is not None:
-                entry["description"] = " ".join(str(said.value.value).split())
+            if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant):
+                found[key.target.id] = " ".join(str(said.value.value).split())
+    return found

@@ -1,16 +1,27 @@
 """``icmj new``: a run file to begin with; what is there is not overwritten."""
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from terminal_cases import told
 
+from icmj.case.drafting import table_of
 from icmj.cli import files
+from icmj.cli.arguments import Fit
+from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
+from icmj.fitting.bank import simulate_bank
+from icmj.fitting.family import load_family
+from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
 from icmj.runfile.reading import load_run
-from icmj.work.own_code import EXPERIMENTS, RUNS, SWEEPS
+from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
+from icmj.study.sweep import read_sweep
+from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 
 @pytest.fixture(autouse=True)
@@ -86,9 +97,131 @@ def test_a_shipped_case_comes_with_its_models(capsys, root):
     assert Path("three_link.xml").read_text() == "<mujoco/>"
 
 
+STIMULI = ("quiet_standing", "perturbed_stance", "multisine", "double_step", "intersection_point")
+FILES = [("sweep", SweepFile), ("family", FamilyFile), *((stimulus, ExperimentFile) for stimulus in STIMULI)]
+
+
+def file_for(what: str, *more: str) -> Path:
+    """What ``icmj new`` writes of this kind, or for this kind of experiment."""
+    out = Path(f"{what}.toml")
+    kind = ["experiment", "--stimulus", what] if what in STIMULI else [what]
+    assert main(["new", *kind, *more, "--out", str(out), "-q"]) == 0
+    return out
+
+
+def keys_of(text: str) -> dict[str, list[str]]:
+    """The lines with a key of each table, without the # of those in comments; an entry of a list counts once."""
+    found: dict[str, list[str]] = {}
+    at = ""
+    for line in text.splitlines():
+        if head := re.fullmatch(r"(?:# )?\[\[?([a-z_]+)\]?\]", line):
+            at = head[1]
+        elif key := re.fullmatch(r"(?:# )?(\S+ = .+)", line):
+            found.setdefault(at, []).append(key[1])
+    return found
+
+
+@pytest.mark.parametrize(("what", "schema"), FILES)
+def test_every_key_is_in_a_first_file_with_its_meaning(what, schema, capsys):
+    text = file_for(what).read_text(encoding="utf-8")
+    assert "note:" not in capsys.readouterr().out
+    lines = keys_of(text)
+    for name, field in schema.model_fields.items():
+        if name in STIMULI and name != what:
+            continue
+        if (table := table_of(field)) is None:
+            continue
+        keys = [next(iter(tomllib.loads(line))) for line in lines[name]]  # each is TOML
+        assert list(dict.fromkeys(keys)) == list(table.model_fields), name
+        for line, key in zip(lines[name], keys, strict=True):
+            said = docstrings(table)[key].replace("`", "").split()[:5]
+            assert " ".join(said) in " ".join(text.replace("\n# ", " ").split())
+            default = table.model_fields[key].default
+            if f"# {line}" in text.splitlines() and default not in (None, "", {}):
+                assert tomllib.loads(line)[key] == (list(default) if isinstance(default, tuple) else default)
+    assert max(map(len, text.splitlines())) < 220
+    assert all(len(line) <= 120 for line in text.splitlines() if line.startswith("#") and " = " not in line)
+
+
+def test_a_first_sweep_runs_as_it_is(capsys):
+    file_for("sweep")
+    assert main(["sweep", "sweep.toml", "--out", "out", "--jobs", "1"]) == 0
+    swept = read_sweep(Path("out"))
+    assert list(swept.table["b"].to_numpy()) == pytest.approx([0.7, 0.8, 0.9, 1.0, 1.1, 1.2])
+    assert swept.table["linear_interval"][1].as_py() == pytest.approx(1.80654, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stimulus", STIMULI)
+def test_a_first_experiment_runs_as_it_is(stimulus, capsys):
+    assert main(["experiment", str(file_for(stimulus)), "--out", "out", "--jobs", "1"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "own, linear, 1 trial" in shown
+    assert "continuous, linear, 1 trial" in shown
+    assert Path("out/report.html").exists()
+
+
+def test_a_first_family_is_simulated_as_it_is():
+    family = load_family(file_for("family"))
+    assert family.prior.names == ("q_t", "noise")
+    bank = simulate_bank(family, 3, seed=1, trials=1, jobs=1)
+    assert len(bank) == 3
+    assert np.isfinite(bank.stood.summaries).all()
+
+
+def test_a_first_table_lists_recordings_as_they_are_fitted(capsys, root, elsewhere):
+    (elsewhere / "of").mkdir()
+    cells = np.loadtxt(root / "examples" / "standing.csv", delimiter=",", skiprows=4)[:, 0]
+    rows = "".join(f"{i / 100},{value}\n" for i, value in enumerate(cells))
+    Path("anna.csv").write_text(f"t [s],cop_ap [cm]\n{rows}")
+    Path("ben.csv").write_text("t [s],cop.x\n0,1\n")
+    assert main(["new", "recordings", "anna.csv", "ben.csv", "--out", "of/people.csv"]) == 0
+    said = capsys.readouterr().out
+    assert "note: ben.csv" in said
+    assert "note: anna.csv" not in said
+    table = Path("of/people.csv")
+    table.write_text(table.read_text(encoding="utf-8").replace("../ben.csv,,ben,,\n", ""), encoding="utf-8")
+    (one,) = people_of(Fit(table=table))
+    assert (one.label, len(one.trials)) == ("anna", 1)
+    assert main(["new", "recordings"]) == 2
+    assert "no recording to list; give files" in capsys.readouterr().err
+
+
+def test_a_first_file_is_of_the_run_file_that_is_given(capsys, elsewhere):
+    assert main(["new", "run", "pendulum"]) == 0
+    assert main(["new", "sweep", "pendulum.toml", "--out", "mine.toml"]) == 0
+    sweep = load_sweep("mine.toml")
+    assert (sweep.sweep.name, sweep.sweep.run, sweep.base.path) == ("mine", "pendulum.toml", Path("pendulum.toml"))
+    (elsewhere / "below").mkdir()
+    assert main(["new", "sweep", "pendulum.toml", "--out", "below/mine.toml"]) == 0
+    assert load_sweep("below/mine.toml").sweep.run == "../pendulum.toml"
+    assert load_sweep("below/mine.toml").base.fingerprint == sweep.base.fingerprint
+    # of a controller without events there is nothing to be compared with, and no set-point
+    assert main(["new", "experiment", "one-link-switching"]) == 0
+    assert load_experiment("experiment.toml").names == ("own",)
+    capsys.readouterr()
+    assert main(["new", "experiment", "one-link-switching", "--stimulus", "double_step", "--out", "e.toml"]) == 0
+    assert "note: it does not run as written: " in capsys.readouterr().out
+    assert load_experiment("e.toml").kind == "double_step"
+
+
+@pytest.mark.parametrize("name", [*SWEEPS.files, *EXPERIMENTS.files, *FAMILIES.files])
+def test_what_is_shipped_is_copied_and_means_the_same(name, capsys):
+    assert main(["new", name, "--out", "mine.toml"]) == 0
+    assert "next      icmj " in capsys.readouterr().out
+    for shelf, load in ((SWEEPS, load_sweep), (EXPERIMENTS, load_experiment), (FAMILIES, load_family_file)):
+        if name in shelf.files:
+            runs = [getattr(file, "runs", ()) or (file.base,) for file in (load("mine.toml"), load(name))]
+            assert [run.fingerprint for run in runs[0]] == [run.fingerprint for run in runs[1]]
+    assert main(["new", name, "--out", "mine.toml"]) == 2
+    assert "mine.toml: exists already" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
+        (["sweep", "nosuch"], "nosuch: cannot be read: No such file or directory; shipped cases: "),
         (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
         (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
         (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),

@@ -78,6 +78,8 @@ COMMANDS = {
     "person": (["person", "three_link", "--height", "1.7", "--mass", "70", "--out", "a.xml"], ["a.xml"]),
     "new": (["new", "three_link", "--out", "a.toml"], ["a.toml"]),
     "new of a case": (["new", "simple-0.8", "--out", "a.toml"], ["a.toml", "pendulum.xml"]),
+    "new of a sweep": (["new", "sweep", "--out", "a.toml"], ["a.toml"]),
+    "new of a family": (["new", "event", "--out", "a.toml"], ["a.toml", "standing-intermittent.toml"]),
     "replay": (["replay", "{log}", "--screenshot", "a.png"], ["a.png"]),
 }
 
