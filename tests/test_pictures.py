@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-# Half an hour of fits: drawn last before the style of examples was made one, of the same numbers. This set may only shrink.
+# Half an hour of fits: drawn before the style of examples was made one, of the same numbers. This set may only shrink.
 OLDER = {"deciding.png"}
 
 
