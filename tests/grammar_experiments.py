@@ -27,7 +27,7 @@ def grammar_experiment(rng: random.Random, folder: Path) -> list[str]:
         run = rng.choice(list(SHIPPED))
         names = SHIPPED[run]
     else:
-        run, names = "case.toml", runs._place(rng, folder)
+        run, names = "case.toml", runs._placed(rng, folder)
         (folder / "case.toml").write_text(toml(run_tables(rng, names)), encoding="utf-8")
     given = rng.choices(KINDS, (2, 2, 3, 3, 2), k=rng.choice((1, 1, 1, 1, 1, 1, 0, 2)))
     tables: dict[str, Any] = {"experiment": _experiment(rng)}

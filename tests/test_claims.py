@@ -192,7 +192,7 @@ def prepare(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Case:
 @cache
 def ran(name: str, plant: str) -> Result:
     """A run of a shipped case."""
-    return icmj.run_case(icmj.load_run(name), plant)  # type: ignore[arg-type]
+    return icmj.run_case(icmj.load_run(name), plant, study=True)  # type: ignore[arg-type]
 
 
 @cache
