@@ -152,7 +152,7 @@ def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
     for key, name, known in wanted:
         if name not in known:
             hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
-            raise RunFileError(f"{run.path}: {key}: no {name!r} in the model{hint}")
+            raise RunFileError(f"{run.path}: {key} names {name!r}, which the model lacks{hint}")
 
 
 def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
@@ -286,7 +286,7 @@ def expect_prediction(case: Case, what: str) -> PredictedCase:
     if not has_prediction(case):
         raise RunFileError(
             f"{case.run.path}: {what} needs an event rule, and the controller is of kind {case.run.controller.kind!r}, "
-            "which has no event rule and no critical interval; icmj analyse tells the roots of its loop, icmj run and "
+            "which has no event rule and no critical interval; icmj analyse prints the roots of its loop, icmj run and "
             "icmj study simulate it"
         )
     return case
@@ -540,7 +540,7 @@ def measure_own(run: RunFile, simulation: Simulation) -> dict[str, float]:
             found |= {str(name): float(value) for name, value in dict(told).items()}
         except (TypeError, ValueError) as error:
             raise RunFileError(
-                f"{run.path}: {reference}: expected numbers by name, got {one_line(repr(told), 60)}"
+                f"{run.path}: {reference} must return numbers by name, and returned {one_line(repr(told), 60)}"
             ) from error
     return found
 

@@ -71,7 +71,7 @@ def draft_text(draft: Draft) -> str:
 def _head(draft: Draft) -> Iterable[str]:
     name, there = case_name(draft.model), draft.there
     yield f"# A first run file for {_plain(draft.model.name)}: icmj analyse {_plain(draft.out.name)}, then icmj run."
-    yield "# Change what you like; every key has a default where it is not said. What the model has to choose from:"
+    yield "# Change what you like; a key that is left out has its default. The model has:"
     yield "#"
     for kind, names in (
         ("keyframes", dict.fromkeys(there.keyframes, "")),
@@ -85,7 +85,7 @@ def _head(draft: Draft) -> Iterable[str]:
 
 def _plants(draft: Draft) -> Iterable[str]:
     there = draft.there
-    yield _line("[assumed]", "the plant that the controller believes in")
+    yield _line("[assumed]", "the plant that the controller assumes")
     yield f"model = {value_text(_place(draft))}"
     others = [name for name in there.keyframes if name != draft.keyframe]
     if draft.keyframe is not None:
@@ -100,14 +100,14 @@ def _plants(draft: Draft) -> Iterable[str]:
     yield _line(f"operating_point = {value_text(draft.rule)}", said[draft.rule] if draft.plant else "")
     yield _line(f"inputs = {value_text(list(there.inputs))}", "actuators that the controller uses")
     chosen = draft.outputs if isinstance(draft.outputs, str) else list(draft.outputs)
-    yield _line(f"outputs = {value_text(chosen)}", 'sensors or joints that it sees; "joints" means all')
+    yield _line(f"outputs = {value_text(chosen)}", 'sensors or joints that it reads; "joints" means all')
     if draft.drop:
         yield _line(f"drop = {value_text(list(draft.drop))}", "states on which nothing depends")
     yield from (
         _line("# delay = 0.1", "neural delay [s], bridged by a predictor"),
         "",
         _line("[actual]", "the plant that is really there: the same, but for"),
-        _line("gain = 0.9", "b: inputs do nine tenths of what the controller believes; or one for each"),
+        _line("gain = 0.9", "b: inputs do nine tenths of what the controller assumes; or one for each"),
     )
     if there.bodies:
         yield from (

@@ -100,7 +100,7 @@ def digests(run: RunFile) -> dict[str, str]:
             found[Path(os.path.relpath(path, home)).as_posix()] = digest_of(path)
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) else error
-            raise RunFileError(f"{run.path}: {path}: cannot be read: {why}") from error
+            raise RunFileError(f"{run.path}: {path}: cannot be read ({why})") from error
     return found
 
 
@@ -162,7 +162,7 @@ def read_matrices(path: Path) -> dict[str, Any]:
         else:
             raise RunFileError(f"{path}: matrices are read from .npz and .json")
     except OSError as error:
-        raise RunFileError(f"{path}: cannot be read: {error.strerror or one_line(error, 200)}") from error
+        raise RunFileError(f"{path}: cannot be read ({error.strerror or one_line(error, 200)})") from error
     except (ValueError, RecursionError, MemoryError) as error:
         raise RunFileError(f"{path}: holds no matrices that can be read ({one_line(error, 200)})") from error
     if not isinstance(found, dict) or not all(letter in found for letter in LETTERS):

@@ -67,8 +67,8 @@ def _rounds(case: Case, plant: PlantKind, json: bool) -> None:
     with Working(f"cycle of {run.case.name}", ERR) as working:
         if not case.controller.realisation.guards:
             raise CycleError(
-                f"{run.path}: a controller that never switches has no cycle of its own: the motion dies out or grows; "
-                "icmj run shows it"
+                f"{run.path}: a controller that never switches has no cycle of its own, and its motion dies out or "
+                "grows; icmj run shows it"
             )
         admit(case, plant, None)
         done = run_case(case, plant, lambda part: working.tell(f"cycle of {run.case.name}", part))

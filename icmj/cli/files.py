@@ -150,7 +150,7 @@ def _new_file(kind: Kind, given: Path | None, command: New) -> None:
             else:
                 (SweepFile if kind == "sweep" else FamilyFile).validated(data, out, text)
         except IcmjError as error:
-            trouble = f"note: it does not run as written: {one_line(error).removeprefix(f'{out}: ')}"
+            trouble = f"note: it does not run as written; {one_line(error).removeprefix(f'{out}: ')}"
     write_text(out, text)
     _tell(f"{'file':<10}{out}", f"run file  {run}", *([trouble] if trouble else []), f"next      {FILES[kind]} {out}")
 
@@ -226,7 +226,7 @@ def _tell(*lines: str) -> None:
 def _describe_draft(draft: FirstRunFile) -> list[str]:
     """Lines on what the drafted run file contains and what the theory predicts for it."""
     if draft.case is None:
-        return [f"note: it does not run as written: {one_line(draft.trouble)}"]
+        return [f"note: it does not run as written; {one_line(draft.trouble)}"]
     case = draft.case
     plant, prediction = case.actual.linearisation.plant, case.prediction
     table = case.run.assumed

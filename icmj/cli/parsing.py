@@ -97,7 +97,7 @@ def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
         name = word.partition("=")[0]
         if name.startswith("-") and name.replace("_", "-") not in (*known, "-h"):
             return f"{command if cls else 'icmj'} has no option {one_line(name, 80)}{did_you_mean(name, known)}"
-    return f"{command}: one argument too many: {complaint.partition(': ')[2]}"
+    return f"{command}: one argument too many, {complaint.partition(': ')[2]}"
 
 
 def _options(cls: type) -> list[str]:
@@ -116,7 +116,7 @@ def _missing(command: str, what: str) -> str:
     if len(parts) > 1 or parts[0].startswith("--"):
         return f"{command}: missing {' and '.join(' '.join(part.split()[:2]) for part in parts)}"
     name, _, purpose = parts[0].partition(" ")
-    return f"{command}: missing {name}: {purpose}"
+    return f"{command}: missing {name} ({purpose})"
 
 
 def _choice(got: str, option: str, choices: str) -> str:

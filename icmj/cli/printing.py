@@ -212,7 +212,7 @@ def save_plant(plant: LinearPlant, path: Path) -> None:
     try:
         write_bytes(path, stream.getvalue())
     except OSError as error:
-        raise ModelError(f"{path}: cannot be written: {error.strerror}") from error
+        raise ModelError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def _matrices(plant: LinearPlant) -> tuple[tuple[str, Array, tuple[str, ...], tuple[str, ...]], ...]:
@@ -381,8 +381,8 @@ def show_branch(command: Continue, run: RunFile) -> None:
         case = prepare(run)
         if command.plant == "mujoco" or not has_exact_cycle(case.controller):
             raise CycleError(
-                f"{run.path}: branches are followed of intermittent control, and of switched feedback of one joint "
-                "with a dead zone on the linear plant (--plant linear); icmj cycle tells what other runs settle on"
+                f"{run.path}: only branches of intermittent control, and of switched feedback of one joint with a "
+                "dead zone on the linear plant (--plant linear), are followed; for other runs see icmj cycle"
             )
         plant, law, x0 = _loop(case)
         with prefix_errors(run.path):

@@ -399,7 +399,7 @@ def follow(
     except CycleError as error:
         raise CycleError(f"{run.path}: {error}") from error
     if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
-        raise CycleError(f"{run.path}: no cycle of the event rule: an interval has decreased to the least one")
+        raise CycleError(f"{run.path}: no cycle of the event rule, because an interval has decreased to the least one")
     N = len(found.z)
     row = np.append(np.zeros(N), 1.0)
     unit = curve.unit(loop)

@@ -351,7 +351,7 @@ class Cycle:
         kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
         told = f", modulo {self.neutral} neutral" if self.neutral else ""
-        told += ", 1 but for rounding: whether it attracts cannot be told" if edge else ""
+        told += ", which is 1 up to rounding, so that attraction cannot be decided" if edge else ""
         return (
             (
                 f"An {kind} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest multiplier "
@@ -438,7 +438,7 @@ def exact(
     found = close_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
     if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
-        raise CycleError(f"no cycle of the event rule: an interval has decreased to the least one, {least:g} s")
+        raise CycleError(f"no cycle of the event rule, because an interval has decreased to the least one, {least:g} s")
     found, p, sign = _shortest_period(loop, found, p, sign, scale)
     return describe_cycle(loop, found, p, sign, scale, threads=threads)
 

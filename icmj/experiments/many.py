@@ -244,7 +244,7 @@ def _vector(key: str, values: ArrayLike) -> np.ndarray:
         vector = np.zeros((0, 0))
     if vector.ndim == 1:
         return vector
-    raise SimulationError(f"vary: {key}: expected a vector of values, one for each run")
+    raise SimulationError(f"vary: {key} must be a vector of values, one for each run")
 
 
 def _numbers(told: object) -> dict[str, Array]:

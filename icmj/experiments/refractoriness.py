@@ -351,7 +351,7 @@ def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Expla
     each, times = usual(*reactions(isi, rt), OUTLYING, 2 * resolution)
     if len(each) < FEWEST_PAIRS:
         raise DataError(
-            f"{len(each)} pairs with reaction times; expected at least {FEWEST_PAIRS} to tell controllers apart"
+            f"{len(each)} pairs with reaction times; expected at least {FEWEST_PAIRS} to distinguish controllers"
         )
     bic: dict[str, float] = {}
     parameters: dict[str, dict[str, float]] = {}

@@ -118,7 +118,7 @@ class Reader:
             if table["draw"].to_pylist() != list(range(first, first + n)):
                 raise ValueError("has other draws than its name says")
             if table["fell"].type != pa.bool_() or table["fell"].null_count:
-                raise ValueError("does not say of each draw whether it fell")
+                raise ValueError("lacks for some draws whether they fell")
             fell = table["fell"].to_numpy()
             theta, summaries = _lists(table["theta"], self._p), _lists(table["summaries"], self._trials * s)
             if not (np.isfinite(theta).all() and np.array_equal(np.isfinite(summaries).all(axis=1), ~fell)):

@@ -271,7 +271,8 @@ class Family:
         unknown = [name for name in torque if name not in plant.states]
         if unknown:
             raise FitError(
-                f"{self.file.path}: pressure.torque: no state {unknown[0]!r}; there are {', '.join(plant.states)}"
+                f"{self.file.path}: pressure.torque names {unknown[0]!r}, which is no state; "
+                f"there are {', '.join(plant.states)}"
             )
         weights = np.array([-torque.get(name, 0.0) / self.file.pressure.weight for name in plant.states])
         return Member(run, plant, law, settings, weights)

@@ -500,4 +500,4 @@ def _small(probability: float) -> str:
 
 
 def _cannot(unknown: Unknown, why: str) -> Identification:
-    return Identification(unknown.name, None, (), "none", f"The motion cannot tell {unknown.name}: {why}.")
+    return Identification(unknown.name, None, (), "none", f"The motion does not determine {unknown.name}: {why}.")

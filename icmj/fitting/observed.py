@@ -200,7 +200,7 @@ def _single_column(path: Path) -> list[float] | None:
     except UnicodeDecodeError:
         return None
     except OSError as error:
-        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
     return found or None
 
 

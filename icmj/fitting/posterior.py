@@ -497,4 +497,4 @@ def write_archive(
         with whole(Path(path)) as part:
             tree.to_netcdf(part, engine="h5netcdf")
     except OSError as error:
-        raise FitError(f"{path}: cannot be written: {error.strerror}") from error
+        raise FitError(f"{path}: cannot be written ({error.strerror})") from error

@@ -351,10 +351,13 @@ def _see_it_stands(name: str, unit: str, t: Array, x: Array, step: float) -> Non
         )
     if rms > _LARGEST:
         raise FitError(
-            f"{name}: an RMS of {rms:.3g} m in {unit}; people who stand have 1 to 20 mm: is it another unit?"
+            f"{name}: an RMS of {rms:.3g} m in {unit}; standing people have 1 to 20 mm, so the unit is probably wrong"
         )
     if rms < _SMALLEST:
-        raise FitError(f"{name}: an RMS of {1e3 * rms:.3g} mm in {unit}; people have 1 to 20 mm: is it another unit?")
+        raise FitError(
+            f"{name}: an RMS of {1e3 * rms:.3g} mm in {unit}; standing people have 1 to 20 mm, so the unit is "
+            "probably wrong"
+        )
 
 
 def _resample(t: Array, x: Array, own: float) -> Array:
@@ -388,7 +391,7 @@ def _place(series: Series, column: str) -> int:
 
 
 def _no_unit(name: str) -> str:
-    return f"{name}: no unit; give one in the header, as '{name} [cm]', or say it"
+    return f"{name}: no unit; give one in the header, as '{name} [cm]', or with --unit"
 
 
 @contextmanager

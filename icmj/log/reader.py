@@ -360,7 +360,7 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     try:
         replaceable(target)
     except OSError as error:
-        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
+        raise LogError(f"{target}: cannot be written ({error.strerror})") from error
     outcome = read_summary(log).get("outcome", {})
     end = float(outcome.get("time", 0.0))
     at = 0.9 * end if time is None else time
@@ -376,13 +376,13 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(2)  # of a viewer that died, its own last words say more
             why = one_line(error, 200) if process.poll() is None else _reason(messages)
-            raise LogError(f"{log}: no picture: {why}") from error
+            raise LogError(f"{log}: no picture ({why})") from error
     if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
         raise LogError(f"{log}: the viewer gave no complete picture")
     try:
         write_bytes(target, picture)
     except OSError as error:
-        raise LogError(f"{target}: cannot be written: {error.strerror}") from error
+        raise LogError(f"{target}: cannot be written ({error.strerror})") from error
 
 
 def _picture(port: int, at: float) -> bytes:

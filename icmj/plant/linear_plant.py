@@ -75,7 +75,9 @@ class Push:
                 continue
             vector = tuple(float(part) for part in given)
             if len(vector) != 3 or not np.isfinite(vector).all():
-                raise SimulationError(f"push on {self.where!r}: {name} {list(vector)}: expected three finite numbers")
+                raise SimulationError(
+                    f"push on {self.where!r}: {name} must be three finite numbers, not {list(vector)}"
+                )
             object.__setattr__(self, name, vector)
         acts = any(self.force) or any(self.torque)
         if self.surface is not None:
@@ -309,7 +311,7 @@ class LinearPlant:
                 except (ValueError, TypeError) as error:
                     raise AnalysisError(f"the {type(system).__name__} has no states: {one_line(error, 200)}") from error
             if not all(hasattr(system, letter) for letter in "ABCD"):
-                raise AnalysisError(f"no plant can be made of a {type(system).__name__}; see LinearPlant.from_system")
+                raise AnalysisError(f"no plant can be made from a {type(system).__name__}; see LinearPlant.from_system")
             for letter in "ABCD":
                 real(getattr(system, letter), letter, AnalysisError)
             refuse_unusual(E=getattr(system, "E", None))

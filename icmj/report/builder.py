@@ -97,7 +97,7 @@ def build_report(
                     write_bytes(figures / path.name, path.read_bytes())
             write_bytes(out, (staged / out.name).read_bytes())
     except OSError as error:
-        raise ReportError(f"{error.filename or out}: the report cannot be written: {error.strerror}") from error
+        raise ReportError(f"{error.filename or out}: the report cannot be written ({error.strerror})") from error
     except (np.linalg.LinAlgError, ArithmeticError) as error:
         names = ", ".join(case.name for case in cases)
         raise ReportError(

@@ -273,7 +273,7 @@ def draw_case(case: CaseRuns, folder: Path) -> None:
         why = f"numbers too far apart ({one_line(error)})"
         raise ReportError(f"the report of {case.name} cannot be drawn: {why}") from error
     except OSError as error:
-        raise ReportError(f"{error.filename or folder}: the report cannot be written: {error.strerror}") from error
+        raise ReportError(f"{error.filename or folder}: the report cannot be written ({error.strerror})") from error
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:

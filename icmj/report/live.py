@@ -95,7 +95,7 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     run, actual, settings = case.run, case.actual, case.settings
     law = case.controller
     if refusal := _refusal(case):
-        raise ReportError(f"{run.path}: no live page of this case: {refusal}")
+        raise ReportError(f"{run.path}: there is no live page of this case; {refusal}")
     linear = actual.linearisation.plant
     links, why = chain_of(actual) if isinstance(actual, MujocoPlant) else (None, "it is given by matrices")
     chain = None if why else links

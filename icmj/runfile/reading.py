@@ -54,12 +54,12 @@ def read_text(path: Path, shelf: Shelf) -> tuple[Path, str]:
         path = shelf.meant(path)
         content = read_bytes(path, MOST_BYTES)
     except FileNotFoundError as error:
-        raise RunFileError(f"{path}: cannot be read: {error.strerror}{shelf.near(path)}") from error
+        raise RunFileError(f"{path}: cannot be read ({error.strerror}){shelf.near(path)}") from error
     except OSError as error:
         more = "; a run file is a few kB of TOML" if error.errno == errno.EFBIG else ""
-        raise RunFileError(f"{path}: cannot be read: {error.strerror}{more}") from error
+        raise RunFileError(f"{path}: cannot be read ({error.strerror}){more}") from error
     except ValueError as error:  # a name with a zero byte in it
-        raise RunFileError(f"{path}: cannot be read: {error}") from error
+        raise RunFileError(f"{path}: cannot be read ({error})") from error
     try:
         text = content.decode("utf-8-sig")  # some editors begin a file with a byte-order mark
     except UnicodeDecodeError as error:
@@ -92,12 +92,12 @@ def parse_toml(text: str, path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise RunFileError(f"{path}: not TOML: {one_line(error, 200)}") from error
+        raise RunFileError(f"{path}: not TOML ({one_line(error, 200)})") from error
     except RecursionError as error:
-        raise RunFileError(f"{path}: not TOML that can be read: nested too deeply") from error
+        raise RunFileError(f"{path}: not TOML that can be read (nested too deeply)") from error
     except ValueError as error:  # an integer of thousands of digits, a date that is none
         why = "an integer of thousands of digits" if "digits" in str(error) else one_line(error, 200)
-        raise RunFileError(f"{path}: not TOML that can be read: {why}") from error
+        raise RunFileError(f"{path}: not TOML that can be read ({why})") from error
 
 
 class FileOfRuns(TomlTable):

@@ -177,7 +177,7 @@ class Kept:
             place = folder / _inside(self.place)
             place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise RunFileError(f"{folder}: the model of the log cannot be written: {error.strerror}") from error
+            raise RunFileError(f"{folder}: the model of the log cannot be written ({error.strerror})") from error
         return place
 
 
@@ -357,7 +357,7 @@ class RunFile(TomlTable):
             return cast(Control, self.controller)
         raise RunFileError(
             f"{self._path}: the controller is of kind {self.controller.kind!r}, which has no event rule and no "
-            "critical interval; icmj analyse tells the roots of its loop, icmj run and icmj study simulate it"
+            "critical interval; icmj analyse prints the roots of its loop, icmj run and icmj study simulate it"
         )
 
     @property

@@ -242,7 +242,7 @@ def read_column(what: str, path: Path, column: str) -> tuple[Array, Array, str]:
     values = scale * series.values[:, 0]
     if not np.isfinite(values).all():
         row = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise RunFileError(f"{what}: {path}: {column} has no number in row {row + 1}; fill its gaps")
+        raise RunFileError(f"{what}: {path} has no number in {column}, row {row + 1}; fill its gaps")
     return series.t - series.t[0], values, unit
 
 

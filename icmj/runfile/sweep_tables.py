@@ -177,11 +177,11 @@ class SweepFile(FileOfRuns):
         made._base = made._run(base or made.sweep.run, made.set, "set", allow_code)
         if not made._base.has_events and (made.ask.cycle or made.ask.attractors):
             raise RunFileError(
-                f"{path}: ask: cycle and attractors are for intermittent control; the controller is of kind "
+                f"{path}: [ask] cycle and attractors are for intermittent control; the controller is of kind "
                 f"{made._base.controller.kind!r}, ask for its motion"
             )
         if made._base.setpoint and made.ask.cycle:
-            raise RunFileError(f"{path}: ask: a cycle is that of r = 0; take setpoint out of the run file")
+            raise RunFileError(f"{path}: [ask] a cycle is that of r = 0; take setpoint out of the run file")
         return made
 
     @model_validator(mode="after")
@@ -387,7 +387,7 @@ class FamilyFile(FileOfRuns):
         made._base = made._run(made.family.run, made.family.set, "family.set", allow_code)
         if made._base.setpoint:
             raise RunFileError(
-                f"{path}: family.run: {made.family.run} has a set-point; the run of a family must have none"
+                f"{path}: family.run names {made.family.run}, which has a set-point; the run of a family must have none"
             )
         return made
 

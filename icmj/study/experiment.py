@@ -182,7 +182,7 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
         page = experiment_page(_title(experiment), file.kind, file.settings, rows, svg, experiment.recordings)
         write_text(path / PAGE, page)
     except OSError as error:
-        raise StudyError(f"{path}: cannot be written to: {error.strerror}; choose another --out") from error
+        raise StudyError(f"{path}: cannot be written to ({error.strerror}); choose another --out") from error
 
 
 def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
@@ -356,11 +356,11 @@ def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
     for name, title, table, run in zip(file.names, file.titles, file.case, file.runs, strict=True):
         if table.control != "own" and not run.has_events:
             raise RunFileError(
-                f"{file.path}: case {name!r}: a controller of kind {run.controller.kind!r} has no events"
+                f"{file.path}: case {name!r} has a controller of kind {run.controller.kind!r}, which has no events"
             )
         plants = [plant for plant in file.experiment.plants if plant == "linear" or run.on_engine]
         if not plants:
-            raise RunFileError(f"{file.path}: case {name!r}: its plant is given by matrices; add the linear plant")
+            raise RunFileError(f"{file.path}: case {name!r} has a plant given by matrices; add the linear plant")
         for plant in plants:
             yield Condition(name, title, plant, table, run)
 

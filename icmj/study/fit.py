@@ -286,7 +286,7 @@ def fit(
         for folder in (out / "people", trained):
             ready(folder, SUMS)
     except OSError as error:
-        raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
+        raise FitError(f"{out}: cannot be written to ({error.strerror}); choose another --out") from error
     tell = progress or (lambda label, done: None)
     K = max(len(one.trials) - one.held for one in people)
     known: dict[str, TrainedFamily] = {}

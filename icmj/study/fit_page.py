@@ -87,7 +87,7 @@ def write_fit(found: Fit, out: Path) -> None:
         )
         write_text(out / PAGE, page)
     except OSError as error:
-        raise FitError(f"{out}: cannot be written to: {error.strerror}; choose another --out") from error
+        raise FitError(f"{out}: cannot be written to ({error.strerror}); choose another --out") from error
 
 
 def table(found: Fit) -> pa.Table:

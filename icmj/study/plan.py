@@ -279,9 +279,9 @@ class Plan:
                 try:
                     self.run((*middle[:i], value, *middle[i + 1 :]))
                 except RunFileError as error:
-                    raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
+                    raise RunFileError(f"{self.file.path}: with {vary.column} = {value!r}, {error}") from error
                 except (TypeError, ValueError) as error:
-                    raise RunFileError(f"{self.file.path}: vary {vary.column} = {value!r}: {error}") from error
+                    raise RunFileError(f"{self.file.path}: with {vary.column} = {value!r}, {error}") from error
 
 
 def _named(file: SweepFile) -> Iterator[tuple[str, str]]:

@@ -83,7 +83,7 @@ def report(
     try:
         ready(out.parent)
     except OSError as error:
-        raise ReportError(f"{out}: the report cannot be written: {error.strerror}") from error
+        raise ReportError(f"{out}: the report cannot be written ({error.strerror})") from error
     draw = None
     if workers is not None and len(of_case) > 2:
 
@@ -100,7 +100,7 @@ def report(
         try:
             write_text(summary, records + "\n")
         except OSError as error:
-            raise ReportError(f"{summary}: cannot be written: {error.strerror}") from error
+            raise ReportError(f"{summary}: cannot be written ({error.strerror})") from error
     return Page(comparisons, others)
 
 
@@ -371,9 +371,9 @@ def open_folder(folder: Path, *names: str) -> None:
     try:
         ready(folder, *names)
     except FileExistsError as error:
-        raise LogError(f"{error.filename}: cannot be written to: {error.strerror}") from error
+        raise LogError(f"{error.filename}: cannot be written to ({error.strerror})") from error
     except OSError as error:
-        raise LogError(f"{folder}: cannot be written to: {error.strerror}; choose another folder with --out") from error
+        raise LogError(f"{folder}: cannot be written to ({error.strerror}); choose another --out") from error
 
 
 def run_study(

@@ -263,7 +263,7 @@ def try_plan(plan: Plan) -> Plan:
             return replace(plan, outputs=outputs, measures=measures, units=_units(case, plan))
         except IcmjError as error:
             first = first or error
-    raise SweepError(f"{plan.file.path}: no point of a few that were tried can be computed: {first}")
+    raise SweepError(f"{plan.file.path}: none of a few points that were tried can be computed ({first})")
 
 
 def _units(case: Case, plan: Plan) -> dict[str, str]:

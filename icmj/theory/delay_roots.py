@@ -119,8 +119,8 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
                 return found[:last]
         points *= 2
     raise AnalysisError(
-        f"the {count} rightmost roots of the delayed loop cannot be told apart; its rates are out of proportion to its "
-        f"delay of {loop.tau.max():g} s"
+        f"the {count} rightmost roots of the delayed loop cannot be distinguished; its rates are out of proportion "
+        f"to its delay of {loop.tau.max():g} s"
     )
 
 

@@ -173,7 +173,7 @@ def orbit(
         spread = np.where(drifts, np.nan, spread)
     if unseen:
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
-        reason = "the event rule does not see this orbit: its event error is zero at the event (e_0 = 0)"
+        reason = "the event rule does not detect this orbit, whose event error is zero at the event (e_0 = 0)"
     else:
         reason = _obstacle(np.concatenate(watched, axis=1), face, trigger.delta_min, t, t_d)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])

@@ -203,7 +203,7 @@ class Prediction(WithCard):
         if self.orbit is None or np.isfinite([self.orbit.gamma, *self.orbit.y_peak]).all():
             return ""
         drifts = np.isfinite(self.orbit.gamma)
-        return "a neutral mode may add any constant" if drifts else "the event rule does not see this orbit"
+        return "a neutral mode may add any constant" if drifts else "the event rule does not detect this orbit"
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -195,25 +195,23 @@ def describe_mode(
     what = ", ".join(states) if len(states) <= 4 else f"{len(states)} states ({', '.join(states[:3])}, …)"
     mu = max(rates, key=lambda rate: (rate.real, rate.imag))
     if kind == "unstable":
-        words = f"unstable mode that nothing sees: the state runs away ({what}, as e^({mu.real:.4g} t))"
+        words = f"unobservable unstable mode; the state diverges ({what}, as e^({mu.real:.4g} t))"
     elif kind == "offset":
         words = (
-            f"constant offset that the loop sees and cannot change ({what}): "
-            "the prediction is for its value zero, another value shifts the cycle"
+            f"constant offset that the loop measures and cannot change ({what}); "
+            "the prediction is for the value zero, and any other value shifts the cycle"
         )
         if mu.imag:
             words = words.replace("constant offset", f"oscillation at {mu.imag:.4g} rad/s")
     else:
-        motion = "drifting" if drifts else f"swinging on at {mu.imag:.4g} rad/s" if mu.imag else "staying what it is"
+        motion = "drifting" if drifts else f"oscillating at {mu.imag:.4g} rad/s" if mu.imag else "constant"
         if seen_by:
             words = (
-                f"neutral mode that the controller does not feel but {', '.join(seen_by)} shows ({what}: {motion}): "
-                f"what is said of the cycle holds modulo drift of {', '.join(seen_by)}"
+                f"neutral mode that does not act on the controller and shows in {', '.join(seen_by)} ({what}, {motion})"
+                f"; statements on the cycle hold up to a drift of {', '.join(seen_by)}"
             )
         else:
-            words = (
-                f"neutral mode that nothing sees ({what}: {motion}): what is said of the cycle holds modulo this mode"
-            )
+            words = f"unobservable neutral mode ({what}, {motion}); statements on the cycle hold up to this mode"
     return NeutralMode(kind, rates, states, seen_by, words)
 
 
@@ -316,7 +314,9 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         A_q = _kept(A, complement(D))
         L = neutral(A_q.T, np.eye(len(A_q))[-n_hat:])[: len(A_q) - n_hat]
     except np.linalg.LinAlgError as error:
-        raise AnalysisError(f"not analysable: the modes of the error system cannot be told apart ({error})") from error
+        raise AnalysisError(
+            f"not analysable, because the modes of the error system cannot be distinguished ({error})"
+        ) from error
     if system.delay and not D.shape[1] and not L.shape[1]:
         return _delayed(system, whole)
     if not D.shape[1] and not L.shape[1]:
@@ -483,8 +483,8 @@ def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int
     k = basis.shape[1]
     members = f"of {tried} members looked at {admissible} are admissible and {attracting} attract"
     words = (
-        f"{k} equal eigenvalues reach {sign:+d} together: a family of orbits with one interval and any mixture of {k} "
-        f"shapes; within it the motion is neutral ({k - 1} multiplier{'s' if k > 2 else ''} exactly {sign:+d}), and "
-        f"attraction is to the family: {members}"
+        f"{k} equal eigenvalues reach {sign:+d} together and have a family of orbits with one interval and any mixture "
+        f"of {k} shapes; within it the motion is neutral ({k - 1} multiplier{'s' if k > 2 else ''} exactly {sign:+d}), "
+        f"and attraction is to the family: {members}"
     )
     return Family(k, basis / np.linalg.norm(basis, axis=0), tried, admissible, attracting, words)

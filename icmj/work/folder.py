@@ -154,7 +154,7 @@ class Folder:
                 self._note(self._line(target, digest_of(part)))
             _settle(target.parent)
         except OSError as error:
-            words = f"cannot be written: {error.strerror or error}; what is finished is kept"
+            words = f"cannot be written ({error.strerror or error}); what is finished is kept"
             raise self._error(f"{target}: {words}") from error
 
     def read(self, path: Path, most: float, parse: Callable[[bytes], T]) -> T:
@@ -166,7 +166,7 @@ class Folder:
         try:
             return parse(self._content(path, most))
         except Exception as error:  # readers of tables and arrays raise a dozen types on damaged files
-            words = f"cannot be read: {_why(error)}; remove it, and it is {self._again} again"
+            words = f"cannot be read ({_why(error)}); remove it, and it is {self._again} again"
             raise self._error(f"{path}: {words}") from error
 
     def describe(self, what: str, parse: Callable[[bytes], T]) -> T:
@@ -281,7 +281,7 @@ def resume(
         except BlockingIOError as busy:
             raise error(f"{path}: {busy.strerror}, or {instead}") from busy
         except OSError as why:
-            raise error(f"{path}: cannot be written to: {why.strerror or why}; {instead}") from why
+            raise error(f"{path}: cannot be written to ({why.strerror or why}); {instead}") from why
         yield folder
 
 

@@ -393,7 +393,7 @@ def _outcome(future: Any) -> tuple[Any, str]:
             raise
         # of a worker that cannot compute at all: no icmj, other versions
         raise SweepError(
-            f"a worker of the cluster cannot compute: {one_line(f'{type(error).__name__}: {error}', 300)}"
+            f"a worker of the cluster cannot compute ({one_line(f'{type(error).__name__}: {error}', 300)})"
         ) from error
 
 

@@ -133,8 +133,8 @@ def test_a_multiplier_on_the_circle_but_for_rounding_does_not_attract_and_says_s
     for error in (-1e-12, 0.0, 1e-12):
         assert not cycle(1 + error).attracting
         assert words(cycle(1 + error)) == (
-            "A marginal period-1 cycle of 1 s, open-loop interval 1 s, largest multiplier 1, 1 but for rounding: "
-            "whether it attracts cannot be told."
+            "A marginal period-1 cycle of 1 s, open-loop interval 1 s, largest multiplier 1, which is 1 up to "
+            "rounding, so that attraction cannot be decided."
         )
     assert cycle(1 - 1e-6).attracting
     assert words(cycle(1 - 1e-6)).startswith("An attracting")

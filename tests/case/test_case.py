@@ -64,16 +64,20 @@ def test_refinement_divides_the_timestep(root):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("{ hinge = 0.02 }", "{ hip = 0.02 }", "simulation.initial: no 'hip' in the model; expected one of hinge"),
+        (
+            "{ hinge = 0.02 }",
+            "{ hip = 0.02 }",
+            "simulation.initial names 'hip', which the model lacks; expected one of hinge",
+        ),
         (
             "[study]",
             '[[simulation.disturbance]]\nkind = "step"\ninput = "x"\nsize = 1.0\n[study]',
-            "no 'x' in the model",
+            "names 'x', which the model lacks",
         ),
         (
             "[study]",
             '[[simulation.disturbance]]\nkind = "noise"\noutput = "torque"\nsize = 1.0\ncorner = 1\nseed = 1\n[study]',
-            "simulation.disturbance: no 'torque' in the model; expected one of angle",
+            "simulation.disturbance names 'torque', which the model lacks; expected one of angle",
         ),
     ],
 )

@@ -117,7 +117,7 @@ def test_files_of_matrices(tmp_path, capsys, root):
         (f"{PENDULUM}\nunits = {{ angle = 'rad' }}", "", "assumed: units: no 'angle' in the plant"),
         (PENDULUM, "A = [[1]]\nB = [[1, 1]]\nC = [[1]]", "actual: inputs u0, u1; expected those of the assumed plant"),
         (PENDULUM, "A = [[1]]\nB = [[1]]\nC = [[1]]\nrho = 0.5", "actual: the family in ρ needs"),
-        ('matrices = "none.npz"', "", "none.npz: cannot be read: No such file"),
+        ('matrices = "none.npz"', "", "none.npz: cannot be read (No such file"),
         ('matrices = "bad.npz"', "", "bad.npz: holds no matrices that can be read"),
         ('matrices = "bad.json"', "", "bad.json: holds no matrices that can be read"),
         ('matrices = "half.json"', "", "half.json: expected the matrices A, B and C"),

@@ -261,7 +261,7 @@ def test_what_is_wrong_is_one_line(own: Path, changes: dict, error: type, words:
 
 def test_a_measure_that_gives_no_numbers_is_told(own: Path) -> None:
     run = load_run(own, allow_code=True).with_(**{"study.measures": ["rules:nothing"]})
-    with pytest.raises(RunFileError, match="expected numbers by name, got 'nothing'"):
+    with pytest.raises(RunFileError, match="must return numbers by name, and returned 'nothing'"):
         run_case(run, "linear")
 
 

@@ -87,7 +87,7 @@ def test_the_same_command_lines_serve_it(run_path: Path, capsys: pytest.CaptureF
     ("command", "words"),
     [
         (["cycle"], "a controller that never switches has no cycle of its own"),
-        (["continue", "--parameter", "b", "--from", "1", "--to", "0.9"], "branches are followed of intermittent"),
+        (["continue", "--parameter", "b", "--from", "1", "--to", "0.9"], "only branches of intermittent"),
     ],
 )
 def test_what_makes_no_sense_is_one_line(

@@ -336,7 +336,7 @@ LONGER = "is known for a run of 1.3 s, not of 2.5 s; set simulation.duration"
 REFUSED = {
     **{("by_intervals", feature): NO_INTERVAL for feature in FEATURES if "setpoint" in FEATURES[feature]},
     **{("by_composition", feature): "has a set-point" for feature in FEATURES if "setpoint" in FEATURES[feature]},
-    ("by_composition", "push of the body"): "no 'body' in the model",
+    ("by_composition", "push of the body"): "names 'body', which the model lacks",
     ("by_composition", "tilt"): "a linear plant knows no bodies",
     ("by_duration", "set-point sequence"): LONGER,
     ("by_duration", "set-point of a file"): LONGER,

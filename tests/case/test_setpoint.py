@@ -203,7 +203,7 @@ def test_a_log_carries_the_file_that_was_followed(recorded, tmp_path_factory):
     [
         (None, {"file": "none.csv"}, "none.csv"),
         (None, {"column": "neck"}, "neck"),
-        ("t [s],head [deg]\n0,0.1\n1,\n2,0.2\n", {}, "no number in row 2; fill its gaps"),
+        ("t [s],head [deg]\n0,0.1\n1,\n2,0.2\n", {}, "row 2; fill its gaps"),
         ("t [s],head [deg]\n" + "".join(f"{i * 1e-4},{i * i % 7}\n" for i in range(12_000)), {}, "set its interval"),
         (None, {"interval": 1e-7}, "expected at most 5000"),
     ],

@@ -215,7 +215,7 @@ def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, 
     seen = icmj.prepare(icmj.load_run(file)).prediction
     unseen = replace(seen.orbit, gamma=np.inf, y_peak=np.full(2, np.inf))
     unseen = replace(seen, orbit=unseen, gamma=np.inf, amplitude=unseen.y_peak)
-    assert unseen.missing == "the event rule does not see this orbit"
+    assert unseen.missing == "the event rule does not detect this orbit"
 
 
 @pytest.mark.slow

@@ -201,7 +201,7 @@ def test_a_first_file_is_of_the_run_file_that_is_given(capsys, elsewhere):
     assert load_experiment("experiment.toml").names == ("own",)
     capsys.readouterr()
     assert main(["new", "experiment", "one-link-switching", "--stimulus", "double_step", "--out", "e.toml"]) == 0
-    assert "note: it does not run as written: " in capsys.readouterr().out
+    assert "note: it does not run as written; " in capsys.readouterr().out
     assert load_experiment("e.toml").kind == "double_step"
 
 
@@ -221,7 +221,7 @@ def test_what_is_shipped_is_copied_and_means_the_same(name, capsys):
     ("words", "said"),
     [
         (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
-        (["sweep", "nosuch"], "nosuch: cannot be read: No such file or directory; shipped cases: "),
+        (["sweep", "nosuch"], "nosuch: cannot be read (No such file or directory); shipped cases: "),
         (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
         (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
         (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
@@ -242,7 +242,7 @@ def test_what_is_in_the_way_is_a_note(capsys, elsewhere):
         '<mujoco><worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>'
     )
     assert main(["new", "loose.xml"]) == 0
-    assert "note: it does not run as written: model" in capsys.readouterr().out
+    assert "note: it does not run as written; model" in capsys.readouterr().out
     assert (elsewhere / "loose.toml").exists()
 
 

@@ -107,8 +107,8 @@ def test_a_function_of_a_script_or_a_notebook_reaches_other_processes(standing):
         ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
         ("expected some of x, y", {"n": 1, "keep": None}),
         ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
-        ("vary: actual.gain: expected a vector", {"vary": {"actual.gain": 1.0}}),
-        ("vary: actual.gain: expected a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
+        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": 1.0}}),
+        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
     ],
 )
 def test_what_does_not_fit_is_refused(standing, words, asked):

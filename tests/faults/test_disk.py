@@ -53,8 +53,8 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, small_disk: 
     check_folder(small_disk)
     (small_disk / "fill").write_bytes(b"0" * (os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize))
     # before anything is simulated
-    assert "cannot be written to: No space left" in refused("run", run, "--out", small_disk)
-    assert "cannot be written to: No space left" in refused("study", run, "--out", small_disk)
+    assert "cannot be written to (No space left" in refused("run", run, "--out", small_disk)
+    assert "cannot be written to (No space left" in refused("study", run, "--out", small_disk)
     assert [path.name for path in small_disk.iterdir()] == ["fill"]
 
 

@@ -61,7 +61,7 @@ def test_a_recording_is_read_in_metres_whatever_its_unit_and_rate(tmp_path, root
             lambda t, x: (t, np.r_[x[:3000], np.full(200, x[3000]), x[3200:]], "mm"),
             r"one value for 2 s from 30",
         ),
-        "cm called m": (lambda t, x: (t, x / 10, "m"), r"RMS of 0.4 m in m; .* another unit"),
+        "cm called m": (lambda t, x: (t, x / 10, "m"), r"RMS of 0.4 m in m; .* probably wrong"),
         "m called mm": (lambda t, x: (t, x / 1000, "mm"), r"RMS of 0.004 mm in mm"),
         "no sway": (lambda t, x: (t, 0 * x, "mm"), "no sway at all"),
         "rad": (lambda t, x: (t, x, "rad"), "unit 'rad'; expected m, cm or mm"),

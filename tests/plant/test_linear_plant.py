@@ -188,13 +188,13 @@ def test_a_nonlinear_system_is_linearised_where_it_rests(angle, g):
         (control.tf([1], [1, 1], 0.1), {}, "discrete"),
         (control.tf([1, 0], [1, 1]), {}, "feed-through"),
         (control.tf([[[1], [1]], [[1], [2]]], [[[1, 1], [1, 2]], [[1, 3], [1, 4]]]), {}, "as a StateSpace"),
-        (control.frd([1, 2], [1, 2]), {}, "no plant can be made of a FrequencyResponseData"),
+        (control.frd([1, 2], [1, 2]), {}, "no plant can be made from a FrequencyResponseData"),
         (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1, 0]}, "does not rest"),
         (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1]}, "x0 has shape"),
         (control.nlsys(falling, None, states=2, inputs=1, outputs=2, dt=0.1), {}, "discrete"),
         (([[0]], [[1]], [[1]], [[1]]), {}, "feed-through"),
         (([[0]], [[1]]), {}, "2 matrices"),
-        ("plant", {}, "no plant can be made of a str"),
+        ("plant", {}, "no plant can be made from a str"),
     ],
 )
 def test_what_is_no_plant_is_told(system, more, words):

@@ -63,7 +63,7 @@ def test_pushes_of_a_plant_of_less_gain_stay_what_they_are():
     np.testing.assert_array_equal(case.actual.linearisation.plant.B_d, ACTUAL.B)
     here, there = icmj.simulate(case, "linear"), icmj.simulate_plant(weak, meant, settings)
     np.testing.assert_array_equal(here.x, there.x)
-    with pytest.raises(RunFileError, match=r"simulation.disturbance: no 'trunk' in the model; expected none"):
+    with pytest.raises(RunFileError, match=r"disturbance names 'trunk', which the model lacks; expected none"):
         icmj.prepare(run.with_(**{"simulation.disturbance": [{"kind": "step", "body": "trunk", "force": [1, 0, 0]}]}))
 
 

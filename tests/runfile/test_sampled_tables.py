@@ -82,7 +82,7 @@ def test_what_is_wrong_is_said_in_one_line(run, tmp_path, table, words) -> None:
 def test_gaps_are_told(run, tmp_path) -> None:
     (tmp_path / "pushed.csv").write_text("t [s],push [N m]\n0,1\n0.1,\n0.2,1\n", encoding="utf-8")
     table = {"kind": "file", "input": "torque", "file": str(tmp_path / "pushed.csv"), "column": "push"}
-    with pytest.raises(RunFileError, match="push has no number in row 2; fill its gaps"):
+    with pytest.raises(RunFileError, match="has no number in push, row 2; fill its gaps"):
         icmj.prepare(run.with_(**{"simulation.disturbance": [table]}))
 
 

@@ -166,7 +166,7 @@ def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch
     with resume_sweep(tmp_path / "out", plan) as (dataset, _):
         dataset.write(0, ChunkResult(b"whole", 1, 0, 0.0, 0.0))
         monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(SweepError, match="No space left on device; what is finished is kept"):
+        with pytest.raises(SweepError, match=r"No space left on device\); what is finished is kept"):
             dataset.write(1, ChunkResult(b"not", 1, 0, 0.0, 0.0))
     assert contents(tmp_path / "out") == {"00000000.parquet": b"whole"}
 

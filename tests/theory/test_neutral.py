@@ -76,7 +76,7 @@ def test_what_nothing_sees_changes_nothing_but_is_named(case, gain):
     assert expected.neutral == ()
     assert {m.kind for m in found.neutral} == {"neutral"}
     assert {name for m in found.neutral for name in m.states} == set(system.actual.states[2:])
-    assert all("nothing sees" in m.words and m.seen_by == () for m in found.neutral)
+    assert all("unobservable" in m.words and m.seen_by == () for m in found.neutral)
     frequencies = {round(abs(rate.imag), 6) for m in found.neutral for rate in m.rates}
     assert frequencies == ({3.0} if case == "oscillator" else {0.0})
     assert all(abs(rate.real) == 0 for m in found.neutral for rate in m.rates)
@@ -135,7 +135,7 @@ def test_a_drift_that_an_output_shows_is_named_with_the_output(known):
     assert p.verdict == "attracting"
     (mode,) = p.neutral
     assert (mode.kind, mode.states, mode.seen_by) == ("neutral", ("p",), ("place",))
-    assert "modulo drift of place" in mode.words
+    assert "up to a drift of place" in mode.words
     np.testing.assert_array_equal(np.isnan(p.amplitude), [False, True])
     np.testing.assert_array_equal(np.isnan(p.orbit.y_range), [False, True])  # it drifts: no range
 
@@ -148,7 +148,7 @@ def test_an_unstable_mode_that_nothing_sees_is_not_hidden(known):
     (mode,) = p.neutral
     assert (mode.kind, mode.states) == ("unstable", ("p",))
     assert mode.rates[0] == pytest.approx(0.5)
-    assert "unstable mode that nothing sees: the state runs away" in mode.words
+    assert "unobservable unstable mode; the state diverges" in mode.words
     assert not p.observer_feedback_stable
     assert not p.state_feedback_stable
 

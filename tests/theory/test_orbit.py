@@ -108,14 +108,14 @@ def test_not_admissible_below_the_least_interval():
     assert "Δ_min" in o.reason
 
 
-def test_a_weight_that_does_not_see_the_orbit_is_named():
+def test_a_weight_that_does_not_detect_the_orbit_is_named():
     system = shipped("b=0.8")
     delta, sign = critical(system)
     e = orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign).e_hp[-1]
     across = np.array([-e[1], e[0]]) / np.linalg.norm(e)
     o = orbit(system, EventTrigger(np.outer(across, across), 0.01), delta, sign)
     assert not o.admissible
-    assert "does not see" in o.reason
+    assert "does not detect" in o.reason
     assert np.isinf(o.gamma)
     assert np.isfinite(o.X).all()
 

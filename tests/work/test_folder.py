@@ -133,7 +133,7 @@ def test_whatever_a_reader_raises_is_one_line_that_says_what_to_do(tmp_path: Pat
     with pytest.raises(DataError) as caught:
         Folder(tmp_path, DataError, "simulated").read(tmp_path / "a", 10, fail)
     assert str(caught.value) == (
-        f"{tmp_path / 'a'}: cannot be read: b'one' of two lines; remove it, and it is simulated again"
+        f"{tmp_path / 'a'}: cannot be read (b'one' of two lines); remove it, and it is simulated again"
     )
 
 
