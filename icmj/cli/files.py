@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.numbers import amount
+from icmj.base.numbers import amount, count
 from icmj.base.text import one_line
 from icmj.cli import arguments
 from icmj.cli.arguments import Cases, Experiment, Fit, New, Replay, Schema
@@ -437,7 +437,7 @@ def _show_experiment(done: Done, out: Terminal) -> None:
     if rows:
         show_table(columns, rows, out, title=done.file.experiment.title or done.file.experiment.name)
     for told in done.found:
-        out.say(f"{told.case}, {plant_name(told.plant)}, {told.trials} trials: {told.words}")
+        out.say(f"{told.case}, {plant_name(told.plant)}, {count(told.trials, 'trial')}: {told.words}")
 
 
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
