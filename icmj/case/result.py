@@ -333,7 +333,7 @@ def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
     rows = between(run.t, began[-1] if len(began) else run.t[0], end)
     t, values = run.t[rows], np.hstack([run.y, output_rate(result, run.x, run.u)])[rows]
     if len(t) > 1 and np.isfinite(values).all():
-        t, values = _refined(result, t, values)
+        t, values = _refine(result, t, values)
     late = between(t, start, end)
     t, values = t[late], values[late]
     # where an input acts on an output's rate at once, that jumps with it, and the curve has a gap
@@ -348,7 +348,7 @@ def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
     return values[:, :n_y], values[:, n_y:]
 
 
-def _refined(result: Result, t: Array, values: Array) -> tuple[Array, Array]:
+def _refine(result: Result, t: Array, values: Array) -> tuple[Array, Array]:
     """Rows of outputs and rates with what is between them, in as many points as a smooth curve needs."""
     plant, n_y = result.actual, result.actual.n_y
     pushed = acting_on(plant, result.run.simulation.settings()).edges

@@ -301,7 +301,7 @@ class Remaining:
         if gained <= 0 or worked < (ENOUGH if gained >= PART else LONG):
             return None
         left = worked * (1 - self.done) / gained - (self._clock() - self._at)
-        return left + _compiled() if left > 0 else None
+        return left + _time_to_compile() if left > 0 else None
 
     def words(self) -> str:
         """The estimate; empty where there is none."""
@@ -309,7 +309,7 @@ class Remaining:
         return f"about {_rounded(seconds)} left" if seconds is not None and seconds >= 1 else ""
 
 
-def _compiled() -> float:
+def _time_to_compile() -> float:
     """The time that a loop which is compiled now will still take, or 0 [s]."""
     return max(process.USUAL - process.spent(), 0.0) if process.compiling() else 0.0
 
@@ -318,7 +318,7 @@ def _compilation() -> str:
     """What is said of a loop that is compiled now; empty where none is."""
     if not process.compiling():
         return ""
-    left = _compiled()
+    left = _time_to_compile()
     return f"compiling (first run only{f', about {_rounded(left)}' if left >= 1 else ''})"
 
 

@@ -84,13 +84,13 @@ def compose(
     data = _pack(bare, bare.nu, bare.na, plant, there, disturbance, errors, pushes, duration)
     size = there.real.layout.size
     model = plant.models.copy_with_room(
-        plant.linearisation.point, size, len(data), lambda room: _compiled(plant.spec.copy(), bare, size, room)
+        plant.linearisation.point, size, len(data), lambda room: _compile(plant.spec.copy(), bare, size, room)
     )
     numbers_of(model)[: len(data)] = data
     return model
 
 
-def _compiled(spec: mujoco.MjSpec, bare: mujoco.MjModel, size: int, room: int) -> mujoco.MjModel:
+def _compile(spec: mujoco.MjSpec, bare: mujoco.MjModel, size: int, room: int) -> mujoco.MjModel:
     """The model of ``spec`` with an actuator of ``size`` states, and ``room`` numbers that are still zero."""
     ranging = np.any(bare.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER)
     spec.compiler.discardvisual = not (ranging or bare.opt.density or bare.opt.viscosity)

@@ -38,7 +38,7 @@ from icmj.errors import SimulationError
 from icmj.simulation.disturbance import collect_drives, keep_rows
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation, labels_of
-from icmj.simulation.taps import expect_no_observer, expect_readings, modes_of
+from icmj.simulation.taps import expect_no_observer, expect_readings, least_of, modes_of
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 
@@ -255,7 +255,7 @@ def simulate(
 
     Args:
         plant: the actual plant.
-        controller: design, hold and trigger, or one that reads delayed outputs only (:mod:`icmj.engine.tapped`).
+        controller: design, hold and trigger, or any other, by its realisation (:mod:`icmj.engine.tapped`).
         settings: duration, start, steps and disturbance; see :func:`icmj.engine.open_loop.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
@@ -383,6 +383,8 @@ def simulate_tapped(
         applied=acting,
         noisy=settings.noisy,
         labels=labels_of(linear),
+        delay=realisation.delay if realisation.eventful else 0.0,
+        least=least_of(realisation),
         **modes_of(realisation, record.mode),
         **collect_drives(law, loop.pushes, record.rows[:, 0]),
     )

@@ -44,8 +44,9 @@ from icmj.simulation.taps import (
     begin,
     first_command,
     first_level,
+    least_of,
+    lengthen,
     levels_of,
-    queued,
     taps_of,
     waves_of,
     widen,
@@ -123,8 +124,7 @@ class TappedLoop(ComposedLoop):
         """The outcome, from the loop's return code."""
         if status == Status.COMPLETED:
             real = self.controller.realisation
-            least = real.sampling + real.wait if real.clock == np.inf else 0.0
-            return ending.ran(t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), least)
+            return ending.ran(t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), least_of(real))
         return super().outcome(status, t, data, schedule, events)
 
     def run(
@@ -161,7 +161,7 @@ class TappedLoop(ComposedLoop):
                         crowded = pace.stalled(*log.take(record))
                         if status == FULL:
                             tapped, status = (
-                                tapped._replace(history=widen(tapped.history), now=queued(tapped.now)),
+                                tapped._replace(history=widen(tapped.history), now=lengthen(tapped.now)),
                                 int(Status.RUNNING),
                             )
                         if data.time >= stands[-1].t + every and not tapped.track.marks[2]:

@@ -104,7 +104,7 @@ class Reader:
         Raises:
             FitError: if it cannot be read, or is not as it was written.
         """
-        return self._parsed(path, ["draw"], len) if os.path.lexists(path) else 0
+        return self._parse(path, ["draw"], len) if os.path.lexists(path) else 0
 
     def read(self, path: Path, first: int) -> tuple[Array, Array, Array]:
         """``fell`` (n,), ``theta`` (n, p) and ``summaries`` (n, K, s) of the draws from ``first`` on.
@@ -125,9 +125,9 @@ class Reader:
                 raise ValueError("holds values that are not finite")
             return fell, theta, summaries.reshape(n, self._trials, s)
 
-        return self._parsed(path, ["draw", "fell", "theta", "summaries"], checked)
+        return self._parse(path, ["draw", "fell", "theta", "summaries"], checked)
 
-    def _parsed(self, path: Path, columns: list[str], check: Callable[[pa.Table], T]) -> T:
+    def _parse(self, path: Path, columns: list[str], check: Callable[[pa.Table], T]) -> T:
         most = 2 * _NUMBER * (self._p + self._trials * len(SUMMARIES) + 2) * MOST_OF_FILE
 
         def parse(content: bytes) -> T:

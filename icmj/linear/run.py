@@ -5,7 +5,7 @@ expanded; on each step the event function is a polynomial (to round-off), and wh
 step is decided by its Bernstein coefficients, not by sampling. The same holds for the limit on positions and for the
 extremes of the outputs. What disturbs, noise included, is a function of time whose response is exact, too.
 
-The exact simulation of a linear plant under any controller, from its realisation alone.
+Any other controller is simulated from its realisation alone, stretch by stretch (:mod:`icmj.linear.native.tapped`).
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ from icmj.simulation.taps import (
     expect_readings,
     first_command,
     first_level,
+    least_of,
+    lengthen,
     levels_of,
     modes_of,
-    queued,
     taps_of,
     waves_of,
     widen,
@@ -109,7 +110,7 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(2), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
+        t=np.zeros(3), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
@@ -134,11 +135,10 @@ def simulate_tapped(
             if progress is not None:
                 progress(t / settings.duration)
             if status == -1:
-                history, now = widen(history), queued(now)
+                history, now = widen(history), lengthen(now)
             elif status == Status.ENDED:
                 happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
-                least = realisation.sampling + realisation.wait if realisation.clock == np.inf else 0.0
-                outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least)
+                outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least_of(realisation))
             elif status == Status.FELL:
                 at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
                 outcome = ending.fell(t, names[at], limits[at], units[at])
@@ -178,6 +178,8 @@ def simulate_tapped(
         },
         noisy=settings.noisy,
         labels=labels_of(plant),
+        delay=realisation.delay if realisation.eventful else 0.0,
+        least=least_of(realisation),
         **modes_of(realisation, R[:, -1]),
         **collect_drives(law, pushes, when),
     )
@@ -255,7 +257,7 @@ def simulate(
 
     Args:
         plant: the actual plant; its order may differ from that of the controller's model.
-        controller: design, hold and trigger (event, clock or continuous), or one that reads delayed outputs only
+        controller: design, hold and trigger (event, clock or continuous), or any other, by its realisation
             (:func:`icmj.linear.run.simulate_tapped`).
         settings: duration, start, recording, limit and disturbances; ``timestep`` and ``integrator`` are for MuJoCo.
         x0, x_o0: start of plant (n,) and observer (n̂,), instead of the named states in ``settings``.

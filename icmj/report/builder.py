@@ -144,7 +144,7 @@ def render(
             sections.designs(cases),
             sections.settings(cases),
         ]
-    title, subtitle = _headed(cases, sweeps, branches, alone)
+    title, subtitle = _head(cases, sweeps, branches, alone)
     return render_page(
         [part for part in parts if part is not None],
         title=title,
@@ -165,7 +165,7 @@ def _is_about_the_paper(case: CaseRuns) -> bool:
     return bool(paper.figure or paper.note)
 
 
-def _headed(
+def _head(
     cases: Sequence[CaseRuns], sweeps: Sequence[SweepTable], branches: Sequence[Branch], alone: Sequence[Result]
 ) -> tuple[str, str]:
     """Title and subtitle, which say what the page is of."""

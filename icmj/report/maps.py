@@ -196,11 +196,11 @@ def regions(swept: SweepTable, laid: Grid, plant: str) -> Any:
     """The result at each point: cycle (the predicted one), elsewhere, fell, open; nothing if it is not finished."""
     outcome, kind = swept.texts(f"{plant}_outcome"), swept.texts(f"{plant}_kind")
     predicted = swept.texts(f"{plant}_on_predicted")
-    ends = np.array([_ended(*each) for each in zip(outcome, kind, predicted, strict=True)] + ["nothing"])
+    ends = np.array([_end_of(*each) for each in zip(outcome, kind, predicted, strict=True)] + ["nothing"])
     return ends[laid.row]
 
 
-def _ended(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
+def _end_of(outcome: str | None, kind: str | None, predicted: bool | None) -> str:
     if outcome is None:
         return "nothing"
     if outcome in ("fell", "diverged"):

@@ -142,7 +142,7 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
         "plant is wrong."
     ]
     if len(cases) == 1:
-        return " ".join([*parts, *_tested(cases)])
+        return " ".join([*parts, *_describe_tests(cases)])
     parts.append(
         f"Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, linear theory "
         f"predicts a limit cycle for {len(expected)}."
@@ -164,10 +164,10 @@ def abstract(cases: Sequence[CaseRuns]) -> str:
     if unpredicted:
         where = count(unpredicted, "other case")
         parts.append(f"In {where} a run settles on a cycle although linear theory predicts none.")
-    return " ".join([*parts, *_tested(cases)])
+    return " ".join([*parts, *_describe_tests(cases)])
 
 
-def _tested(cases: Sequence[CaseRuns]) -> list[str]:
+def _describe_tests(cases: Sequence[CaseRuns]) -> list[str]:
     """How many of the paper's results these cases test, and how many hold; nothing if they test none."""
     answers = verdicts_on_results(cases)
     if not answers:

@@ -32,7 +32,7 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, since, steps_in
-from icmj.controller.controller import Controller, Law
+from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push, Vector
@@ -323,13 +323,13 @@ def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = N
 
 
 def expect_held(law: Law, settings: Settings) -> None:
-    """Refuse noise whose size is a share of the command, if the command does not follow from a hold between events.
+    """Refuse noise whose size is a share of the command, if that does not follow from a hold between events alone.
 
     Raises:
         SimulationError: if there is such noise and the command depends on what the controller reads.
     """
     real, shares = law.realisation, [of.share for of in settings.disturbance if isinstance(of, Gaussian) and of.share]
-    if shares and (real.tapped or real.N[real.K.any(axis=0)].any()):
+    if shares and (not has_trigger(law) or real.N[real.K.any(axis=0)].any()):
         raise SimulationError(
             f"gaussian noise with share = {shares[0]:g} needs commands that follow from a hold between events, not "
             f"from readings as under a {law.kind} controller; give size instead of share, or an event or clock trigger"

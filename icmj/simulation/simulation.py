@@ -321,9 +321,10 @@ class Simulation(WithCard):
         itself, named after the input or body that is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and
         ``load.…`` the normal force at each contact. Signals that the run does not have are left out.
 
-        Where a signal jumps, recorded and interpolated rows give the same side: at an event (of a controller with
-        several modes, a switch) the value before it; at an action that follows an event after a delay, and at a step
-        of a set-point or a disturbance, the value from there on.
+        Where a signal jumps, recorded and interpolated rows give the same side: at an event (of a controller without
+        events, a switch of its mode) the value before it; at an action that follows an event after a delay, and at a
+        step of a set-point or a disturbance, the value from there on. A command that jumps with the mode of a
+        controller that has events besides is interpolated across, from one row to the next.
 
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. At a
@@ -360,9 +361,13 @@ class Simulation(WithCard):
     @property
     def breaks(self) -> tuple[Array, Array]:
         """Times of resets, whose rows contain the values before, and of actions and edges of the set-point [s]."""
-        # with a delay an event resets nothing yet; t = 0 is an event, too
-        resets = np.zeros(0) if self.delay else self.events.t
-        actions = np.append(0.0, self.events.t) + self.delay if self.delay else np.zeros(0)
+        # with a delay an event of observer and hold resets nothing yet; t = 0 is an event, too
+        observes, events = self.x_o.shape[1] > 0, self.events.t
+        resets = np.zeros(0) if self.delay and observes else events
+        actions = np.append(0.0, events) + self.delay if self.delay else np.zeros(0)
+        if not observes and len(actions) and len(events):  # the row of an event shows what is before an action, too
+            near = np.abs(events[np.clip(np.searchsorted(events, actions - NEAR), 0, len(events) - 1)] - actions)
+            actions = actions[near > NEAR]
         return resets, np.concatenate([actions, self.setpoint.edges if self.setpoint else np.zeros(0)])
 
     def u_after(self, controller: Controller) -> Array:
@@ -449,20 +454,20 @@ class Simulation(WithCard):
         )
 
     def _blocks(self, controller: Controller | None) -> list[Block]:
-        """The recorded signals, and their values right after each event where they are known."""
-        labels, events = self.labels, self.events
-        at = np.searchsorted(self.t, events.t)
-        command = None if controller is None else self.u_after(controller)
+        """The recorded signals, and their values right after each reset where they are known."""
+        labels, at = self.labels, np.searchsorted(self.t, self.breaks[0])
+        # with a delay the commands jump at actions, not at events
+        command = None if controller is None or self.delay else self.u_after(controller)
         blocks = [
-            columns("x", labels.states, labels.state_units, self.x, events.x),
+            columns("x", labels.states, labels.state_units, self.x, self.x[at]),
             columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
             columns("u", labels.inputs, labels.input_units, self.u, command),
-            columns("x_o", labels.assumed, labels.assumed_units, self.x_o, events.x_o),
-            columns("x_h", labels.assumed, labels.assumed_units, self.x_h, events.x_o),
+            columns("x_o", labels.assumed, labels.assumed_units, self.x_o, self.x_o[at]),
+            columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at]),
         ]
         if np.isfinite(self.E).any():
             faces = None if controller is None else controller.trigger.faces(controller.design)
-            level = None if faces is None else faces.E(0 * events.x_o)[:, None]
+            level = None if faces is None else faces.E(0 * self.x_o[at])[:, None]
             blocks.append(columns("", ("E",), ("",), self.E[:, None], level))
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))

@@ -112,6 +112,7 @@ class Now(NamedTuple):
         sign: whether each guard is positive, shape (G,).
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
+        met: whether a face of the rule was reached where the last stretch ended, shape (1,).
         due: numbers of the next reset of the period, the next edge of a signal, the next tick, and of the actions that
             have been carried out and those that have been queued, shape (5,).
         when: when the rule is watched again, when the event occurs whose sample is to be taken, and the last event [s],
@@ -130,6 +131,7 @@ class Now(NamedTuple):
     sign: np.ndarray
     roots: Array
     a: Array
+    met: np.ndarray
     due: np.ndarray
     when: Array
     queue: Array
@@ -207,6 +209,7 @@ def begin(
         queue[0] = taps.delay
     return history, Now(
         mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
+        met=np.zeros(1, np.bool_),
         due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
         after=np.zeros(size),
@@ -260,7 +263,7 @@ def widen(history: History) -> History:
     return history._replace(start=start, level=level, r=r)
 
 
-def queued(now: Now) -> Now:
+def lengthen(now: Now) -> Now:
     """The same with a queue of actions that is twice as long if it is full.
 
     Raises:
@@ -275,6 +278,12 @@ def queued(now: Now) -> Now:
     for number in range(done, done + count):
         queue[number % (2 * size)] = now.queue[number % size]
     return now._replace(queue=queue)
+
+
+def least_of(realisation: Realisation) -> float:
+    """The least time between two events [s]; 0 with a clock, or without events."""
+    rules = len(realisation.cuts) > 1 and realisation.clock == np.inf
+    return realisation.sampling + realisation.wait if rules else 0.0
 
 
 def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:

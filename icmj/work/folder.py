@@ -271,7 +271,7 @@ def resume(
             folder.path.mkdir(parents=True, exist_ok=True)
             if alone:
                 stack.enter_context(lock(folder.path, of.what))
-            stack.enter_context(_cleared(folder.path, (f"{of.what}.json", of.parts, SUMS, LOCK) if new else ()))
+            stack.enter_context(_clear(folder.path, (f"{of.what}.json", of.parts, SUMS, LOCK) if new else ()))
             ready(folder.path, SUMS, *beside)
             if parts.is_symlink():
                 raise error(f"{parts}: is a link, not a folder; {instead}")
@@ -286,7 +286,7 @@ def resume(
 
 
 @contextmanager
-def _cleared(path: Path, ours: tuple[str, ...]) -> Iterator[None]:
+def _clear(path: Path, ours: tuple[str, ...]) -> Iterator[None]:
     """If the block fails, take a folder away again in which nothing stands but these names."""
     try:
         yield

@@ -44,7 +44,7 @@ COMMANDS = {
 def test_no_stream_makes_a_mistake(name: str, tmp_path: Path) -> None:
     run, refused = short_run(tmp_path, duration=2.0), name == "refused"
     words = [word.format(run=run) for word in COMMANDS[name]]
-    said = b"icmj: no/body: cannot be read: No such file or directory\n"
+    said = b"icmj: no/body: cannot be read (No such file or directory)\n"
     for i, (where, status, err) in enumerate(
         (
             (">&-", 0, b""),

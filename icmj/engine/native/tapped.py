@@ -40,19 +40,18 @@ from icmj.engine.native.state import note, note_again, note_row, standing
 from icmj.engine.schedule import Recording, Status, row_after
 from icmj.simulation.native.taps import (
     SMOOTH,
-    beyond,
-    crowded,
+    cut,
     fire,
     foresee,
     happen,
-    is_armed,
+    is_crowded,
+    judge,
     leave,
     open_stretch,
     reach_rule,
     remember,
     room,
     settle,
-    turn,
 )
 from icmj.simulation.native.taps import sources as sources_of_taps
 from icmj.simulation.native.waves import Waves, add_waves
@@ -401,12 +400,7 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
     What was recorded on the way is taken back, and the stretch ends where the first of them is.
     """
     t, end = track.t[0], track.t[1]
-    theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
-    if guard < 0:
-        return False
-    crossing = min(t + theta * taps.unit, end)
-    if guard >= len(taps.c) and end - crossing <= SAME and end > t:
-        return False  # what is due at the end comes first
+    crossing, guard = cut(taps, now, t, end)
     track.marks[1] = guard
     if crossing == end:
         return False
@@ -437,20 +431,18 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
         if end >= plan.t_end:
             status = _COMPLETED
             # what is due at the very end, where no stretch begins any more
-            _, due = happen(taps, now, end, 0)
-            crossed = crossed or due or (is_armed(taps, now, end) and beyond(taps, now) and reach_rule(taps, now, end))
+            level, due = happen(taps, now, end, 0)
+            crossed = crossed or due or judge(taps, now, end, level < 0)
     # what switches again at the same instant is one event, and none where there are events proper
     switched, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
-        note(engine, progress, plan.record_interval, record, switched, status != _RUNNING)
+        note(engine, progress, plan.record_interval, record, switched, changed or status != _RUNNING)
     elif switched:  # a reading or the state has jumped where the last stretch ended
-        note_again(engine, record, track.t[3] < end)
-        if progress[0].next_row <= end + SAME:  # this is that row
-            progress[0].next_row = _row_after(end, plan.record_interval)
+        _note_event(engine, plan, progress, record, now, track, end)
     _command(taps, now, track, record)
     now.mode[0] = after
-    if switched:
+    if switched and end > t:
         track.t[2] = end
         track.rough[track.counts[1]] = end
         track.counts[1] += 1
@@ -491,7 +483,7 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
                 return _RUNNING
             if reader.joint and max(record.count[0], record.count[1]) > len(record.dense) // 4:
                 return _RUNNING
-            if crowded(now) or not room(history):
+            if is_crowded(now) or not room(history):
                 return FULL
             _start(engine, plan, progress, record, taps, history, now, reader, track)
             if track.t[1] > track.t[0]:

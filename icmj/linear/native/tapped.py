@@ -24,11 +24,11 @@ from icmj.base.roots import SAME, evaluate, first_root, largest
 from icmj.linear.native.state import Status
 from icmj.simulation.native.taps import (
     SMOOTH,
-    beyond,
-    crowded,
+    cut,
     fire,
     happen,
-    is_armed,
+    is_crowded,
+    judge,
     leave,
     open_stretch,
     reach_rule,
@@ -36,7 +36,6 @@ from icmj.simulation.native.taps import (
     room,
     shift,
     sources,
-    turn,
 )
 from icmj.simulation.native.waves import Waves, add_waves
 
@@ -95,7 +94,7 @@ class Track(NamedTuple):
     """Where a run is, and what it records.
 
     Attributes:
-        t: now, and the last event, shape (2,).
+        t: now, the last event, and the last row [s], shape (3,).
         level: of what begins now, shape (1,).
         mode: that of the stretch before, shape (1,).
         counts: next edge, next row by number, rows, events, shape (4,).
@@ -253,11 +252,14 @@ def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
         row[1 + n + i] = evaluate(now.u[i], p, theta)
     row[1 + n + len(now.u)] = now.mode[0]
     track.counts[2] += 1
+    track.t[2] = t
 
 
 @compiled
 def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
-    """Record the state at the end of the last stretch, with the command and the mode that led there."""
+    """Record the state at the end of the last stretch, with the command and the mode that led there, if none is yet."""
+    if t <= track.t[2]:
+        return
     n, row = len(track.X), track.rows[track.counts[2]]
     row[0] = t
     for i in range(n):
@@ -266,6 +268,7 @@ def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
         row[1 + n + i] = now.last[i]
     row[1 + n + len(now.u)] = track.mode[0]
     track.counts[2] += 1
+    track.t[2] = t
     if track.counts[1] * body.interval <= t + SAME:
         track.counts[1] += 1
 
@@ -297,7 +300,7 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
     for _ in range(_CELLS):
         if counts[2] + most > len(track.rows) or counts[3] + 2 >= len(track.events):
             return _MORE
-        if crowded(now) or not room(history):
+        if is_crowded(now) or not room(history):
             return _FULL
         t, level = track.t[0], track.level[0]
         if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
@@ -309,7 +312,7 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         level, due = happen(taps, now, t, level)
         over = t >= body.end - SAME
         # 3: events of a clock; at the end, where no stretch begins that would find it, also one of the rule
-        if due or (over and is_armed(taps, now, t) and beyond(taps, now) and reach_rule(taps, now, t)):
+        if due or (over and judge(taps, now, t, level < 0)):
             _row_here(body, now, track, t)
             _note(body, now, track, t)
             fire(taps, now, t)
@@ -320,14 +323,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         longest = min(body.end, body.edges[counts[0]])
         level, end = open_stretch(taps, history, now, t, longest, level)
         _follow(taps, body, now, track, t, end)
+        end, guard = cut(taps, now, t, end)
         length = (end - t) / taps.unit
-        theta, guard = turn(taps, now, length, is_armed(taps, now, t))
-        if guard >= 0:
-            length, crossing = min(theta, length), min(t + theta * taps.unit, end)
-            if guard >= len(taps.c) and end - crossing <= SAME and end > t:
-                guard = -1  # what is due at the end comes first
-            else:
-                end = crossing
         fallen = _fallen(body, now, track, length)
         if fallen <= length:
             length, guard = fallen, -1
@@ -348,7 +345,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
                 for j in range(p + 1):
                     rows[i, j] = now.u[i - n_y, j]
         ended = end >= body.end - SAME
-        track.mode[0] = now.mode[0]
+        if length > 0:
+            track.mode[0] = now.mode[0]
         changed = leave(taps, now, length, guard)
         for i in range(n):
             X[i, 0] = evaluate(X[i], p, length)
@@ -356,7 +354,7 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         crossed = guard >= len(taps.c) and reach_rule(taps, now, end)
         # what switches again at the same instant is one event, and none where there are events proper
         switched = crossed or (changed and not eventful and end > track.t[1])
-        if switched or ended or fallen <= length:
+        if switched or (changed and length > 0) or ended or fallen <= length:
             _row_here(body, now, track, end)
         if switched:
             _note(body, now, track, end)

@@ -205,7 +205,7 @@ def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def crowded(now):  # type: ignore[no-untyped-def]
+def is_crowded(now):  # type: ignore[no-untyped-def]
     """Whether there is no room in the queue for one action more."""
     return now.due[4] - now.due[3] >= len(now.queue) - 1
 
@@ -323,12 +323,42 @@ def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
         now.roots[guard] = theta * length
         if theta < first:
             first, which = theta, guard
+    first *= length
     if armed:
+        further = length + SAME / taps.unit  # what is reached within an instant of the end is reached there
         for face in range(len(taps.cuts) - 1):
-            theta = _turn_of_face(taps, now, face, length)
+            theta = _turn_of_face(taps, now, face, further) * further
             if theta < first:
                 first, which = theta, len(taps.c) + face
-    return first * length, which
+    return first, which
+
+
+@compiled
+def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
+    """Where the stretch from ``t`` ends, at ``end`` at the latest, and the guard or face that ends it, or −1.
+
+    A face that is reached where something else is due is looked at again there, after that: ``now.met`` says so.
+    """
+    now.met[0] = False
+    theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
+    if guard < 0:
+        return end, -1
+    at = t + theta * taps.unit
+    if guard >= len(taps.c) and end > t and at >= end - SAME:
+        now.met[0] = True
+        return end, -1
+    return (t if at - t <= SAME else min(at, end)), guard
+
+
+@compiled
+def judge(taps, now, t, moved):  # type: ignore[no-untyped-def]
+    """Whether the rule causes an event at ``t``, where no stretch begins that would find it.
+
+    ``moved`` says whether the state has jumped there since it was met.
+    """
+    if not is_armed(taps, now, t):
+        return False
+    return (beyond(taps, now) or (now.met[0] and not moved)) and reach_rule(taps, now, t)
 
 
 @compiled
@@ -374,9 +404,7 @@ def foresee(taps, history, now, t, longest, level):  # type: ignore[no-untyped-d
     """
     level, end = open_stretch(taps, history, now, t, longest, level)
     _command(taps, now)
-    theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
-    if guard >= 0:
-        end = min(t + theta * taps.unit, end)
+    end, guard = cut(taps, now, t, end)
     return level, end, guard
 
 
@@ -389,8 +417,9 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     p = now.A.shape[1] - 1
     for i in range(len(now.a)):
         now.a[i] = evaluate(now.A[i], p, length)
-    for i in range(len(now.last)):
-        now.last[i] = evaluate(now.u[i], p, length)
+    if length > 0:  # what lasts no time is no command
+        for i in range(len(now.last)):
+            now.last[i] = evaluate(now.u[i], p, length)
     if guard < 0 or guard >= len(now.sign):
         return False
     for other in range(len(now.sign)):
