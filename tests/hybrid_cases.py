@@ -85,6 +85,26 @@ class Bare(icmj.Law):
 
 
 @dataclass(frozen=True, eq=False)
+class Given(icmj.Law):
+    """A controller that is this realisation."""
+
+    assumed: LinearPlant
+    given: Any
+    kind = "given"
+
+    @property
+    def plant(self) -> LinearPlant:
+        return self.assumed
+
+    def facts(self) -> Mapping[str, Any]:
+        return {}
+
+    @property
+    def realisation(self) -> Realisation:
+        return self.given
+
+
+@dataclass(frozen=True, eq=False)
 class Ramp(icmj.Law):
     """A state that grows by 1/s beside a PD: an event where it is 1 sets it to ``keep`` of that, an action halves it.
 

@@ -27,11 +27,41 @@ Named segments of a state vector, declared once and shared by all who write or r
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import SAME, Array, naturals, real
+from icmj.base.text import one_line
 from icmj.errors import AnalysisError
+
+_MOST_GUARDS = 16  # a table has a column for each pattern of their signs
+
+
+def _expect_matrix(given: Array, what: str, shape: tuple[int, ...]) -> Array:
+    """The matrix, of floats; a size of −1 in ``shape`` is any.
+
+    Raises:
+        AnalysisError: if it has another shape, or an entry that is not a finite real number.
+    """
+    matrix = given if isinstance(given, np.ndarray) and given.dtype == float else real(given, what, AnalysisError)
+    if matrix.ndim != len(shape) or any(size not in (-1, is_) for is_, size in zip(matrix.shape, shape, strict=True)):
+        sizes = ", ".join("any" if size < 0 else str(size) for size in shape)
+        raise AnalysisError(f"{what} has the shape {matrix.shape}; expected ({sizes})")
+    if not np.isfinite(matrix).all():
+        raise AnalysisError(f"{what} has an entry that is not finite")
+    return matrix
+
+
+def _expect_number(given: object, what: str, low: float, high: float = np.inf) -> float:
+    """A number of ``low`` or more, and less than ``high``.
+
+    Raises:
+        AnalysisError: if it is another.
+    """
+    if isinstance(given, bool) or not isinstance(given, Real) or not low <= float(given) < high:
+        raise AnalysisError(f"{what} is {one_line(repr(given), 60)}; expected a finite number of at least {low:g}")
+    return float(given)
 
 
 @dataclass(frozen=True)
@@ -99,6 +129,9 @@ class Mode:
         M, N: shapes (N_a, N_a), (N_a, n_v) (for observer and hold eqs. obs, hold).
         K, S: shapes (n_u, N_a), (n_u, n_v) (eq. u).
         rates: the matrices from which M and N are composed, if they are known: M = A − N H − B K.
+
+    Raises:
+        AnalysisError: on construction, if a matrix has another shape, or an entry that is not a finite number.
     """
 
     name: str
@@ -108,6 +141,14 @@ class Mode:
     S: Array
     rates: Rates | None = None
 
+    def __post_init__(self) -> None:
+        S = _expect_matrix(self.S, f"S of mode {self.name!r}", (-1, -1))
+        N = _expect_matrix(self.N, f"N of mode {self.name!r}", (-1, S.shape[1]))
+        M = _expect_matrix(self.M, f"M of mode {self.name!r}", (len(N), len(N)))
+        K = _expect_matrix(self.K, f"K of mode {self.name!r}", (len(S), len(N)))
+        for name, matrix in (("M", M), ("N", N), ("K", K), ("S", S)):
+            object.__setattr__(self, name, matrix)
+
 
 @dataclass(frozen=True, eq=False)
 class Guard:
@@ -116,10 +157,22 @@ class Guard:
     Attributes:
         Q: symmetric, shape (n_v + N_a, n_v + N_a), or (n_v, n_v) if the readings alone decide.
         c: the constant.
+
+    Raises:
+        AnalysisError: on construction, if Q is zero or not symmetric, or a number is not finite.
     """
 
     Q: Array
     c: float = 0.0
+
+    def __post_init__(self) -> None:
+        Q = _expect_matrix(self.Q, "the matrix of a guard", (-1, -1))
+        if Q.shape[0] != Q.shape[1] or np.abs(Q - Q.T).max(initial=0) > SAME * np.abs(Q).max(initial=0):
+            raise AnalysisError("the matrix of a guard must be symmetric; take the mean of it and its transpose")
+        if not Q.any():
+            raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")
+        object.__setattr__(self, "Q", Q)
+        object.__setattr__(self, "c", _expect_number(self.c, "the constant of a guard", -np.inf))
 
     def __call__(self, w: Array) -> Array:
         """g(w), shape (..., n_v + N_a) → (...); what stands behind the columns of Q does not count."""
@@ -157,8 +210,8 @@ class Realisation:
         after: the mode that follows an event, by the mode in which it occurs; the same mode if empty.
 
     Raises:
-        AnalysisError: on construction, if a delay, a period or a table is invalid, commands have no delayed tap, or a
-            command is computed from another without a state between them.
+        AnalysisError: on construction, if a matrix does not fit the others, a delay, a period or a table is invalid,
+            commands have no delayed tap, or a command is computed from another without a state between them.
     """
 
     layout: Layout
@@ -181,31 +234,71 @@ class Realisation:
     after: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        count = len(self.modes)
-        if not self.taps or min(self.taps) < 0 or any(a >= b for a, b in zip(self.taps, self.taps[1:], strict=False)):
+        self._expect_shapes()
+        taps = tuple(_expect_number(tap, "a tap of a controller [s]", 0.0) for tap in self.taps)
+        if not taps or np.any(np.diff(taps) <= 0):
             raise AnalysisError(f"the taps of a controller must be rising delays of at least 0 s, got {self.taps}")
-        if any(not np.any(guard.Q) for guard in self.guards):
-            raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")
+        object.__setattr__(self, "taps", taps)
         if self.commands and not self.delayed:
             raise AnalysisError("a controller that reads its own commands needs a delayed tap to read them by")
         if self.commands and self.tapped and any(np.any(mode.S) for mode in self.modes):
             raise AnalysisError("a controller that reads its own commands must have S = 0; let readings move a state")
-        if not self.period > 0:
-            raise AnalysisError(f"the period of a controller's resets must be positive, got {self.period} s")
+        for name in ("delay", "wait", "sampling"):
+            object.__setattr__(self, name, _expect_number(getattr(self, name), f"the {name} of a controller [s]", 0.0))
+        for name in ("period", "clock"):
+            if not getattr(self, name) > 0:
+                raise AnalysisError(f"the {name} of a controller is {getattr(self, name)} s; it must be positive")
         if self.period < np.inf and self.eventful:
             raise AnalysisError("a controller is reset by events or with a period; leave one of them out")
-        if not self.clock > 0 or min(self.wait, self.sampling, self.delay) < 0:
+        self._expect_modes()
+
+    def _expect_shapes(self) -> None:
+        """Refuse matrices that do not fit one another; compiled code reads them without looking."""
+        if not self.modes:
+            raise AnalysisError("a controller has at least one mode")
+        first, size = self.modes[0], self.layout.size
+        for mode in self.modes:
+            for name, shape in (("M", (size, size)), ("S", first.S.shape)):
+                _expect_matrix(getattr(mode, name), f"{name} of mode {mode.name!r}", shape)
+        n_v = first.S.shape[1]
+        for name, shape in (("J", (size, size)), ("G", (size, size)), ("R", (-1, size)), ("signals", (-1, 6))):
+            given = np.asarray(getattr(self, name))
+            if name == "signals" and given.shape == (len(given), 6):
+                given = np.where(np.arange(6) == 5, np.minimum(given, np.finfo(float).max), given)  # may have no end
+            _expect_matrix(given, f"{name} of a controller", shape)
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        cuts = naturals(self.cuts, "cuts of a controller", AnalysisError)
+        if not len(cuts) or cuts[0] != 0 or cuts[-1] != len(self.R) or np.any(np.diff(cuts) <= 0):
             raise AnalysisError(
-                f"clock {self.clock} s, wait {self.wait} s, sampling {self.sampling} s, delay {self.delay} s of a "
-                "controller; expected a positive clock, and at least 0 s for the others"
+                f"cuts of a controller are {cuts.tolist()}; expected rising numbers from 0 to {len(self.R)}, the "
+                "number of rows of R"
             )
+        object.__setattr__(self, "cuts", cuts)
+        for guard in self.guards:
+            if len(guard.Q) not in (n_v, n_v + size):
+                raise AnalysisError(
+                    f"the matrix of a guard has the shape {guard.Q.shape}; expected {(n_v, n_v)} for readings, or "
+                    f"{(n_v + size, n_v + size)} for readings and state"
+                )
+
+    def _expect_modes(self) -> None:
+        """Refuse tables that do not say of every mode what follows."""
+        count, patterns = len(self.modes), 1 << len(self.guards)
+        if len(self.guards) > _MOST_GUARDS:
+            raise AnalysisError(f"a controller has {len(self.guards)} guards; at most {_MOST_GUARDS} are possible")
         if len(self.watched) not in (0, count) or len(self.after) not in (0, count):
             raise AnalysisError(f"watched and after of a controller have one entry for each of its {count} modes")
-        if self.table is not None and np.shape(self.table) != (count, 1 << len(self.guards)):
-            raise AnalysisError(
-                f"the table of modes has the shape {np.shape(self.table)}; expected {(count, 1 << len(self.guards))}, "
-                "modes by patterns of signs"
-            )
+        object.__setattr__(self, "after", tuple(naturals(self.after, "after of a controller", AnalysisError).tolist()))
+        if self.guards and self.table is None:
+            raise AnalysisError("a controller with guards needs a table that gives the next mode for their signs")
+        if self.table is not None:
+            if np.shape(self.table) != (count, patterns):
+                raise AnalysisError(
+                    f"the table of modes has the shape {np.shape(self.table)}; expected {(count, patterns)}, modes by "
+                    "patterns of signs"
+                )
+            table = naturals(np.ravel(self.table), "the table of modes", AnalysisError)
+            object.__setattr__(self, "table", table.reshape(count, patterns))
         if not all(0 <= mode < count for mode in (*self.after, *np.ravel([] if self.table is None else self.table))):
             raise AnalysisError(f"a mode follows that does not exist; there are {count}, counted from 0")
 
@@ -287,7 +380,8 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
     come before those of the second.
 
     Raises:
-        AnalysisError: if both have events or periodic resets, or either reads its own commands.
+        AnalysisError: if both have events or periodic resets, either reads its own commands, or their numbers of
+            commands or outputs differ.
     """
     if (first.eventful or first.period < np.inf) and (second.eventful or second.period < np.inf):
         raise AnalysisError("both controllers have events or resets of their own; only one of the two can")
@@ -296,6 +390,12 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
     taps = tuple(sorted({*first.taps, *second.taps}))
     parts = (first, second)
     R = [part.signals_of(n_y) for part in parts]
+    if len(first.modes[0].S) != len(second.modes[0].S) or min(R) < 0:
+        raise AnalysisError(
+            f"the controllers have {len(first.modes[0].S)} and {len(second.modes[0].S)} commands and read "
+            f"{first.modes[0].S.shape[1]} and {second.modes[0].S.shape[1]} numbers; both need one plant, of {n_y} "
+            "outputs"
+        )
     sizes = [part.layout.size for part in parts]
     n_v, N_a, n_u = n_y * len(taps) + sum(R), sum(sizes), first.modes[0].S.shape[0]
     states = slice(0, sizes[0]), slice(sizes[0], N_a)

@@ -327,7 +327,7 @@ def pack(
         "cells": cells_of(flat),
         "course": np.zeros((len(ctrl_0), powers)),
         "drift": np.zeros((realisation.layout.size if rated else 0, powers)),
-        "S": realisation.modes[0].S if rated else np.zeros((0, len(y_0))),
+        "S": realisation.modes[0].S[:, : len(y_0)] if rated else np.zeros((0, len(y_0))),
         "values": np.concatenate(values),
     }
     header = np.zeros(HEADER)

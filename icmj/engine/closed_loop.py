@@ -243,7 +243,7 @@ def at_ports(plant: MujocoPlant, mode: Mode, nu: int, entries: int, signals: int
     ports, n_y = plant.linearisation.ports, len(plant.linearisation.ports.entries)
     size, columns = len(mode.M), np.append(ports.entries, entries + np.arange(signals))
     g = np.append(ports.g, np.ones(signals))
-    K, N, S = np.zeros((nu, size)), np.zeros((size, entries + signals)), np.zeros((nu, entries))
+    K, N, S = np.zeros((nu, size)), np.zeros((size, entries + signals)), np.zeros((nu, entries + signals))
     K[ports.actuators] = ports.b[:, None] * mode.K
     N[:, columns] = mode.N[:, : n_y + signals] * g
     S[np.ix_(ports.actuators, ports.entries)] = ports.b[:, None] * mode.S[:, :n_y] * ports.g
@@ -531,6 +531,8 @@ class ComposedLoop:
             return ending.fell(t, state_names(self.model)[at], schedule.limits[at], state_units(self.model)[at])
         if status == Status.DIVERGED:
             return ending.diverged(t, "the state stopped being finite")
+        if status == Status.STALLED:
+            return ending.stalled(t)
         if status == Status.COLLAPSED:
             return ending.diverged(t, COLLAPSED)
         if status == Status.WARNED:

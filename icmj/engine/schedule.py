@@ -247,6 +247,7 @@ class Status(IntEnum):
     WARNED = 4
     REACHED = 5  # as many events as were asked for
     COLLAPSED = 6  # no step was short enough for the tolerance
+    STALLED = 7  # modes switch to and fro at one instant
 
 
 class Recording(NamedTuple):

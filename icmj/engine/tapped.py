@@ -176,7 +176,7 @@ class TappedLoop(ComposedLoop):
                 if not steps:  # there is nothing to keep; it may have been compiling
                     raise
         rows, u, mode, events = (np.concatenate(part) for part in (log.rows, log.u, log.mode, log.events))
-        t = float(rows[-1, 0])
+        t = float(data.time if status == Status.STALLED else rows[-1, 0])
         outcome = self.outcome(Status.RUNNING if stopped else Status(status), t, data, schedule, events[:, 0])
         if fault:
             outcome = ending.diverged(t, fault)

@@ -142,6 +142,8 @@ def simulate_tapped(
             elif status == Status.FELL:
                 at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
                 outcome = ending.fell(t, names[at], limits[at], units[at])
+            elif status == Status.STALLED:
+                outcome = ending.stalled(t)
             elif status == Status.DIVERGED:
                 outcome = ending.diverged(t, "a state exceeded 1e+12")
             elif (took := pace.stalled(*times)) is not None:

@@ -95,8 +95,15 @@ def interrupted(t: float, duration: float) -> Outcome:
     return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {duration:g} s")
 
 
-def stalled(t: float, took: float) -> Outcome:
-    """The outcome of a run in which too many events occur in too little time."""
+def stalled(t: float, took: float | None = None) -> Outcome:
+    """The outcome of a run in which too many events occur in too little time, ``took`` [s]; or too many switches."""
+    if took is None:
+        return Outcome(
+            "stalled",
+            t,
+            f"stalled at {t:.6g} s: the modes of the controller switch to and fro without an end; make the next switch "
+            "depend on more than the guard that has just changed, or on a delay",
+        )
     return Outcome(
         "stalled",
         t,

@@ -12,6 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array, from_powers
 from icmj.base.roots import DEEPEST
+from icmj.base.text import one_line
 from icmj.controller.controller import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
@@ -21,9 +22,10 @@ from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings, at_points, points_of
 
-POWERS = 21  # p + 1: of a motion that turns by one radian in a unit of time they leave nothing
-ROUGH = 12  # levels above are smooth to rounding: what jumps has thirteen integrals by then
+POWERS = 21  # p + 1: what they leave out of a motion that turns by up to 1.5 rad in a unit of time is below rounding
+ROUGH = 12  # levels from here on are smooth to rounding: what jumps has thirteen integrals by then
 ROUGH_ON_ENGINE = 7  # what jumps there is a derivative beyond those that its methods and polynomials follow
+FASTEST = 1e10  # rad/s; instants are apart by SAME at least
 _NODES = 13
 ROOM = 5e8  # bytes of what a controller remembers of its readings
 _QUEUE = 64  # actions that may be due beside those of a clock
@@ -45,7 +47,7 @@ class Taps(NamedTuple):
         watched, after: by mode, as there.
         J, jump: of an event, or of the period; and of an action, shapes (N_a, N_a).
         wait, delay, clock, sampling, period: as there [s].
-        signals: the last columns of N, R of them.
+        signals: what enters through the last columns of N.
         edges: where one begins, ends or jumps, rising, then infinity.
         F: to Bernstein coefficients of a guard, degree 2p.
         rough: level from which on an instant counts as smooth.
@@ -112,7 +114,8 @@ class Now(NamedTuple):
         sign: whether each guard is positive, shape (G,).
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
-        met: whether a face of the rule was reached where the last stretch ended, shape (1,).
+        met: which guard, or face of the rule (numbered behind them), was reached where the last stretch ended, −1 for
+            none; and how many stretches in a row have ended soon in a switch; shape (2,).
         due: numbers of the next reset of the period, the next edge of a signal, the next tick, and of the actions that
             have been carried out and those that have been queued, shape (5,).
         when: when the rule is watched again, when the event occurs whose sample is to be taken, and the last event [s],
@@ -148,7 +151,18 @@ class Now(NamedTuple):
 
 
 def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> Taps:
-    """The controller of a loop of ``n_y`` outputs whose fastest rate is so many rad/s, with what disturbs it."""
+    """The controller of a loop of ``n_y`` outputs whose fastest rate is ``rate`` [rad/s], with what disturbs it.
+
+    Its unit of time is 1/``rate`` [s] at most.
+
+    Raises:
+        SimulationError: if that is too fast for instants to be told apart.
+    """
+    if not rate < FASTEST:
+        raise SimulationError(
+            f"the loop has rates of {rate:.3g} rad/s; up to {FASTEST:g} rad/s can be simulated, so look for a gain or "
+            "a unit that is too large"
+        )
     modes, guards = realisation.modes, realisation.guards
     n_v, n_u, size = modes[0].S.shape[1], modes[0].S.shape[0], realisation.layout.size
     M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
@@ -209,7 +223,7 @@ def begin(
         queue[0] = taps.delay
     return history, Now(
         mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
-        met=np.zeros(1, np.bool_),
+        met=np.array([-1, 0]),
         due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
         after=np.zeros(size),
@@ -325,10 +339,21 @@ def expect_readings(law: Law, plant: LinearPlant) -> Realisation:
             shapes than its readings.
     """
     realisation, assumed = law.realisation, law.plant
+    if not isinstance(realisation, Realisation):
+        raise SimulationError(
+            f"the realisation of the {law.kind} controller is {one_line(repr(realisation), 60)}; expected a "
+            "Realisation of icmj.controller.realisation"
+        )
     if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
         raise SimulationError(
             f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
             f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+    named = realisation.signals[:, 0]
+    if np.any(named != np.floor(named)) or not np.all((named >= 0) & (named < realisation.signals_of(assumed.n_y))):
+        raise SimulationError(
+            f"a signal of the {law.kind} controller enters through reading {named.max():g} of those that are signals; "
+            f"its N has {max(realisation.signals_of(assumed.n_y), 0)} of them, counted from 0"
         )
     direct, size = assumed.n_y * (realisation.taps[0] == 0), realisation.layout.size
     more = max(realisation.signals_of(assumed.n_y), 0) if len(realisation.signals) else 0

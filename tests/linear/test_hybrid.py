@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hybrid_cases import NAMES, RAMPS, START, Bare, Ramp, body, law, plant, weak
+from hybrid_cases import NAMES, RAMPS, START, Bare, Given, Ramp, body, law, plant, weak
 from oracles.hybrid import Hybrid
 from scipy.linalg import expm
 
 import icmj
 from icmj.case.plants import linear_plant
-from icmj.controller.realisation import Guard, Mode, parallel
+from icmj.controller.realisation import Guard, Layout, Mode, Realisation, parallel
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate_tapped
 from icmj.simulation.settings import Bias, Gaussian, Settings, Step, start_states
@@ -173,11 +173,82 @@ def test_a_sum_moves_as_its_parts_command_together(seed) -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    own = law("hysteresis")
+    real = law("hysteresis").realisation
     with pytest.raises(AnalysisError, match="only one of the two can"):
-        parallel(own.realisation, own.realisation, 2)
-    real = replace(own.realisation, guards=(*own.realisation.guards[:1], Guard(np.eye(3))))
-    wrong = law("hysteresis")
-    object.__setattr__(wrong, "realisation", real)
-    with pytest.raises(SimulationError, match="a guard of the hysteresis controller has Q of shape"):
-        simulate_tapped(plant(), wrong, Settings(duration=1.0))
+        parallel(real, real, 2)
+    with pytest.raises(AnalysisError, match="the matrix of a guard has the shape"):
+        replace(real, guards=(*real.guards[:1], Guard(np.eye(3))))
+    two = tuple(replace(mode, K=np.zeros((2, 6)), S=np.zeros((2, 2))) for mode in real.modes)
+    stiff = tuple(replace(mode, M=1e20 * mode.M) for mode in real.modes)
+    for wrong, words in (
+        (None, "the realisation of the given controller is None"),
+        (replace(real, modes=two), "mode 'armed' of the given controller has S of shape"),
+        (replace(real, signals=np.zeros((1, 6))), "enters through reading 0"),
+        (replace(real, modes=stiff), "up to 1e\\+10 rad/s can be simulated"),
+    ):
+        for there in (plant(), body()):
+            with pytest.raises(SimulationError, match=words):
+                icmj.simulate_plant(there, Given(plant(), wrong), Settings(duration=1.0))
+
+
+@pytest.mark.parametrize("there", [plant, body])
+def test_a_controller_whose_state_grows_beyond_bounds_is_an_end(there) -> None:
+    """Its modes have a rate of +10⁴/s, and the rest of the loop follows no faster than that: e^27 is 10^12."""
+    real = law("hysteresis").realisation
+    modes = tuple(replace(mode, M=mode.M + 1e4 * np.eye(6)) for mode in real.modes)
+    run = icmj.simulate_plant(there(), Given(plant(), replace(real, modes=modes)), Settings(duration=1.0), x0=START)
+    assert run.outcome.kind == "diverged"
+    assert run.outcome.t < 0.01
+
+
+def test_modes_that_switch_without_an_end_stop_the_run() -> None:
+    """A relay whose sign makes it grow on either side: where it switches, time does not advance."""
+    n_y, one = plant().n_y, np.eye(1)
+    grow, fall = (
+        Mode(name, np.zeros((1, 1)), np.zeros((1, n_y + 1)), np.zeros((1, 1)), np.zeros((1, n_y + 1)))
+        for name in ("grow", "fall")
+    )
+    grow.N[0, -1], fall.N[0, -1] = 1.0, -1.0
+    Q = np.zeros((n_y + 2, n_y + 2))
+    Q[-1, -1] = 1.0
+    sliding = Realisation(
+        Layout.of(a=1), (grow, fall), one, one, np.zeros((0, 1)), np.zeros(1, dtype=int), guards=(Guard(Q, -1.0),),
+        table=np.array([[0, 1], [0, 1]]), signals=np.array([[0, 1.0, 0, 0, 0, np.inf]]), clock=10.0,
+    )  # fmt: skip
+    for there in (plant(), body()):
+        run = icmj.simulate_plant(there, Given(plant(), sliding), Settings(duration=3.0), x0=0 * START)
+        assert run.outcome.kind == "stalled", there
+        assert run.outcome.t == pytest.approx(1.0, abs=1e-3)
+        assert "switch to and fro" in run.outcome.message
+
+
+@pytest.mark.parametrize("off", [-9e-13, -1e-13, 0.0, 1e-15, 1e-13, 9e-13, 1e-11])
+def test_a_switch_comes_after_what_acts_at_its_instant(off) -> None:
+    """A state that grows by 1/s would switch at 0.5 s; an impulse there takes it back, and then nothing switches."""
+    size = np.eye(1)
+    N = np.array([[0.0, 0.0, 1.0]])
+    modes = tuple(Mode(name, 0 * size, N, 0 * size, np.zeros((1, 3))) for name in "pq")
+    Q = np.zeros((4, 4))
+    Q[3, 3] = 1.0
+    signals = np.array([[0, 1.0, 0, 0, 0, np.inf], [0, -0.3, 0, 0, 0.5 + off, 0.5 + off]])
+    own = Realisation(
+        Layout.of(a=1), modes, size, size, np.zeros((0, 1)), np.zeros(1, dtype=int), taps=(5.0,),
+        guards=(Guard(Q, -0.25),), table=np.array([[0, 1], [0, 1]]), signals=signals,
+    )  # fmt: skip
+    for there in (plant(), body()):
+        run = icmj.simulate_plant(there, Given(plant(), own), Settings(duration=0.6, limit=100.0), x0=0 * START)
+        assert len(run.events.t) == (2 if off == 1e-11 else 0), there
+
+
+@pytest.mark.parametrize("off", [-1e-13, 0.0, 1e-13])
+def test_a_fall_comes_after_what_is_due_at_its_instant(off) -> None:
+    """A body that moves at 2 rad/s falls at 0.5 s, where the clock ticks."""
+    A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    free = icmj.LinearPlant(A, B, np.eye(2), plant().outputs, plant().inputs, plant().states)
+    size = np.eye(1)
+    still = Mode("still", 0 * size, np.zeros((1, 2)), 0 * size, np.zeros((1, 2)))
+    own = Realisation(Layout.of(a=1), (still,), size, size, np.zeros((0, 1)), np.zeros(1, dtype=int), clock=0.5)
+    run = simulate_tapped(free, Given(free, own), Settings(duration=0.75, limit=1.0 + off), x0=np.array([0.0, 2.0]))
+    assert run.events.t == pytest.approx([0.5], abs=1e-12)
+    assert run.outcome.kind == "fell"
+    assert run.outcome.t == pytest.approx(0.5, abs=1e-12)

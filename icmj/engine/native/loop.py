@@ -1,10 +1,7 @@
 """The loop from event to event as one compiled function.
 
-It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
-
-One step of the engine, which can be undone and repeated with another length.
-
-Whether the event function reaches zero within a step, and where.
+It runs without the GIL and cannot raise: a run that goes wrong comes back as a status. With it: one step of the
+engine, which can be undone and repeated with another length, and the search for a zero of the event function in a step.
 """
 
 from __future__ import annotations
@@ -275,7 +272,10 @@ def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-d
 
 @compiled
 def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untyped-def]
-    """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not)."""
+    """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not).
+
+    Leaves the engine there.
+    """
     now = rule.now
     s = np.inf
     for j in range(len(now)):
@@ -299,7 +299,7 @@ def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untype
 
 @compiled
 def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def]
-    """Search for an event inside the last step by bisection; leaves the state at the event, or at the step's end."""
+    """Search for an event inside the last step on 2, 4, … equal parts of it; leaves the state there, or at its end."""
     pieces = 2
     while pieces <= _SPLITS:
         s_a = 0.0

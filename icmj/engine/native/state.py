@@ -1,8 +1,7 @@
 """Data of the compiled loops: the engine's memory, the plan of a run, the event rule, and the run's progress.
 
-The rates of the closed loop at many states and at neighbours of each, as one compiled function.
-
-Tasks of both loops besides stepping: check the plant, record rows, apply maps, and find the next due time.
+With it, what both loops do besides stepping: check the plant, record rows, apply maps, and find the next due time; and
+the rates of the closed loop at many states and at neighbours of each, as one compiled function.
 """
 
 from __future__ import annotations
@@ -365,7 +364,7 @@ _DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Sta
 
 @inlined
 def standing(engine, plan):  # type: ignore[no-untyped-def]
-    """Whether the plant has fallen, or the state is not finite."""
+    """The status that the state gives: running, fallen, diverged (too large, or not finite), or warned."""
     size = 0.0
     for part in (engine.qpos, engine.qvel, engine.act):
         for i in range(len(part)):
@@ -511,11 +510,13 @@ def _next_action(plan, progress):  # type: ignore[no-untyped-def]
 def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
     """Handle what is due at the end of a step: clock, end of run (if the step ``lands`` on them), row, reset, edge.
 
+    An edge's impulses have moved the state before (:func:`jump`); here its phase changes, last.
     ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has. Where the
     sample is taken later, the rule only sets its time.
 
     Returns:
-        whether there is an event; whether the rates have jumped since; the status.
+        whether there is an event; whether the rates are to be computed anew (an event, an edge, or the start of a
+        sample); the status.
     """
     time = engine.time[0]
     crossed = fired and plan.sampling > 0

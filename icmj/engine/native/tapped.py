@@ -8,13 +8,13 @@ rule is reached is known only afterwards: the stretch is flown, looked at, and f
 
 What the engine passes of outputs (and states of the controller) on the way is made a polynomial again, which the taps
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
-through the samples around it, of a higher order than any of the integrators.
+through the samples around it, with an error of order eight in their spacing.
 
 What comes first at an instant is as everywhere: what acts on plant and controller changes where a stretch begins, then
 actions, then events of a clock; then guards and faces are looked at, which find there what has jumped; a row records
-the state before an event; the ends come last.
+the state before an event; the run's end comes last. A fall is noticed where a step ends, before what is due there.
 
-Arguments that come again are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
+Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
 and ``track``.
 """
 
@@ -45,6 +45,8 @@ from icmj.simulation.native.taps import (
     foresee,
     happen,
     is_crowded,
+    is_sound,
+    is_still,
     judge,
     leave,
     open_stretch,
@@ -52,12 +54,14 @@ from icmj.simulation.native.taps import (
     remember,
     room,
     settle,
+    turn_last,
 )
 from icmj.simulation.native.taps import sources as sources_of_taps
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps
 
-_RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
+_RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
+_FELL, _DIVERGED, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
 FULL = -1  # there is no room in the history
 _WHOLE = int(Stages.WHOLE)
 _BETWEEN, _FLYING, _ENDING = 0, 1, 2  # stretches; within one; at its end
@@ -78,7 +82,7 @@ class Reader(NamedTuple):
         levels: of the edges of what acts, see :mod:`icmj.simulation.native.taps`.
         errors: of the outputs as they are read, n_y rows.
         joint: whether the controller's state is integrated with the plant.
-        M, N, K, S: then, of each mode as the model holds them (:func:`icmj.engine.closed_loop.at_ports`).
+        M, N, K, S: if joint, of each mode as the model holds them (:func:`icmj.engine.closed_loop.at_ports`).
     """
 
     entries: np.ndarray
@@ -99,8 +103,8 @@ class Track(NamedTuple):
     """Where a run is, and what it records beside the engine's rows.
 
     Attributes:
-        t: begin and end of the stretch under way, the last event, the last row, and when the next row is due at its
-            begin [s], shape (5,).
+        t: begin and end of the stretch under way, the last event, the last row, and when the next row was due as the
+            stretch began [s], shape (5,).
         marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, and samples
             and rows that were recorded at its begin, shape (7,).
         counts: rows with a command, rough instants, edges that are over, shape (3,).
@@ -433,7 +437,10 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
             # what is due at the very end, where no stretch begins any more
             level, due = happen(taps, now, end, 0)
             crossed = crossed or due or judge(taps, now, end, level < 0)
-    # what switches again at the same instant is one event, and none where there are events proper
+            changed = changed or (not crossed and turn_last(taps, now, level < 0))
+        elif not is_sound(now):
+            status = _DIVERGED
+    # without events proper a switch is an event, but only once at an instant
     switched, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
@@ -485,6 +492,8 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
                 return _RUNNING
             if is_crowded(now) or not room(history):
                 return FULL
+            if is_still(now):
+                return _STALLED
             _start(engine, plan, progress, record, taps, history, now, reader, track)
             if track.t[1] > track.t[0]:
                 _depart(engine, plan, progress, stepper, record, reader, track)

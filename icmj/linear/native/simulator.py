@@ -157,7 +157,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
     total, outputs, lanes = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1), len(acting.f)
-    jump = scratch[0, :m]
+    difference = scratch[0, :m]
     last = acting.first + lanes * acting.f.shape[2] if acting.edge == now[Now.EDGE] else -1
     while True:
         cell, offset = counts[Count.CELL], now[Now.OFFSET]
@@ -175,10 +175,10 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         armed = watching and ready < here
         if offset > 0 and counts[Count.ENDED] == cell:
             for j in range(m):
-                jump[j] = s[j] - run.ended[j]
-            backward(T, jump, m, offset, series, f, ahead)
+                difference[j] = s[j] - run.ended[j]
+            backward(T, difference, m, offset, series, f, ahead)
             copy(run.begun, s[:m])
-            add(jump, s)
+            add(difference, s)
         elif offset > 0:
             look_up(acting, cell, s[m:])
             backward(T, s, m, offset, series, f, ahead)
@@ -308,7 +308,7 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
         if kind == _GONE:
             return _STATUS_DIVERGED
         extend(T, run, run.w[:m], False)
-        t, fallen, jumps = now[Now.TIME], kind == FALL, False
+        t, fallen, may_jump = now[Now.TIME], kind == FALL, False
         if fallen and t < now[Now.STOP]:
             return _STATUS_FELL
         # 1: what acts on the plant, or on the controller
@@ -318,7 +318,7 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
                 edge += 1
             now[Now.EDGE] = T.edges[edge]
             counts[Count.ENDED] = -1  # from here on, other terms act on that step
-            jumps = T.jumps.shape[1] > 0
+            may_jump = T.jumps.shape[1] > 0
             for j in range(T.jumps.shape[1]):
                 run.w[j] += T.jumps[edge - 1, j]
         # 2: the action
@@ -326,9 +326,9 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
             _apply(T.G, run, scratch)
             counts[Count.ACTED] += 1
             now[Now.ACTION] = np.inf if T.clock == np.inf else _next_action(T, run)
-            jumps = True
-        # 3: an event; of the state after a jump the next piece finds it, which there is none of at the run's end
-        if jumps and kind == EVENT:
+            may_jump = True
+        # 3: an event. If the state has jumped, the next piece finds it; at the run's end none begins, hence the check
+        if may_jump and kind == EVENT:
             kind = NOTHING
         if t == T.end and kind != EVENT and _beyond(T, run):
             kind = EVENT

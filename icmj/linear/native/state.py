@@ -26,6 +26,8 @@ class Status(IntEnum):
     DIVERGED = auto()
     REACHED = auto()
     """The number of events asked for."""
+    STALLED = auto()
+    """The modes of the controller switch to and fro at one instant."""
 
 
 class Tables(NamedTuple):
@@ -176,8 +178,9 @@ class Now(IntEnum):
     ORIGIN = auto()
     """From when on steps are counted in the piece under way."""
     BEGIN = auto()
+    """When the piece under way begins."""
     STOP = auto()
-    """From when until when the piece under way is."""
+    """When it ends."""
     OFFSET = auto()
     """Where the piece under way is in its step, in steps."""
 

@@ -2,12 +2,12 @@
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial, and what disturbs a sum of
 sinusoids: so the states of plant and controller are Taylor series, whose terms follow from one another. A stretch is
-short enough for these to leave nothing. Events, switches and falls are the first roots of polynomials in them, and a
-stretch ends there.
+short enough for what the series leave out to be below rounding. Events, switches and falls are first roots of
+polynomials made of them, and a stretch ends there.
 
 At an instant comes first what acts (:func:`icmj.simulation.native.taps.happen`), then events of a clock, then what is
-beyond its level where the next stretch begins, which may have no length. A crossing of the rule at an instant at which
-something else is due is judged there, after it.
+beyond its level where the next stretch begins, which may have no length. A crossing of the rule, a switch and a fall at
+an instant at which something else is due come there, after it.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from icmj.simulation.native.taps import (
     fire,
     happen,
     is_crowded,
+    is_sound,
+    is_still,
     judge,
     leave,
     open_stretch,
@@ -36,12 +38,14 @@ from icmj.simulation.native.taps import (
     room,
     shift,
     sources,
+    turn_last,
 )
 from icmj.simulation.native.waves import Waves, add_waves
 
 _DIVERGED = 1e12
 _MORE, _ENDED = int(Status.MORE), int(Status.ENDED)
 _FELL, _GONE = int(Status.FELL), int(Status.DIVERGED)
+_STALLED = int(Status.STALLED)
 _FULL = -1  # there is no room in the history
 _CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
 
@@ -65,9 +69,9 @@ class Body(NamedTuple):
 
     Attributes:
         A, B, C: shapes (n, n), (n, n_u), (n_y, n).
-        acting: on the state, n rows; but for what lasts.
-        errors: of the outputs as they are read, n_y rows; but for what lasts.
-        lasting, wrong: what lasts of both.
+        acting: on the state, n rows, without what lasts the whole run.
+        errors: of the outputs as they are read, n_y rows, without what lasts the whole run.
+        lasting, wrong: the sinusoids of acting and of errors that last the whole run.
         edges, levels: instants at which something begins or ends, rising, then infinity, and the level of each.
         positions: states that are limited, divided by their limits, shape (L, n).
         interval: between rows [s].
@@ -302,6 +306,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             return _MORE
         if is_crowded(now) or not room(history):
             return _FULL
+        if is_still(now):
+            return _STALLED
         t, level = track.t[0], track.level[0]
         if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
             return _MORE
@@ -317,6 +323,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             _note(body, now, track, t)
             fire(taps, now, t)
             level = -1
+        elif over and turn_last(taps, now, level < 0) and not eventful and t > track.t[1]:
+            _note(body, now, track, t)
         # 4: the run is over
         if over:
             return _ENDED
@@ -326,6 +334,8 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         end, guard = cut(taps, now, t, end)
         length = (end - t) / taps.unit
         fallen = _fallen(body, now, track, length)
+        if end > t and t + fallen * taps.unit >= end - SAME and end < body.end - SAME:
+            fallen = np.inf  # where something else is due; the next stretch begins with it, after that
         if fallen <= length:
             length, guard = fallen, -1
             end = t + length * taps.unit
@@ -352,7 +362,7 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             X[i, 0] = evaluate(X[i], p, length)
         track.t[0], track.level[0] = end, SMOOTH
         crossed = guard >= len(taps.c) and reach_rule(taps, now, end)
-        # what switches again at the same instant is one event, and none where there are events proper
+        # without events proper a switch is an event, but only once at an instant
         switched = crossed or (changed and not eventful and end > track.t[1])
         if switched or (changed and length > 0) or ended or fallen <= length:
             _row_here(body, now, track, end)
@@ -367,7 +377,7 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         size = 0.0
         for i in range(n):
             size += abs(X[i, 0])
-        if not size <= _DIVERGED:
+        if not (size <= _DIVERGED and is_sound(now)):
             return _GONE
     return _MORE
 

@@ -3,16 +3,17 @@
 The method of steps: over a stretch no longer than the shortest delay the delayed readings are known from history. If
 these are all, so are the controller's state and its command, whatever the plant does meanwhile (:func:`foresee`). If it
 reads current outputs too, plant and controller move together under what is known ahead, which is a polynomial in time.
-A stretch ends where something is not smooth. Arguments that come again are those of :mod:`icmj.simulation.taps`:
+A stretch ends where something is not smooth. Recurring arguments are those of :mod:`icmj.simulation.taps`:
 ``taps``, ``history`` and ``now``.
 
-*Level* L of an instant: the derivative L + 1 of what is read jumps there. A switch, like anything that lets an input
-jump, is of level 0. What a controller makes of an instant of level L is of level L + 1, a tap later: the readings go
-into the command, and the plant integrates that at least once.
+An instant is of *level* L if derivative L + 1 of what is read is the first that jumps there: −1 if the reading itself
+does. A switch, like anything that lets an input jump, is of level 0. What a controller makes of an instant of level L
+is of level L + 1, a tap later: the readings go into the command, and the plant integrates that at least once.
 
 What is due at an instant happens in the order of docs/simulation.md: what acts changes, which also moves the
 controller's state by its signals; then actions, resets of a period, and events of a clock (:func:`happen`); then guards
-and faces that are beyond their level, which :func:`turn` finds where the next stretch begins, and an event of the rule.
+and faces that are beyond their level, which :func:`turn` finds where the next stretch begins; a face is an event of the
+rule. What is reached within :data:`SAME` of that instant is reached there, and waits for what is due (:func:`cut`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from icmj.base.roots import SAME, evaluate, first_root
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
+_DIVERGED = 1e12  # of the controller's state
+_SWITCHES, _SOON = 5000, 1e-3  # so many in a row, none of which lasts so long [units], are a standstill
 _NOTHING = 1e-300  # less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
@@ -39,7 +42,7 @@ _ROUNDING = 64 * 2.2e-16  # of the sum of a guard's terms: what its sign may be 
 def shift(row, by, room):  # type: ignore[no-untyped-def]
     """Coefficients of a polynomial about a place ``by`` further on, in place: Σ_m C(k + m, k) by^m a_(k+m).
 
-    ``room`` is as long as the row, for the sums. They wait for nothing, unlike those of Horner's scheme.
+    ``room`` is as long as the row, for the sums. Unlike those of Horner's scheme, they do not depend on one another.
     """
     last = len(row) - 1
     while last > 0 and row[last] == 0:
@@ -58,26 +61,27 @@ def shift(row, by, room):  # type: ignore[no-untyped-def]
 @compiled
 def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
     """The level of the stretch that begins at ``t``, and when the next instant that is not smooth is read."""
-    next = np.inf
+    next_rough = np.inf
     for i in range(len(taps.tau)):
         k = history.ahead[i]
         while k < history.count[0]:
             rough = history.level[k] < taps.rough
             if rough and history.start[k] + taps.tau[i] > t + SAME:
-                next = min(next, history.start[k] + taps.tau[i])
+                next_rough = min(next_rough, history.start[k] + taps.tau[i])
                 break
             if rough:
                 level = min(level, history.level[k] + 1)
             k += 1
         history.ahead[i] = k
-    return level, next
+    return level, next_rough
 
 
 @compiled
 def settle(taps, values, length, out, room):  # type: ignore[no-untyped-def]
     """Into ``out``, shape (rows, p + 1): the polynomials about the begin of a stretch from their values at its nodes.
 
-    ``values`` has shape (nodes, rows), ``length`` is that of the stretch in units of time; ``room`` is as long as one.
+    ``values`` has shape (nodes, rows), ``length`` is that of the stretch in units of time; ``room`` is as long as a row
+    of ``out``.
     """
     half, last = length / 2, len(values) - 1
     for i in range(len(out)):
@@ -146,7 +150,8 @@ def _map(matrix, now):  # type: ignore[no-untyped-def]
 def happen(taps, now, t, level):  # type: ignore[no-untyped-def]
     """What signals, actions and resets of the period do at ``t``, and whether a tick or a sample is an event there.
 
-    Returns the level of the instant, which is −1 where the state has jumped, and whether there is such an event.
+    Returns the level of the instant, which is −1 at an edge of a signal, an action or a reset, and whether there is
+    such an event.
     """
     mode, size = now.mode[0], len(now.a)
     while taps.edges[now.due[1]] <= t + SAME:
@@ -262,13 +267,14 @@ def _turn_of_face(taps, now, face, length):  # type: ignore[no-untyped-def]
 def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
     """Where on [0, length] the sign of a guard changes first or a face is reached, and of which; infinity and −1.
 
-    Faces are numbered behind the guards, and looked at if the rule is ``armed``. A sign has changed where the guard is
-    beyond zero by more than rounding, and by more than it is so already at the begin, where polynomials of two
-    stretches meet: so none changes back because they do not quite. Where the largest that the guard can become on the
-    stretch is below zero, no more is asked.
+    What is reached less than :data:`SAME` later is found, too. Faces are numbered behind the guards, and looked at if
+    the rule is ``armed``. A sign has changed where the guard is beyond zero by more than rounding, and by more than it
+    is so already at the begin, where polynomials of two stretches meet: so none changes back because they do not quite.
+    Where the largest that the guard can become on the stretch is below zero, no more is asked.
     """
     first, which, n_v, p = np.inf, -1, now.v.shape[0], now.v.shape[1] - 1
     n, g, reach = len(now.reach), now.g, now.reach
+    length += SAME / taps.unit
     if len(taps.c) > 0:
         for i in range(n):
             if taps.used[i]:
@@ -323,29 +329,28 @@ def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
         now.roots[guard] = theta * length
         if theta < first:
             first, which = theta, guard
-    first *= length
     if armed:
-        further = length + SAME / taps.unit  # what is reached within an instant of the end is reached there
         for face in range(len(taps.cuts) - 1):
-            theta = _turn_of_face(taps, now, face, further) * further
+            theta = _turn_of_face(taps, now, face, length)
             if theta < first:
                 first, which = theta, len(taps.c) + face
-    return first, which
+    return first * length, which
 
 
 @compiled
 def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
     """Where the stretch from ``t`` ends, at ``end`` at the latest, and the guard or face that ends it, or −1.
 
-    A face that is reached where something else is due is looked at again there, after that: ``now.met`` says so.
+    What is reached at the stretch's end is looked at again where the next one begins, after what is due there:
+    ``now.met`` says which it is.
     """
-    now.met[0] = False
+    now.met[0] = -1
     theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
     if guard < 0:
         return end, -1
     at = t + theta * taps.unit
-    if guard >= len(taps.c) and end > t and at >= end - SAME:
-        now.met[0] = True
+    if end > t and at >= end - SAME:
+        now.met[0] = guard
         return end, -1
     return (t if at - t <= SAME else min(at, end)), guard
 
@@ -354,11 +359,25 @@ def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
 def judge(taps, now, t, moved):  # type: ignore[no-untyped-def]
     """Whether the rule causes an event at ``t``, where no stretch begins that would find it.
 
-    ``moved`` says whether the state has jumped there since it was met.
+    ``moved`` says whether the instant's level is −1, so that the state may have jumped since a face was met. Where the
+    event is at the end of a sample, which begins here, the answer is no.
     """
     if not is_armed(taps, now, t):
         return False
-    return (beyond(taps, now) or (now.met[0] and not moved)) and reach_rule(taps, now, t)
+    return (beyond(taps, now) or (now.met[0] >= len(taps.c) and not moved)) and reach_rule(taps, now, t)
+
+
+@compiled
+def turn_last(taps, now, moved):  # type: ignore[no-untyped-def]
+    """Whether the guard that was met at the run's end changes the mode there, where no stretch begins that finds it.
+
+    ``moved`` is that of :func:`judge`.
+    """
+    guard = now.met[0]
+    if moved or not 0 <= guard < len(taps.c):
+        return False
+    now.sign[guard] = 1 - now.sign[guard]
+    return choose(taps, now)
 
 
 @compiled
@@ -389,8 +408,8 @@ def _command(taps, now):  # type: ignore[no-untyped-def]
 @compiled
 def open_stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
     """The level of the stretch from ``t`` on and its end, ``longest`` at most; ``now.v`` is what is known of it."""
-    level, next = reached(taps, history, t, level)
-    end = min(t + taps.unit, next, until(taps, now, t, longest))
+    level, next_rough = reached(taps, history, t, level)
+    end = min(t + taps.unit, next_rough, until(taps, now, t, longest))
     _read(taps, history, now, t, end)
     return level, end
 
@@ -417,7 +436,8 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     p = now.A.shape[1] - 1
     for i in range(len(now.a)):
         now.a[i] = evaluate(now.A[i], p, length)
-    if length > 0:  # what lasts no time is no command
+    now.met[1] = now.met[1] + 1 if 0 <= guard < len(now.sign) and length < _SOON else 0
+    if length > 0:  # a command on a stretch of no length was never given
         for i in range(len(now.last)):
             now.last[i] = evaluate(now.u[i], p, length)
     if guard < 0 or guard >= len(now.sign):
@@ -426,6 +446,21 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
         if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
             now.sign[other] = 1 - now.sign[other]
     return choose(taps, now)
+
+
+@compiled
+def is_sound(now):  # type: ignore[no-untyped-def]
+    """Whether the controller's state is finite, and not beyond what any plant could follow."""
+    size = 0.0
+    for i in range(len(now.a)):
+        size += abs(now.a[i])
+    return size <= _DIVERGED  # false for NaN, too
+
+
+@compiled
+def is_still(now):  # type: ignore[no-untyped-def]
+    """Whether the modes switch to and fro and time does not advance."""
+    return now.met[1] > _SWITCHES
 
 
 @compiled
