@@ -15,9 +15,8 @@ The box rule: an event when any single component of the hold error passes its ow
 
 An event rule from user code as a log stores it: its numbers and its origin.
 
-Triggers, which determine when the controller takes new feedback.
-
-Each rule is a module here: a frozen dataclass that inherits from :class:`EventRule` and defines its faces.
+Each rule is a class here: a frozen dataclass that inherits from :class:`EventRule` and defines its faces. A rule with
+memory is no trigger, but a law whose realisation has modes (:class:`icmj.controller.realisation.Realisation`).
 """
 
 from __future__ import annotations

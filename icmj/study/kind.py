@@ -1,12 +1,15 @@
 """A kind of experiment: what it does to a run file, what it takes from a run, how that is analysed and drawn.
 
-The frame (:mod:`icmj.study.experiment`) does the rest. A new kind is four things:
+The frame (:mod:`icmj.study.experiment`) does the rest. A new kind has:
 
-1. its table, a field of :class:`icmj.runfile.experiment_tables.ExperimentFile` whose name is that of the kind;
+1. a table, a field of :class:`icmj.runfile.experiment_tables.ExperimentFile` whose name is that of the kind;
 2. an analysis of :class:`icmj.experiments.quiet_standing.Recording` in ``icmj/experiments/``, which returns a
    :class:`icmj.experiments.quiet_standing.Finding`;
-3. a figure in ``icmj/report/``;
-4. a subclass of :class:`Kind` in ``icmj/study/``, listed in ``KIND_OF`` of :mod:`icmj.study.experiment`.
+3. a figure in :mod:`icmj.report.findings`, and in :mod:`icmj.report.experiment` a caption and its methods in words;
+4. a subclass of :class:`Kind`, here or in :mod:`icmj.study.stance`, listed in ``KIND_OF`` of
+   :mod:`icmj.study.experiment`;
+5. what ``icmj new experiment`` writes for it: values in :mod:`icmj.case.drafting`, and its name among those of
+   ``--stimulus`` (:class:`icmj.cli.arguments.New`).
 
 The experiment on quiet standing: noise moves the body, nothing else does.
 
