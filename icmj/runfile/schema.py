@@ -468,10 +468,27 @@ def overridden(run: RunFile, changes: Iterable[str]) -> RunFile:
     if not changes:
         return run
     try:
-        return run.with_(**dict(_read(change) for change in changes))
+        values = dict(_read(change) for change in changes)
+        changed = run.with_(**values)
+        for key, value in values.items():
+            _expect_beside(key, value, changed)
+        return changed
     except RunFileError as error:
         given = one_line(" ".join(f"--set {change}" for change in changes), 200)
         raise RunFileError(f"{given}: {error}") from error
+
+
+def _expect_beside(key: str, value: object, run: RunFile) -> None:
+    """Refuse a file that lies in the current folder and not where a run file looks for it, which is beside itself."""
+    plant, _, name = key.partition(".")
+    if plant not in ("assumed", "actual") or name not in ("model", "matrices") or not isinstance(value, str):
+        return
+    path, here = run.assumed_path if plant == "assumed" else run.actual_path, Path(value).absolute()
+    if not path.exists() and here.is_file():
+        raise RunFileError(
+            f"{key} is relative to the run file, and {path} does not exist; for the file in the current folder, give "
+            f"its absolute path, as in --set '{key}=\"{here}\"'"
+        )
 
 
 def _read(change: str) -> tuple[str, object]:

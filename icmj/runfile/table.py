@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 from pydantic_core import PydanticCustomError
 
-from icmj.base.text import did_you_mean
+from icmj.base.text import did_you_mean, nearest
 from icmj.work.own_code import REFERENCE
 
 OWN = "own"  # tag of a table that names code as module:name
@@ -179,11 +179,17 @@ def _missing(place: _Place, annotation: Any) -> str:
 
 def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
     annotation = _resolve(table, schema)[2]
-    keys = [name for model in _members(annotation) for name in getattr(model, "model_fields", {})]
+    models = [model for model in _members(annotation) if hasattr(model, "model_fields")]
+    keys = [name for model in models for name in model.model_fields]
+    inner = {one: f"{name}.{one}" for model in models for name, ones in _tables(model).items() for one in ones}
     near = did_you_mean(key, keys)
+    if not near and table and key in inner:
+        near = f"; did you mean {inner[key]}?"
     if not near and any(key in names for names in _tables(schema).values()):
         home = next(name for name, names in _tables(schema).items() if key in names)
         near = f"; it belongs in [{home}]"
+    if not near and table and (found := nearest(key, inner)):
+        near = f"; did you mean {inner[found]}?"
     return f"no such key{near or f'; there are {_list_values(sorted(keys))}'}"
 
 

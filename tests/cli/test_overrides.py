@@ -43,3 +43,22 @@ def test_analyse_and_study_take_it_too(root, tmp_path, capsys):
     assert main(["study", str(path), "--out", str(out), "--set", "actual.gian=1"]) == 2
     assert "did you mean gain" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_model_beside_the_user_and_not_beside_the_run_file_is_told_where_it_is_looked_for(
+    root, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    light = tmp_path / "light.xml"
+    light.write_bytes((root / "models" / "three_link.xml").read_bytes())
+    case = str(root / "runs" / "three-link-0.9.toml")
+    for given in ("light.xml", '"./light.xml"'):
+        assert main(["analyse", case, "--set", f"assumed.model={given}"]) == 2
+        told = capsys.readouterr().err
+        assert f"{root / 'runs' / 'light.xml'} does not exist" in told
+        assert f"give its absolute path, as in --set 'assumed.model=\"{light}\"'" in told
+        assert "Traceback" not in told
+    assert main(["analyse", case, "--json", "--set", f'assumed.model="{light}"']) == 0
+    capsys.readouterr()
+    assert main(["analyse", case, "--set", "assumed.model=dark.xml"]) == 2
+    assert "no such model file" in capsys.readouterr().err

@@ -116,6 +116,8 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         (GOOD + "[simulation]\nlimit = { lean = -1.0 }", "simulation.limit.lean: must be greater than 0, got -1.0"),
         (GOOD + "[simulation]\nlimit = 'x'", "simulation.limit: expected a number or a table of names and values; got"),
         (GOOD + "[actual]\nperson = { hieght = 1.8 }", "actual.person.hieght: no such key; did you mean height?"),
+        (GOOD + "[actual]\nmass = 68", "actual.mass: no such key; did you mean person.mass?"),
+        (GOOD + "[actual]\nhieght = 1.8", "actual.hieght: no such key; did you mean person.height?"),
         (GOOD + "[actual]\nactivation = { order = 3 }", "actual.activation.order: expected 0, 1 or 2, got 3"),
         (GOOD + "[actual]\nactivation = { order = 1, tau = 1 }", "activation.tau: no such key; there are damping"),
         (GOOD + "[actual]\nactivation = { time_constant = 1 }", "actual.activation.order is missing"),
