@@ -68,6 +68,12 @@ def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice
             "name one in [actual] keyframe"
         )
         yield Notice("keyframe", "warning", words)
+    if run.assumed.person and not run.actual.model_dump(exclude_defaults=True):
+        words = (
+            "the actual person follows the assumed one; there is no model error (to change only one of them, give "
+            "[actual.person], with the height and mass of the actual person)"
+        )
+        yield Notice("person", "warning", words)
     if run.disowned:
         words = (
             "this run differs from the published case in plant, design or rule; published values of [case.paper] are "

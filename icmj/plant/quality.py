@@ -26,8 +26,8 @@ from icmj.plant.linear_plant import LinearPlant
 
 Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
-    "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "saturation", "joint limit", "not linear",
-    "large step", "not smooth", "paper", "slow noise", "set-point", "sampling delay",
+    "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "person", "saturation", "joint limit",
+    "not linear", "large step", "not smooth", "paper", "slow noise", "set-point", "sampling delay",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 

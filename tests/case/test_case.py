@@ -297,3 +297,21 @@ def test_an_output_that_jumps_with_the_input_is_refused_before_anything_is_predi
     with pytest.raises(ModelError, match=r"feedthrough: output 'acceleration.0' jumps with the inputs"):
         prepare(brought(tmp_path, "jumps.xml", actual, extra))
     assert prepare(brought(tmp_path, "jumps.xml", more=', outputs = ["angle"]')).notices == ()
+
+
+def test_a_person_whom_the_actual_plant_follows_is_told_to_be_no_model_error():
+    exact = load_run("three-link-0.9").with_(**{"actual.gain": 1.0})
+    followed = prepare(exact.with_(**{"assumed.person.mass": 68.0}))
+    assert np.array_equal(followed.assumed.linearisation.plant.B, followed.actual.linearisation.plant.B)
+    (notice,) = followed.notices
+    assert notice.kind == "person"
+    assert notice.words.startswith("the actual person follows the assumed one; there is no model error")
+    for changes in (
+        {"actual.person.mass": 80.0},
+        {"actual.gain": 0.9},
+        {"actual.change": [{"what": "mass", "of": "trunk", "factor": 1.1}]},
+    ):
+        case = prepare(exact.with_(**{"assumed.person.mass": 68.0, **changes}))
+        assert not np.array_equal(case.assumed.linearisation.plant.B, case.actual.linearisation.plant.B)
+        assert "person" not in {one.kind for one in case.notices}
+    assert "person" not in {one.kind for one in prepare(exact).notices}
