@@ -456,7 +456,7 @@ def _toml(value: Any) -> str:
 
 def _sweep_values(name: str, run: str, base: RunFile, names: Names, stimulus: str) -> dict[str, Any]:
     return {
-        "sweep": {"name": name, "title": f"{base.case.title}, over the model error b", "run": run},
+        "sweep": {"name": name, "run": run},
         "vary": [{"field": "actual.gain", "name": "b", "low": 0.7, "high": 1.2, "count": 6}],
         "ask": {"motion": ["linear"]},
     }

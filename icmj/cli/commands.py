@@ -84,7 +84,7 @@ def study(command: arguments.Study) -> None:
 def analyse(command: arguments.Analyse) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
-    from icmj.cli.printing import plain_prediction, show_roots
+    from icmj.cli.printing import plain_prediction, show_roots, standing_in_words
     from icmj.runfile.reading import load_run
     from icmj.runfile.schema import overridden
     from icmj.theory.prediction import PREDICTION
@@ -119,6 +119,7 @@ def analyse(command: arguments.Analyse) -> None:
         OUT.say(f"No unit-circle crossing up to {prediction.delta_max:g} s.")
     if prediction.beyond is not None:
         OUT.say(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
+    OUT.say(standing_in_words(prediction))
     for words in prediction.remarks:
         OUT.say(words[0].upper() + words[1:] + ".")
     for notice in case.notices:
@@ -441,7 +442,39 @@ def _show(folder: Path, done: Progress, out: Terminal) -> None:
     bad = ", ".join(f"{count} {status}" for status, count in sorted(found.items()) if status != "ok")
     out.say(f"{done.points} points{f', of which {bad}' if bad else ''}")
     size = sum(path.stat().st_size for path in (folder / "points").iterdir()) / 1e6
-    out.say(f"dataset  {folder / 'points'} ({size:.3g} MB)")
+    _show_rows(folder, out)
+    out.say(f"dataset  {folder / 'points'} ({size:.3g} MB, Parquet; icmj.read_sweep or pandas.read_parquet reads it)")
+    out.say(f"columns  their meanings are in {folder / 'sweep.json'}")
+    out.say(f"next     icmj report {folder} --out {folder.name}.html", wrap=False)
+
+
+SHOWN = 6  # points of a sweep that are printed
+SUFFIXES = ("delta_crit", "verdict", "outcome", "interval", "error")
+
+
+def _show_rows(folder: Path, out: Terminal) -> None:
+    """The first points of a sweep, in the columns that matter most."""
+    from itertools import islice
+
+    from icmj.study.sweep import Dataset
+
+    dataset = Dataset(folder)
+    facts = dataset.facts
+    chunks = (table.slice(0, SHOWN).to_pylist() for _, table in dataset.chunks())
+    rows = list(islice((row for chunk in chunks for row in chunk), SHOWN))
+    matter = ("root_real", *(f"{of}_{suffix}" for of in ("predicted", "linear", "mujoco") for suffix in SUFFIXES))
+    names = [name for name in matter if any(row.get(name) is not None for row in rows)]
+    columns = [*map(Column, facts.varies), *(Column(name, rank=rank) for rank, name in enumerate(names, 1))]
+    cells = [[_cell(row[name]) for name in (*facts.varies, *names)] for row in rows]
+    title = facts.title or facts.name
+    more = "" if len(rows) == facts.points else f"; the first {len(rows)} of {facts.points} points"
+    show_table(columns, cells, out, title=f"{title}{more}", keys=len(facts.varies))
+
+
+def _cell(value: object) -> str:
+    if value is None or isinstance(value, float):
+        return number(value)
+    return str(value)
 
 
 def _words(progress: Progress) -> str:

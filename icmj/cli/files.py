@@ -225,11 +225,12 @@ def _tell(*lines: str) -> None:
 
 def _describe_draft(draft: FirstRunFile) -> list[str]:
     """Lines on what the drafted run file contains and what the theory predicts for it."""
+    from icmj.cli.printing import standing_in_words
+
     if draft.case is None:
         return [f"note: it does not run as written; {one_line(draft.trouble)}"]
     case = draft.case
-    plant, prediction = case.actual.linearisation.plant, case.prediction
-    table = case.run.assumed
+    plant, prediction, table = case.actual.linearisation.plant, case.prediction, case.run.assumed
     where = f"keyframe {table.keyframe}" if table.keyframe else "its reference configuration"
     how = {"static control": ", held there by its controls", "balance": ", moved to where it balances"}
     lines = [
@@ -238,10 +239,13 @@ def _describe_draft(draft: FirstRunFile) -> list[str]:
         f"outputs   {', '.join(plant.outputs)}",
         f"weights   R_c = {case.run.design.R_c}, R_o = {case.run.design.R_o}, from the gain of the plant",
     ]
-    if prediction.delta_crit is not None and prediction.cycle:
-        lines.append(f"predicted a limit cycle, Δ_crit = {prediction.delta_crit:.4g} s, {prediction.verdict}")
-    else:
-        lines.append("predicted no limit cycle")
+    at = f"a limit cycle, Δ_crit = {prediction.delta_crit or 0.0:.4g} s, {prediction.verdict}"
+    b, cycle = case.run.actual.gain, at if prediction.cycle else "no limit cycle"
+    lines += [
+        f"b         {b}, an example: the actual inputs do {b} of what the controller assumes (actual.gain)",
+        f"predicted {cycle}",
+        f"stands?   {standing_in_words(prediction)}",
+    ]
     return lines + [f"note: {one_line(notice)}" for notice in case.notices]
 
 

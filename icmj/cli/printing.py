@@ -24,7 +24,7 @@ from rich.table import Table
 
 from icmj.base.array import Array
 from icmj.base.files import write_bytes
-from icmj.base.numbers import MISSING, amount, collect_facts, number, pairs, plain, relative
+from icmj.base.numbers import MISSING, amount, amounts, collect_facts, number, pairs, plain, relative
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 from icmj.errors import ModelError, prefix_errors
 from icmj.measurement.sway import MEASURES, OF_PLANE
@@ -92,6 +92,19 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
             },
         }
     )
+
+
+def standing_in_words(prediction: Prediction) -> str:
+    """Whether the body stands by the linear theory, and how far it then sways; in one sentence."""
+    if prediction.cycle and prediction.verdict == "attracting":
+        peaks = amounts(prediction.amplitude, prediction.outputs, prediction.output_units)
+        size = "" if prediction.amplitude is None else f", with peaks of {peaks}"
+        return f"By the linear theory it stands, and sways on a cycle{size}; icmj run shows the motion."
+    if prediction.cycle:
+        return f"The predicted cycle is {prediction.verdict}; icmj run shows where the motion goes."
+    if not prediction.observer_feedback_stable:
+        return "Even continuous feedback of this design would not hold it; icmj run shows whether it falls."
+    return "No cycle is predicted; icmj run shows whether it stands."
 
 
 def plain_linearisation(linearisation: Linearisation, quality: Quality, told: Iterable[Notice]) -> dict[str, Any]:

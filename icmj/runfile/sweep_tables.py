@@ -46,7 +46,7 @@ class SweepTable(TomlTable):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
     """Name of the sweep and of its folder."""
     title: Line = ""
-    """Title in tables and figures."""
+    """Title in tables and figures (default: the title of the case, and what varies)."""
     run: str
     """Run file whose fields vary, relative to the sweep file, or the name of a shipped case."""
     samples: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None

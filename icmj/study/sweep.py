@@ -149,7 +149,7 @@ def resume_sweep(path: Path | str | None, plan: Plan) -> Iterator[tuple[Dataset,
     file, base = plan.file, plan.file.base
     more = {
         "name": file.sweep.name,
-        "title": file.sweep.title,
+        "title": file.sweep.title or one_line(f"{base.case.title}, over {', '.join(plan.points.names)}", 200),
         "seed": plan.points.seed,
         "varies": list(plan.points.names),
         "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],

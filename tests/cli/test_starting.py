@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
+from icmj.case.case import prepare
 from icmj.case.drafting import table_of
 from icmj.cli import files
 from icmj.cli.arguments import Fit
@@ -44,6 +45,24 @@ def test_a_model_gets_a_run_file_that_analyse_takes(capsys):
     assert Path("pendulum.toml").read_bytes() == before
     assert main(["new", "pendulum", "--out", "another.toml"]) == 0
     assert load_run("another.toml").case.name == "pendulum"
+
+
+def test_what_was_chosen_for_b_and_whether_it_stands_are_told(capsys):
+    assert main(["new", "one_link"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    b = load_run("one_link.toml").actual.gain
+    assert b == 0.9
+    assert f"b {b}, an example: the actual inputs do {b} of what the controller assumes (actual.gain)" in shown
+    peak = prepare(load_run("one_link.toml")).prediction.amplitude[0]
+    stands = f"it stands, and sways on a cycle, with peaks of lean {peak:.4g} rad ({np.degrees(peak):.4g}°)"
+    assert stands in shown.replace("\N{NO-BREAK SPACE}", " ")
+    for gain, words in (
+        (0.9, stands),
+        (1.0, "No cycle is predicted; icmj run shows whether it stands."),
+        (0.1, "Even continuous feedback of this design would not hold it; icmj run shows whether it falls."),
+    ):
+        assert main(["analyse", "one_link.toml", "--set", f"actual.gain={gain}"]) == 0
+        assert words in " ".join(capsys.readouterr().out.replace("\N{NO-BREAK SPACE}", " ").split()), gain
 
 
 def test_the_weights_are_told_and_that_shipped_cases_have_others(capsys):
@@ -146,7 +165,14 @@ def test_every_key_is_in_a_first_file_with_its_meaning(what, schema, capsys):
 def test_a_first_sweep_runs_as_it_is(capsys):
     file_for("sweep")
     assert main(["sweep", "sweep.toml", "--out", "out", "--jobs", "1"]) == 0
+    shown = capsys.readouterr().out
     swept = read_sweep(Path("out"))
+    assert swept.title == "Simple system, b = 0.8, over b"
+    assert swept.title in shown
+    assert "next     icmj report out --out out.html" in shown
+    printed = [line.split() for line in shown.splitlines() if re.match(r" [01]\.\d", line)]  # the rows of its table
+    assert [float(row[0]) for row in printed] == pytest.approx([0.7, 0.8, 0.9, 1.0, 1.1, 1.2])
+    assert float(printed[1][1]) == pytest.approx(swept.table["predicted_delta_crit"][1].as_py(), rel=1e-3)
     assert list(swept.table["b"].to_numpy()) == pytest.approx([0.7, 0.8, 0.9, 1.0, 1.1, 1.2])
     assert swept.table["linear_interval"][1].as_py() == pytest.approx(1.80654, rel=1e-4)
 
