@@ -11,6 +11,7 @@ tested on the others.
 from __future__ import annotations
 
 import argparse
+import sys
 from itertools import combinations
 
 import matplotlib.pyplot as plt
@@ -159,6 +160,7 @@ for experiment, (trial, summarise) in EXPERIMENTS.items():
             seeds = 1000 * (100 * place + number) + np.arange(given.trials)
             trials = [trial(name, int(seed)) for seed in seeds]
             rows.append([summarise(trials[:n]) for n in counts])
+            print(f"{experiment}, {name}: person {number + 1} of {given.people}", file=sys.stderr, flush=True)
         found[experiment, name] = np.array(rows)  # (people, counts, features)
 
 # %%
