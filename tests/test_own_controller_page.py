@@ -49,14 +49,14 @@ def test_the_laws_run_in_python_on_both_plants(root, folder, capsys):
 
 @pytest.mark.slow
 def test_the_run_file_and_every_command(root, folder, capsys):
-    (folder / "mine.toml").write_text(blocks(root, "toml")[0], encoding="utf-8")
+    (folder / "law.toml").write_text(blocks(root, "toml")[0], encoding="utf-8")
     commands = [line for block in blocks(root, "sh") for line in block.splitlines()]
     assert len(commands) == 4
     for line in commands:
         assert main(shlex.split(line)[1:]) == 0, line
         assert "fell" not in capsys.readouterr().out
     for plant in ("linear", "mujoco"):
-        assert icmj.read_log(folder / "runs" / "out" / f"mine.{plant}.rrd").simulation.outcome.kind == "completed"
+        assert icmj.read_log(folder / "runs" / "out" / f"law.{plant}.rrd").simulation.outcome.kind == "completed"
 
 
 def test_a_model_where_a_linear_plant_is_meant_is_refused_in_one_line(root, folder):

@@ -38,10 +38,10 @@ def test_the_page_s_examples_run(root, tmp_path, monkeypatch, capsys):
     assert known["other"].delta_crit == pytest.approx(known["prediction"].delta_crit, rel=1e-9)
     assert known["prediction"].cycle
     # what was put together in code is the same case when it comes back from its file
-    assert main(["analyse", "mine.toml", "--json"]) == 0
+    assert main(["analyse", "plant.toml", "--json"]) == 0
     back = json.loads(capsys.readouterr().out)
     assert back["delta_crit"] == pytest.approx(known["prediction"].delta_crit, rel=1e-9)
-    assert {"mine.linear.rrd", "report.html", "body.json"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"plant.linear.rrd", "report.html", "body.json"} <= {path.name for path in tmp_path.iterdir()}
     assert "1.80654" in shown["icmj analyse by-matrices.toml"]
     assert (tmp_path / "runs" / "out" / "by-matrices.linear.rrd").is_file()
 
