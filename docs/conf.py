@@ -37,7 +37,15 @@ extensions = [
     "run_file",
     "terms",
 ]
-exclude_patterns = ["build", "_ext", "gallery/*.py", "gallery/*.ipynb", "gallery/*.zip", "sg_execution_times.rst"]
+exclude_patterns = [
+    "questions.md",
+    "build",
+    "_ext",
+    "gallery/*.py",
+    "gallery/*.ipynb",
+    "gallery/*.zip",
+    "sg_execution_times.rst",
+]
 nitpicky = True
 suppress_warnings = ["config.cache"]
 

@@ -1,4 +1,7 @@
-"""No page is lost, and none is listed twice: the index ends with what it does not name, at "(every other page)"."""
+"""No page is lost, and none is listed twice: the index ends with what it does not name, at "(every other page)".
+
+A page that the index includes is part of it, and no page of its own.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,8 @@ PLACE = "(every other page)"
 def list_the_rest(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put the pages that are not named in the place of the words."""
     if docname == "index":
-        named = set(re.findall(r"^(\w+)$", source[0], flags=re.M)) | {"index"}
+        named = set(re.findall(r"^(\w+)$|\{include\} (\w+)\.md$", source[0], flags=re.M))
+        named = {name for pair in named for name in pair} | {"index"}
         others = [path.stem for path in sorted(Path(app.srcdir).glob("*.md")) if path.stem not in named]
         source[0] = source[0].replace(PLACE, "\n".join(others))
     if docname.endswith("index"):
