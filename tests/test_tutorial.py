@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import sysconfig
 from ctypes.util import find_library
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -98,6 +100,33 @@ def test_the_page_has_commands_and_what_they_show(root):
     kinds = [language for language, _ in blocks((root / "docs" / "tutorial.md").read_text(encoding="utf-8"))]
     assert set(kinds) == {"sh", "python", "text"}
     assert kinds.count("sh") >= 5
+
+
+def test_commands_of_the_readme_s_tiles_name_what_is_there(root):
+    """They named files that a clone does not have; a file that one command writes serves the next."""
+    from icmj.cli.parsing import parse
+
+    page = (root / "README.md").read_text(encoding="utf-8")
+    tiles = re.findall(r"<code>((?:icmj|python) [^<]*)</code>", page.split("## Two commands")[0])
+    assert len(tiles) >= 7
+    written: set[str] = set()
+    for command in (shlex.split(tile) for tile in tiles if tile != "icmj replay"):
+        files = [word for word in command if re.search(r"\.(csv|py|toml|xml|html)$", word) and word not in written]
+        if command[0] == "icmj":
+            parse(command[1:])
+            written |= {after for word, after in pairwise(command) if word in ("--out", "-o")}
+        assert all((root / file).is_file() for file in files if file not in written), command
+
+
+def test_links_of_readme_and_of_the_questions_lead_to_what_a_clone_has(root):
+    """A page that only the site has, or one written for its generator alone, reads badly or not at all on a forge."""
+    for page in (root / "README.md", root / "docs" / "questions.md"):
+        links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)|href=\"([^\"#:]+)", page.read_text(encoding="utf-8"))
+        paths = [page.parent / (one or other) for one, other in links]
+        assert len(paths) > 10
+        for path in paths:
+            assert path.exists(), f"{page.name}: {path}"
+            assert path != root / "docs" / "index.md"
 
 
 def test_rounding_is_no_difference():
