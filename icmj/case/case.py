@@ -237,7 +237,7 @@ class Case(WithCard):
         assumed, actual = self.controller.plant, self.actual.linearisation.plant
         sizes = ", ".join((count(actual.n, "state"), count(actual.n_u, "input"), count(actual.n_y, "output")))
         rows = (
-            ("case", f"{name}: {self.run.case.title}"),
+            ("case", f"{name}: {self.run.title}"),
             ("actual plant", sizes),
             ("controller's model", count(assumed.n, "state")),
             ("controller", self.controller.kind),

@@ -313,6 +313,7 @@ class Comparison(WithCard):
         pressure: for a body that stands on a floor, :attr:`icmj.simulation.simulation.Pressure.facts`; otherwise empty.
         outputs, output_units: names and units of the outputs.
         measures: results of the user's own measures, by name.
+        changes: what of the run file has changed since it was read, in one sentence; empty if nothing has.
     """
 
     case: str
@@ -326,6 +327,7 @@ class Comparison(WithCard):
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
+    changes: str = ""
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -375,6 +377,7 @@ def compare(result: Result) -> Comparison:
         result.actual.outputs,
         result.actual.output_units,
         result.measures,
+        result.run.changes_in_words,
     )
 
 
@@ -383,6 +386,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
     return {
         "case": comparison.case,
         "plant": comparison.plant,
+        **({"changes": comparison.changes} if comparison.changes else {}),
         "predicted": plain(vars(comparison.predicted)),
         "measured": plain(vars(comparison.measured)),
         "relative_error": plain(vars(comparison.relative_error)),
@@ -400,6 +404,7 @@ def to_record(result: Result) -> dict[str, Any]:
     return {
         "case": result.run.case.name,
         "plant": result.simulation.plant,
+        **({"changes": result.run.changes_in_words} if result.run.changes else {}),
         "control": result.controller.kind,
         "controller": plain(dict(result.controller.facts())),
         "outcome": result.simulation.outcome.kind,

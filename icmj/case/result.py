@@ -175,7 +175,7 @@ class Result(WithCard):
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
         case, run = self.run.case, self.simulation.card()
-        rows = (("case", f"{case.name}: {case.title}"),)
+        rows = (("case", f"{case.name}: {self.run.title}"),)
         if not has_prediction(self):
             return Card(f"{case.name}, {run.line}", (*rows, *run.rows), self.words)
         prediction, motion = self.prediction.card(), self.measurement.card()
@@ -228,7 +228,8 @@ class Result(WithCard):
 
     @property
     def _facts(self) -> dict[str, str]:
-        return {"case": self.run.case.name, "title": self.run.case.title, "version": VERSION}
+        changes = {"changes": self.run.changes_in_words} if self.run.changes_in_words else {}
+        return {"case": self.run.case.name, "title": self.run.title, **changes, "version": VERSION}
 
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from icmj.base.files import discard_if_failed, replaceable, write_text
 from icmj.base.numbers import amount, count, lapse, number, plain, root
 from icmj.base.process import interrupt_once, meanwhile
 from icmj.cli import arguments, files
-from icmj.cli.printing import plain_runs, show_comparisons
+from icmj.cli.printing import plain_runs, say_changes, show_comparisons
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 from icmj.errors import IdentificationError, RunFileError, SweepError
 
@@ -108,7 +108,8 @@ def analyse(command: arguments.Analyse) -> None:
         elif value is not None:
             each = zip(outputs, value, units, strict=True)
             rows += [(fact.label_of(name), amount(float(peak), unit)) for name, peak, unit in each]
-    show_table((Column(""), Column("")), rows, OUT, title=run.case.title)
+    show_table((Column(""), Column("")), rows, OUT, title=run.title)
+    say_changes(run, OUT)
     found = [
         (number(c.delta, 6), root(c.eigenvalue), c.kind, c.direction, amount(c.largest_other, figures=4))
         for c in prediction.crossings
@@ -167,7 +168,8 @@ def _tell_page(page: Page, changed: bool = False) -> None:
     if page.comparisons:
         show_comparisons(page.comparisons, OUT, changed=changed)
     for other in page.others:
-        OUT.say(f"{other.run.case.name} ({other.simulation.plant}): {other.words}")
+        changes = f" {other.run.changes_in_words}" if other.run.changes else ""
+        OUT.say(f"{other.run.case.name} ({other.simulation.plant}): {other.words}{changes}")
 
 
 def _tell_run(result: Result, log: Path, changed: bool) -> None:
@@ -184,7 +186,7 @@ def _tell_run(result: Result, log: Path, changed: bool) -> None:
     else:
         for notice in result.notices:
             OUT.note(notice)
-        OUT.say(result.words)
+        OUT.say(f"{result.words} {result.run.changes_in_words}".strip())
     for name, value in result.measures.items():
         OUT.say(f"{name}: {amount(value)}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():

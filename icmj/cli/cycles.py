@@ -10,6 +10,7 @@ from icmj.base.array import between
 from icmj.base.numbers import amount, plain, root
 from icmj.cli import arguments
 from icmj.cli.commands import execute
+from icmj.cli.printing import say_changes
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 
 if TYPE_CHECKING:
@@ -83,7 +84,8 @@ def _rounds(case: Case, plant: PlantKind, json: bool) -> None:
     if json:
         OUT.show(plain(asdict(found) | {"verdict": found.verdict, "words": found.words, "reach": reach}))
         return
-    OUT.say(f"{run.case.title} ({plant}): {found.words}")
+    OUT.say(f"{run.title} ({plant}): {found.words}")
+    say_changes(run, OUT)
     if found.switches and found.verdict == "on the edge":
         OUT.say("Only the cycle that this run settles on is found; repelling ones are not looked for.")
     if not np.isnan(found.multiplier):
@@ -187,8 +189,9 @@ def _show_branch(branch: Branch) -> None:
             f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, amount(branch.largest[i], "", 4),
             "attracting" if branch.attracting[i] else "repelling",
         ))  # fmt: skip
-    title = f"{branch.run.case.title}: {branch.name} ({branch.plant})"
+    title = f"{branch.run.title}: {branch.name} ({branch.plant})"
     show_table(columns, rows, OUT, title=title, sections=[row for row, i in enumerate(shown) if i in marks])
+    say_changes(branch.run, OUT)
     for special in branch.specials:
         OUT.say(special.words)
     if not branch.specials or branch.specials[-1].words != branch.end:
@@ -247,7 +250,8 @@ def _show(found: Cycle, case: PredictedCase) -> None:
         expected = _multiplier(theirs[i]) if i < len(theirs) else "–"
         rows.append((f"multiplier {i + 1}", f"{_multiplier(value)} ± {error:.0e}", expected))
     columns = Column(""), Column(found.plant), Column("linear prediction")
-    show_table(columns, rows, OUT, title=case.run.case.title)
+    show_table(columns, rows, OUT, title=case.run.title)
+    say_changes(case.run, OUT)
     OUT.say(found.words)
     error = (
         f"; relative error of the interval by the step {found.interval_error:.0e}" if found.plant != "linear" else ""

@@ -60,6 +60,12 @@ def plain_runs(runs: Iterable[Comparison | Result], **files: Path | Iterable[Pat
     return {"runs": records, **written}
 
 
+def say_changes(run: RunFile, out: Terminal) -> None:
+    """Say beneath the title of a case which of its values are not the file's."""
+    if run.changes_in_words:
+        out.say(run.changes_in_words)
+
+
 def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
     """What ``icmj analyse --json`` prints: the prediction and the notices about its plants."""
     from icmj.theory.prediction import PREDICTION
@@ -169,6 +175,8 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
     ]
     brackets = "; in brackets: no cycle is predicted" * any(row[2].startswith("(") for row in rows)
     show_table(COLUMNS, rows, out, title=f"Predicted and measured open-loop interval, in seconds{brackets}", keys=2)
+    for case, changes in {c.case: c.changes for c in comparisons if c.changes}.items():
+        out.say(f"{case}: {changes[:1].lower()}{changes[1:]}")
     for notice in collect_notes(comparisons):
         if not (changed and ": paper: " in notice):
             out.note(notice)
@@ -372,7 +380,8 @@ def show_cycle(case: Case, json: bool) -> None:
     if json:
         OUT.show(_plain(found))
         return
-    OUT.say(f"{run.case.title} (linear): {found.words}")
+    OUT.say(f"{run.title} (linear): {found.words}")
+    say_changes(run, OUT)
     for name, high, spread in zip(law.plant.outputs, found.y_peak, found.y_range, strict=True):
         OUT.say(f"{name}: peak {high:.6g}, peak to peak {spread:.6g}")
     shown = ", ".join(f"{mu.real:.6f}" if abs(mu.imag) < 1e-9 else f"{mu:.6f}" for mu in found.multipliers)
@@ -415,7 +424,8 @@ def show_branch(command: Continue, run: RunFile) -> None:
         for i in at
         for c in [branch.cycles[i]]
     ]  # fmt: skip
-    show_table(columns, rows, OUT, title=f"{run.case.title}: cycles along {name} (linear)")
+    show_table(columns, rows, OUT, title=f"{run.title}: cycles along {name} (linear)")
+    say_changes(run, OUT)
     for value in branch.changes:
         OUT.say(f"Stability changes at {name} = {value:.7g}.")
     OUT.say(f"The branch {branch.end}.")
@@ -451,8 +461,9 @@ def show_roots(case: Case, json: bool) -> None:
     rows = [(mode, "stable" if found[0].real < 0 else "unstable", pairs(found)) for mode, found in roots.items()]
     show_table(
         (Column("mode"), Column("loop"), Column("rightmost characteristic roots (rad/s)")), rows, OUT,
-        title=f"{run.case.title}: the linear loop that stays in a mode", keys=1,
+        title=f"{run.title}: the linear loop that stays in a mode", keys=1,
     )  # fmt: skip
+    say_changes(run, OUT)
     if rounded is not None:
         OUT.say(f"Without a dead zone: {rounded.words[0].lower()}{rounded.words[1:]}")
     for notice in case.notices:

@@ -258,7 +258,7 @@ def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
         **{name: value.tolist() if name in _LISTED else value for name, value in rest.items()},
         "format": FORMAT,
         "shapes": shapes,
-        "run": {"text": branch.run.text, "path": branch.run.path.as_posix()},
+        "run": {"text": branch.run.text, "path": branch.run.path.as_posix(), "changes": dict(branch.run.changes)},
         "specials": [
             {
                 **{name: getattr(s, name) for name in ("kind", "value", "index", "words")},
@@ -281,7 +281,7 @@ def _branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
         specials.append(SpecialPoint(**{**s, **arrays, "multiplier": complex(*s["multiplier"])}))
     rest: dict[str, Any] = {name: head[name] for name in ("parameter", "plant", "mirrored", "neutral", "end")}
     names: dict[str, Any] = {name: tuple(head[name]) for name in ("outputs", "inputs", "names", "units")}
-    run = parse_run(head["run"]["text"], head["run"]["path"])
+    run = parse_run(head["run"]["text"], head["run"]["path"]).recall(head["run"].get("changes", {}))
     return Branch(
         run=run, **rest, **names, **parts, scale=np.array(head["scale"], dtype=float), specials=tuple(specials)
     )

@@ -449,6 +449,8 @@ def _encode(value: Any, key: str, arrays: Flat) -> Any:
         return {"@complex": [value.real, value.imag]}
     if isinstance(value, RunFile):
         told: dict[str, Any] = {"@run": value.text, "path": value.path.as_posix()}
+        if value.changes:
+            told["changes"] = dict(value.changes)
         if (carried := keep_files(value)).files:
             told["kept"] = {"place": carried.place, "assumed": carried.assumed, "actual": carried.actual}
             told["files"] = [
@@ -483,7 +485,7 @@ def _decode(value: Any, arrays: Flat) -> Any:
     if "@tuple" in value:
         return tuple(_decode(item, arrays) for item in value["@tuple"])
     if "@run" in value:
-        run = parse_run(value["@run"], value["path"])
+        run = parse_run(value["@run"], value["path"]).recall(value.get("changes", {}))
         files = {str(name): _decode(content, arrays).tobytes() for name, content in value.get("files", ())}
         told = {key: str(text) for key, text in value.get("kept", {}).items()}
         return run.keeping(Kept(files=files, **told)) if files else run

@@ -78,7 +78,7 @@ def _write(branch: Branch, sink: Path) -> None:
     recording.save(sink, default_blueprint=_blueprint(branch, scene))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
-    title = f"{branch.run.case.title}: along {branch.parameter} ({branch.plant})"
+    title = f"{branch.run.title}: along {branch.parameter} ({branch.plant})"
     recording.send_recording_name(title)
     recording.send_property("case", _facts(name=branch.run.case.name, title=title))
     recording.send_property("outcome", _facts(kind="completed", time=float(t[-1])))
@@ -222,6 +222,7 @@ def _blueprint(branch: Branch, scene: Scene | None) -> rrb.Blueprint:
 def _markdown(branch: Branch, title: str) -> str:
     lines = [
         f"# {title}",
+        *([branch.run.changes_in_words, ""] if branch.run.changes else ()),
         f"{len(branch)} {branch.name}, {branch.parameter} from {branch.value[0]:.6g} to {branch.value[-1]:.6g}, "
         f"{int(branch.attracting.sum())} of them attracting.",
         "",

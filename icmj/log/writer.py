@@ -273,7 +273,8 @@ def _join(result: Result, verdict: str, topics: Mapping[str, Mapping[str, Any]])
     of_all: dict[str, dict[str, Any]] = {
         "case": {
             "name": run.case.name,
-            "title": run.case.title,
+            "title": run.title,
+            "changes": run.changes_in_words or None,
             "plant": simulation.plant,
             "control": simulation.control,
             "rows": len(simulation.t),
@@ -294,7 +295,7 @@ def markdown(result: Result, compared: Comparison | None) -> str:
     """One page: the verdict, the numbers side by side if there is a prediction, how the run ended and what made it."""
     if compared is None or not has_prediction(result):
         return _plain_page(result)
-    run, simulation = result.run, result.simulation
+    simulation = result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
     outputs, units = result.actual.outputs, result.actual.output_units or ("",) * result.actual.n_y
     rows: list[tuple[str, Any, Any, Any]] = []
@@ -312,7 +313,7 @@ def markdown(result: Result, compared: Comparison | None) -> str:
     cycle = "a limit cycle" if predicted.cycle else "no limit cycle"
     eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
     lines = [
-        f"# {run.case.title}",
+        *_head(result),
         f"**{PLANTS[simulation.plant]}**, {CONTROLS[simulation.control]}.",
         "",
         f"{compared.words}",
@@ -338,6 +339,12 @@ def markdown(result: Result, compared: Comparison | None) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _head(result: Result) -> list[str]:
+    """The title, and beneath it which values are not the file's."""
+    changes = [result.run.changes_in_words, ""] if result.run.changes_in_words else []
+    return [f"# {result.run.title}", *changes]
+
+
 def _plain_page(result: Result) -> str:
     """One page without a prediction: what the run did, the controller, how it was computed and what made it."""
     run = result.simulation
@@ -352,7 +359,7 @@ def _plain_page(result: Result) -> str:
         },
         "Provenance": result.provenance,
     }
-    lines = [f"# {result.run.case.title}", f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
+    lines = [*_head(result), f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
     lines.append(result.words)
     for title, facts in parts.items():
         lines += ["", f"## {title}", *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in facts.items())]
@@ -458,7 +465,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording.save(sink, default_blueprint=blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
-    recording.send_recording_name(f"{result.run.case.title} ({result.simulation.plant})")
+    recording.send_recording_name(f"{result.run.title} ({result.simulation.plant})")
     compared = compare(result) if has_prediction(result) else None
     properties, words = summarise(result, compared), markdown(result, compared)
     for name, facts in properties.items():

@@ -78,6 +78,14 @@ def put(data: dict[str, Any], key: str, value: object) -> None:
         inside[last] = value
 
 
+def _value_at(data: Any, place: Place) -> Any:
+    """What plain data have at a place; ``None`` where they have nothing."""
+    for part in place:
+        inside = isinstance(data, list) and part < len(data) if isinstance(part, int) else isinstance(data, Mapping)
+        data = (data[part] if isinstance(part, int) else data.get(part)) if inside else None
+    return data
+
+
 def plain(value: object) -> Any:
     """A copy in the types of TOML: of NumPy's numbers and arrays, and of tuples."""
     if isinstance(value, np.ndarray | np.generic):
@@ -85,6 +93,15 @@ def plain(value: object) -> Any:
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else deepcopy(value)
+
+
+def _without_zeros(value: Any) -> Any:
+    """Numbers such as 1.0 as 1, in lists and tables, too."""
+    if isinstance(value, Mapping):
+        return {key: _without_zeros(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_zeros(each) for each in value]
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e9 else value
 
 
 def _check(key: str, said: str, inside: object, part: str | int) -> None:
@@ -127,6 +144,8 @@ def value_text(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(value_text, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key_text(key)} = {value_text(each)}' for key, each in value.items())} }}"
     return repr(value)
 
 
@@ -249,6 +268,7 @@ class RunFile(TomlTable):
     _disowned: bool = PrivateAttr(default=False)
     _allows_code: bool = PrivateAttr(default=False)
     _kept: Kept = PrivateAttr(default_factory=Kept)
+    _changes: dict[str, str] = PrivateAttr(default_factory=dict)  # by key, in the order in which they were made
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
@@ -268,11 +288,22 @@ class RunFile(TomlTable):
         """The same run file with some values changed, by dotted keys: ``run.with_(**{"actual.gain": 0.85})``.
 
         An entry of a list is named by its number: ``simulation.disturbance[0].size``. ``None`` removes a key, so that
-        its default applies.
+        its default applies. What has changed is known from then on (:attr:`changes`, :attr:`title`).
 
         Raises:
             RunFileError: if a key is unknown or a value not allowed.
         """
+        changed = self._with(changes)
+        before, after = self.model_dump(), changed.model_dump()
+        for key in changes:
+            place = place_of(key)
+            if (value := _value_at(after, place)) != _value_at(before, place):
+                asked = value if changes[key] is None else plain(changes[key])
+                changed._changes[key] = "none" if asked is None else value_text(_without_zeros(asked))
+        return changed
+
+    def _with(self, changes: Mapping[str, Any]) -> RunFile:
+        """The same run file with some values put in, which is not remembered as a change of it."""
         data = self._data()
         for key, value in changes.items():
             try:
@@ -280,8 +311,31 @@ class RunFile(TomlTable):
             except RunFileError as error:
                 raise RunFileError(f"{self._path}: {error}") from error
         changed = type(self).validated(data, self._path)
-        changed._allows_code, changed._kept = self._allows_code, self._kept
+        changed._allows_code, changed._kept, changed._changes = self._allows_code, self._kept, dict(self._changes)
         return changed
+
+    @property
+    def changes(self) -> Mapping[str, str]:
+        """The values changed since the file was read, by dotted key, each as TOML writes it."""
+        return self._changes
+
+    def recall(self, changes: Mapping[str, str]) -> RunFile:
+        """The same run file, of which these values are known to have been changed before."""
+        same = self.model_copy()
+        same._changes = {str(key): str(value) for key, value in dict(changes).items()}
+        return same
+
+    @property
+    def changes_in_words(self) -> str:
+        """What of plants, controller and run has changed since the file was read, in one sentence; or nothing."""
+        each = [one_line(f"{key} = {value}", 100) for key, value in self._changes.items() if key[:5] != "case."]
+        return f"Changed from the file: {', '.join(each)}." if each else ""
+
+    @property
+    def title(self) -> str:
+        """The title of the case; marked where values have changed since, for the file's title may name the old ones."""
+        old = self.changes_in_words and "case.title" not in self._changes
+        return f"{self.case.title} (changed)" if old else self.case.title
 
     def drawn(self) -> RunFile:
         """The same run file, with noise from user code and columns of files replaced by numbers, which a log keeps.
@@ -293,7 +347,7 @@ class RunFile(TomlTable):
             drawn = draw_tables(self.simulation.disturbance, self.code, self._path.parent, self.simulation.duration)
         except RunFileError as error:
             raise RunFileError(f"{self._path}: {error}") from error
-        return self.with_(**{f"simulation.disturbance[{i}]": one for i, one in drawn.items()}) if drawn else self
+        return self._with({f"simulation.disturbance[{i}]": one for i, one in drawn.items()}) if drawn else self
 
     def _data(self) -> dict[str, Any]:
         """The contents as plain data without defaults."""
@@ -377,7 +431,8 @@ class RunFile(TomlTable):
             said = type(self).model_validate(tomllib.loads(self._text))
             if said.model_dump() == self.model_dump():
                 return self._text
-        return f"# written from values that were changed in code after {self._path.name}\n" + to_toml(self._data())
+        how = self.changes_in_words or "written from values that were changed in code."
+        return f"# {self._path.name}: {how}\n{to_toml(self._data())}"
 
     @property
     def path(self) -> Path:
@@ -407,7 +462,7 @@ class RunFile(TomlTable):
             yield self
             return
         with self._kept.written() as (place, changes):
-            here = self.with_(**changes) if changes else self.model_copy()
+            here = self._with(changes) if changes else self.model_copy()
             here._path = place
             yield here
 

@@ -35,6 +35,7 @@ def comparison(case, plant, converged=True, kind="cycle"):
         relative_error=SimpleNamespace(interval=-1.8e-13, largest_amplitude=4.25e-5),
         notices=(),
         words="",
+        changes="",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +40,15 @@ def test_parquet_keeps_every_bit(tmp_path: Path) -> None:
     write_branch(kept, tmp_path / "b.parquet")
     same(kept, read_branch(tmp_path / "b.parquet"))
     assert [path.name for path in tmp_path.iterdir()] == ["b.parquet"]
+
+
+def test_changed_values_are_kept(tmp_path: Path) -> None:
+    kept = branch("simple-1.7", "b", 1.5, plant="linear", points=8)
+    changed = replace(kept, run=kept.run.with_(**{"controller.q_t": 0.02}))
+    write_branch(changed, tmp_path / "b.parquet")
+    found = read_branch(tmp_path / "b.parquet").run
+    assert dict(found.changes) == {**kept.run.changes, "controller.q_t": "0.02"}
+    assert found.title.endswith("(changed)")
 
 
 def test_what_is_no_branch_is_refused_in_a_line(tmp_path: Path) -> None:

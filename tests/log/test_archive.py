@@ -31,6 +31,23 @@ def test_pressure_comes_back_bit_for_bit_and_a_log_of_before_it_is_read() -> Non
     assert_same(without, unpack(json.dumps(old), arrays))
 
 
+def test_changed_values_come_back_and_a_log_of_before_they_were_kept_has_none() -> None:
+    result, _ = made_up(duration=1.0)
+    changed = replace(result, run=result.run.with_(**{"actual.gain": 1.3, "case.title": "Strong"}))
+    tree, arrays = pack(changed)
+    found = unpack(tree, arrays).run
+    assert dict(found.changes) == {"actual.gain": "1.3", "case.title": '"Strong"'}
+    assert found.changes_in_words == "Changed from the file: actual.gain = 1.3."
+    assert found.title == "Strong"
+    old = json.loads(tree)
+    assert old["run"].pop("changes") == dict(found.changes)
+    before = unpack(json.dumps(old), arrays).run
+    assert (dict(before.changes), before.actual.gain) == ({}, 1.3)
+    for bad in (["a", "b"], 3, "text"):
+        with pytest.raises(LogError, match="not one of this version"):
+            unpack(json.dumps(old | {"run": old["run"] | {"changes": bad}}), arrays)
+
+
 def test_nothing_optional_comes_back_as_nothing() -> None:
     result, _ = made_up(duration=1.0)
     prediction = replace(

@@ -36,6 +36,31 @@ def test_a_value_is_toml_and_a_word_is_text(run, change, attributes, value):
     assert found == value
 
 
+def test_what_was_changed_is_known_and_the_title_says_so(run):
+    """Under the title "b = 0.9" stood a case with b = 1, of another person."""
+    changed = overridden(run, ["actual.gain=1.0", "assumed.person.mass=68", "simulation.initial={ hip = 0.1 }"])
+    said = {"actual.gain": "1", "assumed.person.mass": "68", "simulation.initial": "{ hip = 0.1 }"}
+    assert dict(changed.changes) == said
+    each = ", ".join(f"{key} = {value}" for key, value in said.items())
+    assert changed.changes_in_words == f"Changed from the file: {each}."
+    assert changed.title == f"{run.case.title} (changed)"
+    assert changed.text.splitlines()[0] == f"# {run.path.name}: {changed.changes_in_words}"
+    again = changed.with_(**{"controller.delta_min": 0.02})
+    assert list(again.changes) == [*changed.changes, "controller.delta_min"]
+
+
+def test_what_is_as_it_was_is_no_change(run):
+    same = overridden(run, ["simulation.duration=60", "actual.gain=1.035"])
+    for one in (run, same, run.drawn()):
+        assert (dict(one.changes), one.changes_in_words, one.title) == ({}, "", run.case.title)
+
+
+def test_a_title_of_its_own_is_left_as_it_is(run):
+    named = overridden(run, ["actual.gain=0.8", "case.title=Weak", "case.name=weak"])
+    assert named.title == "Weak"
+    assert named.changes_in_words == "Changed from the file: actual.gain = 0.8."
+
+
 def test_an_entry_of_a_list_goes_by_its_number(run):
     changed = overridden(run, ["simulation.disturbance[1].size=0.7"])
     before, after = run.simulation.disturbance, changed.simulation.disturbance
