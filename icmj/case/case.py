@@ -97,7 +97,8 @@ def _of(notice: Notice, which: str) -> Notice:
 
 
 def slow_noise(settings: Settings) -> Iterator[Notice]:
-    """Notices about noise so slow that its size in one run may differ from the size that was set."""
+    """A notice about noise so slow that its size in one run may differ from the size that was set."""
+    slow: dict[float, list[str]] = {}  # by the time that it acts, one for each input and output
     for noise in settings.disturbance:
         if not isinstance(noise, Noise) or noise.start >= settings.duration:
             continue
@@ -109,10 +110,13 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
             continue
         mean, deviation = realised(noise, settings.duration)
         words = (
-            f"{settings.duration - noise.start:g} s are too short for the slow noise on "
             f"{noise.output if noise.input is None else noise.input}, whose SD is {deviation:.2g} about a mean of "
-            f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g}); take a longer "
-            "run, or many seeds"
+            f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g})"
+        )
+        slow.setdefault(settings.duration - noise.start, []).append(words)
+    for seconds, each in slow.items():
+        words = (
+            f"{seconds:g} s are too short for the slow noise on {'; on '.join(each)}; take a longer run, or many seeds"
         )
         yield Notice("slow noise", "warning", words)
 

@@ -214,6 +214,13 @@ def test_shipped_cases_need_no_word(root):
         assert said == ({"slow noise"} if path.stem == "quiet-standing" else set()), path
 
 
+def test_slow_noise_on_three_joints_is_one_notice(root):
+    """The first study printed three lines that differed in their numbers alone."""
+    (words,) = (notice.words for notice in prepare(load_run(root / "runs" / "quiet-standing.toml")).notices)
+    assert words.count("60 s are too short") == words.count("take a longer run") == 1
+    assert all(f"on {joint}_torque, whose SD is" in words for joint in ("ankle", "knee", "hip"))
+
+
 @pytest.mark.parametrize("change", ["", '[[actual.change]]\nwhat = "mass"\nof = "rod"\nfactor = 1.05\n'])
 def test_a_lean_held_by_static_control_does_what_is_predicted(tmp_path, change):
     """Whether the gain is wrong or the mass: the actual plant rests by its own control, and departs as predicted."""

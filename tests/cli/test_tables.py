@@ -74,6 +74,12 @@ def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
     assert "brackets" not in shown(show_comparisons, [comparison("b", "linear")])
 
 
+def test_what_homoclinic_means_stands_beneath_a_table_that_has_the_word():
+    text = " ".join(shown(show_comparisons, [comparison("a", "linear", False, "homoclinic")]).split())
+    assert "homoclinic: each open-loop interval is longer than the one before" in text
+    assert "homoclinic" not in shown(show_comparisons, [comparison("b", "linear")])
+
+
 @pytest.mark.parametrize("width", [60, 80, None])
 def test_kinds_of_motion_are_whole(width):
     text = shown(show_comparisons, [comparison("a", "linear", False, "quasi-periodic")], width=width)
