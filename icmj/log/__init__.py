@@ -10,7 +10,7 @@ entity                             what
 ``summary``                        one page of Markdown
 ``outputs``, ``inputs``            ``run``, ``predicted`` orbit laid on the last event, ``continuous`` control (study)
 ``states``                         ``plant`` x, ``observer`` x_o, ``hold`` x_h
-``trigger``                        ``E`` / threshold², ``threshold``, ``events``
+``trigger``                        ``E``: hold error / threshold, √(1 + E/threshold²); ``threshold``, ``events`` at 1
 ``interval``                       ``running`` since the last event, ``events`` Δ_i, ``delta_crit``
 ``modes``                          χ = V⁻¹x̄: ``critical``, ``others``, ±``gamma``, ``events``
 ``phase``                          every output against its rate, scaled to a frame

@@ -146,7 +146,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
         plot("Plant state x", "states/plant", window),
     ]
     if control == "event":
-        states.insert(0, plot("Event function E / threshold²", "trigger", window))
+        states.insert(0, plot("Hold error / threshold: an event at 1", "trigger", window))
     middle: list[Any] = [
         plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", window),
         plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", window),

@@ -190,17 +190,18 @@ def pressure_groups(result: Result) -> Iterator[Group]:
 
 
 def _trigger(result: PredictedResult) -> Iterator[Group]:
-    """E over the square of the threshold, with the level at which an event is due and the events on it."""
+    """The hold error over its threshold, which E is computed from, the level of an event, and the events on it."""
     simulation, controller = result.simulation, result.controller
     faces = controller.trigger.faces(controller.design)
     if not len(faces) or not np.isfinite(simulation.E).any():
         return
     events = simulation.events
-    t, E = with_resets(simulation, simulation.E[:, None] / faces.unit, -np.ones((len(events), 1)))
-    yield Group("trigger/threshold", simulation.t[[0, -1]], np.zeros((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
-    yield Group("trigger/E", t, E, ("E / threshold²",), (figure.E,))
+    share = np.sqrt(np.maximum(1 + simulation.E[:, None] / faces.unit, 0))  # E = unit · (share² − 1)
+    t, share = with_resets(simulation, share, np.zeros((len(events), 1)))
+    yield Group("trigger/threshold", simulation.t[[0, -1]], np.ones((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
+    yield Group("trigger/E", t, share, ("hold error / threshold",), (figure.E,))
     if len(events):
-        at = np.zeros((len(events), 1))
+        at = np.ones((len(events), 1))
         yield Group("trigger/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
 
 

@@ -86,10 +86,25 @@ def test_the_event_function_of_any_rule_is_shown_against_its_threshold() -> None
     boxed = replace(result, controller=result.controller.triggered_by(rule), simulation=replace(simulation, E=E))
     shown = next(group for group in groups(boxed) if group.path == "trigger/E")
     before = np.searchsorted(shown.t, simulation.t)
-    expected = (np.abs(e).max(axis=1) / rule.size) ** 2 - 1
-    np.testing.assert_allclose(shown.values[before, 0], expected, atol=1e-12)
+    expected = np.abs(e).max(axis=1) / rule.size
+    np.testing.assert_allclose(shown.values[before, 0], expected, atol=1e-7)
     after = np.searchsorted(shown.t, simulation.events.t, side="right") - 1
-    np.testing.assert_array_equal(shown.values[after, 0], -1)
+    np.testing.assert_array_equal(shown.values[after, 0], 0)
+
+
+def test_what_is_named_a_ratio_reaches_one_at_its_threshold() -> None:
+    """Beneath the title "E / threshold²" the threshold lay at 0, and on the live page the same thing crosses 1."""
+    result, _ = made_up(*CASES["three-link"])
+    found = {group.path: group for group in groups(result)}
+    share, events = found["trigger/E"], result.simulation.events
+    assert share.names == ("hold error / threshold",)
+    for path in ("trigger/threshold", "trigger/events"):
+        np.testing.assert_array_equal(found[path].values, 1)
+    e = result.assumed.C @ (events.x_h - events.x_o).T
+    size = np.linalg.norm(e, axis=0) / result.controller.trigger.q_t
+    at = np.searchsorted(share.t, events.t)
+    np.testing.assert_allclose(share.values[at, 0], size, rtol=1e-6)
+    np.testing.assert_allclose(size, 1, rtol=1e-6)
 
 
 def test_every_series_has_a_name_and_a_colour() -> None:
