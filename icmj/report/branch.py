@@ -34,6 +34,8 @@ LOOK: dict[str, dict[str, Any]] = {
     "fall": {"marker": "X", "label": "fall"},
     "end": {"marker": "|", "label": "end"},
 }
+PLANT = {"linear": "linear plant", "mujoco": "MuJoCo"}
+STROKE = {True: "solid", False: "dashed"}
 ORBITS = 6  # drawn on each other
 _MOST_INTERVALS = 4.0  # times the median: what is longer runs out of the picture
 
@@ -56,7 +58,16 @@ def branch_figure(branches: Sequence[Branch], linear: Sequence[Branch] = ()) -> 
     for letter, panel in zip("abcd", axes, strict=True):
         panel.text(-0.13, 1.04, f"({letter})", transform=panel.transAxes, weight="bold", size=9.5)
     named = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))  # of lines for two intervals one
-    figure.legend(named.values(), named.keys(), loc="upper center", ncols=7, bbox_to_anchor=(0.52, 1.0))
+    most = [(size, columns) for size in (7.6, 7.0, 6.4) for columns in range(7, -(-len(named) // 2) - 1, -1)]
+    for size, columns in [*most, (6.4, 5)]:  # in two rows, which leave room below, or else in small letters
+        for wider in list(figure.legends):
+            wider.remove()
+        legend = figure.legend(
+            named.values(), named.keys(), loc="upper center", ncols=columns, bbox_to_anchor=(0.5, 1.0), fontsize=size,
+            handlelength=1.8, columnspacing=1.3,
+        )  # fmt: skip
+        if legend.get_window_extent().width <= figure.bbox.width:
+            break
     return figure
 
 
@@ -216,10 +227,14 @@ def _along(
     first = _first([*branches, *linear])
     for n, of in enumerate(linear):
         for i, (value, curve, _) in enumerate(_parts(of, *quantity(of))):
-            axes.plot(value, curve, label="linear" if n == i == 0 else None, **{**style.PREDICTED, "linewidth": 3.2})
+            axes.plot(
+                value, curve, label=PLANT["linear"] if n == i == 0 else None, **{**style.PREDICTED, "linewidth": 3.2}
+            )
     named: set[str] = set()
     stability: dict[bool, dict[str, Any]] = {True: {"linestyle": "-"}, False: {"linestyle": (0, (4, 1.6))}}
-    words, several = {True: "attracting", False: "repelling"}, len(branches) > 1
+    plant, several = PLANT[first.plant], len(branches) > 1
+    words = {True: "attracting", False: "repelling"}
+    words = {at: f"{plant}, {word} ({STROKE[at]})" for at, word in words.items()}
     colours = [SHADES[n % len(SHADES)] for n in range(len(branches))]
     for n, colour in enumerate(colours if several else ()):
         axes.plot([], [], color=colour, linewidth=2.4, label=f"branch {n + 1}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -30,7 +31,10 @@ def test_repelling_is_dashed_up_to_the_point_where_it_becomes_attracting(losing_
     axes, special = axes_of(), losing_symmetry.specials[0]
     draw_intervals(axes, [losing_symmetry])
     lines = {line.get_label(): line for line in axes.lines}
-    dashed, solid, mark = lines["repelling"], lines["attracting"], lines["symmetry breaking"]
+    dashed, solid, mark = (
+        lines[name]
+        for name in ("linear plant, repelling (dashed)", "linear plant, attracting (solid)", "symmetry breaking")
+    )
     assert dashed.get_linestyle() == "--"
     assert solid.get_linestyle() == "-"
     assert dashed.get_xdata()[-1] == solid.get_xdata()[0] == special.value
@@ -46,11 +50,26 @@ def test_angles_are_in_degrees_and_the_linear_prediction_lies_beneath(losing_sym
     thick = style.PREDICTED["color"]
     beneath = [line for line in axes.lines if line.get_color() == thick]
     others = [line for line in axes.lines if line.get_color() != thick]
-    assert beneath[0].get_label() == "linear"
+    assert beneath[0].get_label() == "linear plant"
     assert min(line.get_linewidth() for line in beneath) > max(line.get_linewidth() for line in others)
     assert all(axes.lines.index(line) < axes.lines.index(others[0]) for line in beneath)
     assert np.ravel(others[0].get_ydata())[0] == pytest.approx(np.degrees(losing_symmetry.y_peak[0, 0]))
     assert "deg" in axes.get_ylabel()
+
+
+@pytest.mark.parametrize(("plant", "named"), [("mujoco", "MuJoCo"), ("linear", "linear plant")])
+def test_the_legend_says_which_plant_it_is_and_that_the_style_of_a_line_is_its_stability(
+    losing_symmetry: Branch, plant: Literal["mujoco", "linear"], named: str
+) -> None:
+    """Of a branch in MuJoCo it said "linear" and "attracting": of what is beneath, and of its own stability."""
+    with style.apply():
+        for branches in ([losing_symmetry], [losing_symmetry] * 3):
+            figure = branch_figure([replace(one, plant=plant) for one in branches], [losing_symmetry])
+            (legend,) = figure.legends
+            words = [text.get_text() for text in legend.get_texts()]
+            assert {"linear plant", f"{named}, attracting (solid)", f"{named}, repelling (dashed)"} <= set(words)
+            box = legend.get_window_extent()
+            assert 0 <= box.x0 < box.x1 <= figure.bbox.width  # its last words were cut off
 
 
 def test_multipliers_beyond_the_frame_stand_at_its_edge_and_are_told(losing_symmetry: Branch) -> None:
