@@ -80,8 +80,8 @@ def page(description: Mapping[str, Any]) -> str:
     )  # fmt: skip
     code = join_scripts("loop.js", "theory.js", "body.js", "live.js")
     return environment.get_template("live.html.j2").render(
-        title=description["title"], heading=HEADING if description["table"] else "", version=VERSION,
-        description=script(description), code=code,
+        title=description["title"], changes=description["changes"], heading=HEADING if description["table"] else "",
+        version=VERSION, description=script(description), code=code,
     )  # fmt: skip
 
 
@@ -109,7 +109,8 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     shown = quantities(linear)
     names = zip(linear.inputs, linear.input_units or ("",) * linear.n_u, strict=True)
     described: dict[str, Any] = {
-        "name": run.case.name, "title": re.sub(r", b = [\d.]+$", "", one_line(run.case.title, 120)), "kind": law.kind,
+        "name": run.case.name, "title": re.sub(r", b = [\d.]+(?![\d.])", "", one_line(run.title, 130)),
+        "changes": run.changes_in_words, "kind": law.kind,
         "b": b, "delay": 0.0, "q": 1.0, "least": 0.0, "unit": "",
         "plant": {letter: getattr(unit, letter).tolist() for letter in "ABC"} | {"chain": chain and links_of(chain)},
         "why": why,
@@ -265,14 +266,21 @@ def _rule(case: PredictedCase, unit: LinearPlant, progress: Callable[[float], No
         at = slice(0, law.realisation.layout.size)
         J[at, at], G[at, at] = law.realisation.J, law.realisation.G
         resets.append({"delay": delay, "J": J.tolist(), "G": G.tolist()})
-    known = case.controller.design.plant.states
+    model = case.controller.design.plant
+    known = model.states
     x_o = [case.settings.observer.get(name, 0.0) for name in known]
     return {
-        "delay": own, "delays": delays, "q": case.rule.size, "least": case.rule.delta_min,
+        "exact": _same(model, unit), "delay": own, "delays": delays, "q": case.rule.size, "least": case.rule.delta_min,
         "controller": _modes(widest) | {"resets": resets},
         "start": {"x": _start(case), "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
         "table": _table(case, unit, delays, progress),
     }  # fmt: skip
+
+
+def _same(model: LinearPlant, plant: LinearPlant) -> bool:
+    """Whether the controller's model is the plant but for rounding: at b = 1 it is exact if so."""
+    pairs = [(getattr(model, letter), getattr(plant, letter)) for letter in "ABC"]
+    return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
 
 
 def _table(

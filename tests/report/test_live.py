@@ -248,6 +248,28 @@ def test_what_the_page_cannot_do_is_refused_in_one_line(small):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("changes", "exact"),
+    [
+        ({}, True),
+        ({"assumed.person.mass": 68, "actual.person.mass": 80, "actual.gain": 1}, False),
+        ({"assumed.person.mass": 68}, True),
+    ],
+)
+def test_the_model_is_exact_at_b_1_where_body_and_model_are_the_same_else(small, changes, exact):
+    case = loaded("three-link-0.9-delay", **changes)
+    described = live.describe(case)
+    assert described["exact"] is exact
+    assert "b = " not in described["title"]  # which a slider moves
+    assert described["title"].endswith("(changed)") is bool(changes)
+    page = live.page(described)
+    assert all(f"{key} = {value}" in page for key, value in changes.items())
+    # the prediction says the same: an exact model has none
+    rows = described["table"]["rows"]
+    at = described["table"]["gains"].index(1.0) + len(described["table"]["gains"]) * described["delays"].index(0.1)
+    assert (rows[at][0] is None) is exact
+
+
 def test_a_model_that_is_no_chain_gets_the_linear_plant_and_the_page_says_so(small, root):
     """A person on a floor is a chain to be drawn, and what the floor does to it is not in the links."""
     plant = icmj.load_plant(root / "models/three_link_floor.xml")

@@ -25,11 +25,23 @@ pytestmark = [
 ]
 
 
-def played(text, folder):
+FIRST = """
+const L = window.icmjLive;
+L.say();
+const out = document.createElement("pre");
+out.id = "found";
+out.textContent = JSON.stringify({
+  faults: window.faults, text: document.body.innerText, said: document.getElementById("said").textContent,
+  predicted: L.theory().delta, middle: document.querySelector(".middle").textContent });
+document.body.append(out);
+"""
+
+
+def played(text, folder, play=PLAY):
     """What ``live_play.js`` found, with frames that come with the browser's virtual time."""
     frames = "window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 16);"
     acted = text.replace("<head>", f"<head><script>{LISTEN}{frames}</script>", 1)
-    acted = acted.replace("</body>", f'<script type="module">{PLAY}</script></body>')
+    acted = acted.replace("</body>", f'<script type="module">{play}</script></body>')
     (folder / "acted.html").write_text(acted, encoding="utf-8")
     arguments = ["--window-size=1400,900", "--virtual-time-budget=20000", "--dump-dom"]
     done = chromium(folder, *arguments, (folder / "acted.html").as_uri())
@@ -90,6 +102,25 @@ def test_the_standing_person(tmp_path):
         "bar: the time since the last event",
     ):
         assert explained in " ".join(found["text"].split())
+
+
+def test_a_body_of_another_mass_is_no_exact_model(tmp_path, monkeypatch):
+    """ "The model is exact (b = 1): … hence no interval" stood beneath the predicted interval."""
+    monkeypatch.setattr(live, "GAINS", (0.99, 1.0))
+    monkeypatch.setattr(live, "DELAYS", ())
+    page = tmp_path / "live.html"
+    changes = ("assumed.person.mass=68", "actual.person.mass=80", "actual.gain=1")
+    options = [word for change in changes for word in ("--set", change)]
+    assert main(["live", "three-link-0.9-delay", "-o", str(page), "-q", *options]) == 0
+    dom = played(page.read_text(encoding="utf-8"), tmp_path, FIRST)
+    assert dom["faults"] == []
+    assert "exact" not in dom["text"]
+    assert "no cycle is predicted" not in dom["text"]
+    assert "as strong as the model assumes, but the body differs from the model otherwise" in dom["said"]
+    assert f"events are Δ = {dom['predicted']:.4f} s apart" in dom["said"]
+    assert dom["middle"] == "▲ as assumed"
+    assert "Changed from the file: assumed.person.mass = 68, actual.person.mass = 80, actual.gain = 1." in dom["text"]
+    assert "linearised at the pose in which it is balanced" in dom["text"]
 
 
 def test_a_controller_without_an_internal_model(tmp_path):

@@ -37,7 +37,7 @@ const stored = ruled && (() => {
 function lookUp({ b, delay, q, least }) {
   const { gains, rows, last } = model.table, { delays, controller } = model, resets = controller.resets[delays.indexOf(delay)];
   const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [delta, lambda, cycle, largest] = rows[row];
-  const found = { delta, lambda, cycle: Boolean(cycle), largest, exact: b === 1, least };
+  const found = { delta, lambda, cycle: Boolean(cycle), largest, exact: model.exact && b === 1, least };
   const size = rows.length ? stored.length / rows.length : 0;
   if (delta !== null) {
     const start = new Array(loop.size).fill(0);
@@ -429,7 +429,7 @@ function describeMotion() {
       `Settled on a cycle: an event every ${seconds(last)}, each the ${mirrored() ? "mirror image of the one before" : "same as the one before"}.`;
   } else if (!all.length || open > 3 * Math.max(last ?? 0, theory.delta ?? 0, 1)) {
     said.kind = "quiet";
-    said.seen = open > 2 ? `No event for ${open.toFixed(1)} s, because body and model agree.` : "Open loop: until body and model differ by the threshold, the model alone commands the muscles.";
+    said.seen = open > 2 ? `No event for ${open.toFixed(1)} s, because body and model differ by less than the threshold.` : "Open loop: until body and model differ by the threshold, the model alone commands the muscles.";
   } else {
     said.kind = "settling";
     said.number = seconds(last);
@@ -440,10 +440,11 @@ function describeMotion() {
     return said;
   }
   const { delta, lambda, cycle, largest, early, exact } = theory, percent = `${+Math.abs(100 * (b - 1)).toPrecision(2)} %`;
-  const wrong = exact ? "" : `The muscles are ${percent} ${b < 1 ? "weaker" : "stronger"} than the model assumes. `;
+  const muscles = b === 1 ? "are as strong as" : `are ${percent} ${b < 1 ? "weaker" : "stronger"} than`;
+  const wrong = exact ? "" : `The muscles ${muscles} the model assumes${model.exact ? "" : b === 1 ? ", but the body differs from the model otherwise" : ", and the body differs from the model otherwise, too"}. `;
   const settled = said.kind === "settled 1" && delta !== null && Math.abs(last / delta - 1) < NEAR && mirrored() === lambda < 0;
   const other = said.kind.startsWith("settled") && !settled && loop.ended === "";
-  if (exact) {
+  if (exact && delta === null) {
     said.theory = "The model is exact (b = 1): its errors die out, no eigenvalue reaches the circle, and no cycle is predicted, hence no interval." +
       (!all.length || said.kind === "quiet" ? "" : noise > 0 ? " Events still come, because of the noise." :
         loop.settings.linear || !model.plant.chain ? " Events that still come stem from the start or the last push, and grow rare." :
@@ -596,7 +597,7 @@ function build() {
   const middle = b.last.children[1];
   middle.className = "middle";
   middle.style.left = `${(100 * gains.indexOf(1)) / last}%`;
-  middle.textContent = ruled ? "▲ exact model" : "▲ 1";
+  middle.textContent = ruled ? (model.exact ? "▲ exact model" : "▲ as assumed") : "▲ 1";
   if (ruled) {
     const factor = outputs.every(([, unit]) => unit === outputs[0][1]) ? outputs[0][2] : 1, unit = factor === 1 ? "" : unitOf(0);
     slider(rest, { name: "q", label: "threshold", log: true, min: Math.log10(model.q / 100), max: Math.log10(3 * model.q), step: 0.02, value: model.q,
@@ -638,7 +639,7 @@ function build() {
     if (model.controller.modes.length < 2) byId("panel-intervals").hidden = byId("numbers").hidden = true;
   }
   byId("plain").textContent = model.plant.chain ?
-    "The body is simulated as links in a plane, with the full nonlinear mechanics, by a Runge–Kutta rule of fourth order; the time of each event is located within its step." :
+    "The body is simulated as links in a plane, with the full nonlinear mechanics, by a Runge–Kutta rule of fourth order; the time of each event is located within its step. The linear plant is the same body’s equations, linearised at the pose in which it is balanced; the predictions are those for it." :
     `The body on this page is the linear plant: ${model.why}.`;
   touch();
   keys();
