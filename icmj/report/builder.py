@@ -33,7 +33,7 @@ from icmj.report.sections import DrawnPanel, Picture, Section, count_figures
 from icmj.report.statements import in_paper_order
 from icmj.report.style import SYMBOLS, notation, unbroken
 from icmj.report.summary import overview_figure
-from icmj.report.wording import CaseRuns, pair
+from icmj.report.wording import CaseRuns, describe_sway, pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -145,10 +145,12 @@ def render(
             sections.settings(cases),
         ]
     title, subtitle = _head(cases, sweeps, branches, alone)
+    changes = {run.changes_in_words for run in [*(case.first.run for case in cases), *(run.run for run in alone)]}
     return render_page(
         [part for part in parts if part is not None],
         title=title,
         subtitle=subtitle,
+        changes=changes.pop() if len(changes) == 1 else "",
         abstract=sections.abstract(cases) if cases else NOTHING if alone and not (sweeps or branches) else "",
         first=_first(cases, alone, folder, of_case | of_other, motions) if cases or alone else None,
         motions=script(motions) if motions else "",
@@ -170,13 +172,13 @@ def _head(
 ) -> tuple[str, str]:
     """Title and subtitle, which say what the page is of."""
     if alone:
-        titles = list(dict.fromkeys(run.run.case.title for run in alone))
+        titles = list(dict.fromkeys(run.run.title for run in alone))
         return (RIVALS, BEYOND) if cases else (titles[0] if len(titles) == 1 else OTHERS, MOVED)
-    many = [case.first.run.case.title for case in cases]
+    many = [case.first.run.title for case in cases]
     if cases:
         printed = any(case.first.run.case.paper.figure for case in cases)
         return many[0] if len(cases) == 1 else TITLE, SUBTITLE if printed else BEYOND
-    many = list(dict.fromkeys([swept.title for swept in sweeps] + [branch.run.case.title for branch in branches]))
+    many = list(dict.fromkeys([swept.title for swept in sweeps] + [branch.run.title for branch in branches]))
     if len(many) == 1:
         return many[0], SWEPT if sweeps else FOLLOWED
     return TITLE, f"{'; '.join(many[:3])}{' …' if len(many) > 3 else ''}"
@@ -203,7 +205,8 @@ def render_page(parts: Sequence[Section], **said: Any) -> str:
     environment.globals["scripts"] = join_scripts
     environment.globals["next_table"] = count(1).__next__
     usual = {
-        "kicker": "Comparison report", "abstract": "", "findings": (), "first": None, "motions": "", "paper": False,
+        "kicker": "Comparison report", "changes": "", "abstract": "", "findings": (), "first": None, "motions": "",
+        "paper": False,
     }  # fmt: skip
     return environment.get_template("page.html.j2").render(sections=parts, version=VERSION, **{**usual, **said})
 
@@ -243,11 +246,13 @@ def _first(
     best = max(bodies, key=lambda name: (name in settled, len(bodies[name]["shapes"])), default=None)
     return {
         "headline": sections.headline(cases, others),
+        "single": len(cases) == 1,
         "picture": drawn,
         "narrow": narrow,
         "caption": sections.caption(cases),
         "motion": best and named[best],
         "moving": best and motions[named[best]]["title"],
+        "sway": "" if len(cases) == 1 else next((describe_sway(case.last) for case in cases if case.name == best), ""),
     }
 
 
@@ -302,7 +307,7 @@ def _group_branches(branches: Sequence[Branch], folder: Path) -> list[tuple[list
             beneath = [branch for branch in group if branch.plant == "linear"]
             above = [branch for branch in group if branch.plant != "linear"]
             figure = branch_figure(above or beneath, beneath if above else ())
-            alt = f"{group[0].run.case.title}, cycles along {parameter}"
+            alt = f"{group[0].run.title}, cycles along {parameter}"
             found.append((group, _draw(figure, folder, f"{name}_along_{parameter.replace(':', '-')}", alt)))
     return found
 
@@ -322,7 +327,7 @@ def _others(runs: Sequence[Result], folder: Path) -> dict[str, Picture]:
         cases.setdefault(run.run.case.name, []).append(run)
     with style.apply():
         return {
-            name: _draw(run_figure(same), folder, f"{name}_run", f"{same[0].run.case.title}, over time")
+            name: _draw(run_figure(same), folder, f"{name}_run", f"{same[0].run.title}, over time")
             for name, same in cases.items()
         }
 

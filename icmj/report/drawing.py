@@ -83,7 +83,7 @@ def moving(run: Result) -> dict[str, Any] | None:
         return None
     events = simulation.events.t[simulation.events.t >= table[0, 0]]
     return {
-        "title": f"{one_line(run.run.case.title)}, {NAME[simulation.plant]}",
+        "title": f"{one_line(run.run.title)}, {NAME[simulation.plant]}",
         "outputs": [
             [one_line(name, 100), unit.unit.replace("deg", "°")]
             for name, unit in zip(run.actual.outputs, shown, strict=True)
@@ -221,7 +221,7 @@ def panels_of(case: CaseRuns) -> list[tuple[Panel, Drawing]]:
     """The panels that a case has."""
     from icmj.report.panels import MORE, PANELS
 
-    title, shown = case.first.run.case.title, (*PANELS, *(panel for panel in MORE if panel.there(case)))
+    title, shown = case.first.run.title, (*PANELS, *(panel for panel in MORE if panel.there(case)))
     return [
         (panel, Drawing(f"{case.name}_{panel.letter}", f"{title}, panel ({panel.letter})", partial(panel.draw, case)))
         for panel in shown
@@ -235,7 +235,7 @@ def law_of(case: CaseRuns) -> Drawing | None:
     measured = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if measured is None:
         return None
-    return Drawing(f"{case.name}_law", f"{case.first.run.case.title}, amplitude law", lambda: law_figure(measured))
+    return Drawing(f"{case.name}_law", f"{case.first.run.title}, amplitude law", lambda: law_figure(measured))
 
 
 def noise_of(case: CaseRuns) -> tuple[Drawing, Drawing] | None:
@@ -244,7 +244,7 @@ def noise_of(case: CaseRuns) -> tuple[Drawing, Drawing] | None:
 
     if all(result.statistics is None for result in case.runs.values()):
         return None
-    title = case.first.run.case.title
+    title = case.first.run.title
     return (
         Drawing(f"{case.name}_intervals", f"{title}, histogram of intervals", lambda: histogram_figure(case)),
         Drawing(f"{case.name}_spectra", f"{title}, spectra of the outputs", lambda: spectrum_figure(case)),

@@ -411,7 +411,7 @@ def _rival(run: Result) -> Rival | None:
     values = np.column_stack([unit.factor * np.interp(t, simulation.t, y) for y, unit in columns])
     series = Series(t, values, run.actual.outputs, tuple(unit.unit for unit in shown))
     try:
-        return Rival(run.run.case.title, run, measure_sway(series))
+        return Rival(run.run.title, run, measure_sway(series))
     except DataError:
         return None
 

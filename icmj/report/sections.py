@@ -23,6 +23,7 @@ from icmj.base.array import between
 from icmj.base.numbers import count
 from icmj.case.result import Attractor, Quantity, Result, SweepTable, in_unit, quantities, threshold_unit
 from icmj.cycle.branch import Branch
+from icmj.plant.body import Person
 from icmj.report.branch import parameter_in_words
 from icmj.report.figures import Rival, kind_in_words
 from icmj.report.statements import statements as statements
@@ -32,7 +33,7 @@ from icmj.report.summary import agrees_with_paper as agrees_with_paper
 from icmj.report.summary import is_noisy
 from icmj.report.summary import noise as noise
 from icmj.report.summary import summary as summary
-from icmj.report.wording import CaseRuns, judge_attractor, notice_in_words, verdicts
+from icmj.report.wording import CaseRuns, describe_sway, judge_attractor, notice_in_words, verdicts
 from icmj.report.wording import DrawnPanel as DrawnPanel
 from icmj.report.wording import Picture as Picture
 from icmj.report.wording import Section as Section
@@ -40,6 +41,7 @@ from icmj.report.wording import designs as designs
 from icmj.report.wording import matrix as matrix
 from icmj.report.wording import rule_fact as rule_fact
 from icmj.report.wording import settings as settings
+from icmj.runfile.schema import RunFile
 
 _RIVALS = (
     "Left: power spectra of the outputs over the second half of each run; right: rate of each output against its value "
@@ -66,7 +68,8 @@ def others(
         cases.setdefault(run.run.case.name, []).append(run)
     items = [
         {
-            "title": same[0].run.case.title,
+            "title": same[0].run.title,
+            "changes": same[0].run.changes_in_words,
             "number": number,
             "picture": pictures[name],
             "motion": motions.get(name),
@@ -170,6 +173,7 @@ CAPTION = (
 )
 ARROW = "Arrow: the intervals grow without bound. "
 NOISE = "Line: mean and standard deviation of the intervals under noise. "
+PLANT = "Linear plant: the body’s own equations, linearised at the pose in which it is balanced. "
 NAMED = 3  # cases without a predicted cycle that the first sentence names
 WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
 
@@ -177,7 +181,8 @@ WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ 
 def caption(cases: Sequence[CaseRuns]) -> str:
     """What the overview shows of these cases."""
     grows = any(c.measured.kind == "homoclinic" for case in cases for c in case.comparisons.values())
-    return CAPTION.format(ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)
+    linearised = any(case.linear is not None and case.first.run.on_engine for case in cases)
+    return CAPTION.format(PLANT * linearised + ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)
 
 
 def headline(cases: Sequence[CaseRuns], others: Sequence[Result] = ()) -> str:
@@ -220,8 +225,7 @@ def _without_prediction(cases: Sequence[CaseRuns]) -> str:
         what = f"on a cycle in {len(on_cycle)} of {count(len(cases), 'case')}"
         return f"Where it predicts none, {subject} {what}."
     each = [
-        f"every {numbers.number(last[case].interval, 3)} s on average for “{case.first.run.case.title}”"
-        for case in on_cycle
+        f"every {numbers.number(last[case].interval, 3)} s on average for “{case.first.run.title}”" for case in on_cycle
     ]
     others = len(cases) - len(on_cycle)
     more = f"; in {count(others, 'other case')} it settles on none" if others else ""
@@ -230,8 +234,9 @@ def _without_prediction(cases: Sequence[CaseRuns]) -> str:
 
 def _single(case: CaseRuns) -> str:
     prediction, comparison = case.prediction, case.comparisons[case.last.simulation.plant]
+    sway = describe_sway(case.last)
     if not prediction.cycle or is_noisy(case):
-        return " ".join(verdicts(case))
+        return f"{' '.join(verdicts(case))} {sway}".strip()
     delta, plant = numbers.number(prediction.delta_crit), comparison.plant
     said = (
         f"Linear theory predicts a limit cycle with an open-loop interval of {delta} s; "
@@ -240,8 +245,8 @@ def _single(case: CaseRuns) -> str:
     if comparison.measured.converged:
         close = _percent(abs(comparison.relative_error.interval or 0.0))
         said += f"settles on it, with an interval within {close} of the predicted one"
-        return f"{said}: prediction and measurement agree."
-    return f"{said}does not settle on it. {' '.join(verdicts(case))}"
+        return f"{said}: prediction and measurement agree. {sway}".strip()
+    return f"{said}does not settle on it. {' '.join(verdicts(case))} {sway}".strip()
 
 
 def _describe_hold(others: Sequence[Result]) -> str:
@@ -249,7 +254,7 @@ def _describe_hold(others: Sequence[Result]) -> str:
     stood = sum(run.simulation.outcome.kind == "completed" for run in others)
     kinds = ", ".join(dict.fromkeys(map(kind_in_words, others)))
     last = {run.run.case.name: run for run in others}
-    sizes = "; ".join(f"{f'{run.run.case.title}, ' * (len(last) > 1)}{rms_in_words(run)}" for run in last.values())
+    sizes = "; ".join(f"{f'{run.run.title}, ' * (len(last) > 1)}{rms_in_words(run)}" for run in last.values())
     many = f"{stood} of {len(others)} runs"
     if stood == len(others):
         many = "Both runs" if stood == 2 else f"All {stood} runs"
@@ -274,7 +279,9 @@ def figures(
             "cases": [
                 {
                     "name": case.name,
-                    "title": case.first.run.case.title,
+                    "title": case.first.run.title,
+                    "changes": case.first.run.changes_in_words,
+                    "sway": describe_sway(case.last),
                     "motion": motions.get(case.name),
                     "panels": panels[case.name],
                     "caption": _figure_caption(case),
@@ -295,7 +302,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
         if result is not None and result.law is not None:
             items.append(
                 {
-                    "title": result.run.case.title,
+                    "title": result.run.title,
                     "number": first_number + len(items),
                     "threshold": in_unit("Threshold", threshold_unit(result)),
                     "picture": pictures[case.name],
@@ -323,6 +330,7 @@ def _list_parameters(case: CaseRuns) -> list[tuple[str, str]]:
     weights = ((name, getattr(run.design, name, None)) for name in ("R_c", "R_o"))
     found = [
         ("plant", run.actual_path.stem if run.on_engine else "matrices"),
+        *_persons(run),
         ("b", ", ".join(f"{value:g}" for value in gain)),
         ("changes", ", ".join(changes) or ("another model" if run.actual.model else "")),
         *((name, f"{value:g}") for name, value in rule.items() if name in ("q_t", "delta_min") and value),
@@ -334,6 +342,18 @@ def _list_parameters(case: CaseRuns) -> list[tuple[str, str]]:
     units = {"q_t": threshold_unit(result), "delta_min": "s"}
     names = {"delta_min": "Δ_min"}
     return [(names.get(name, name), f"{value} {units.get(name, '')}".strip()) for name, value in found if value]
+
+
+def _persons(run: RunFile) -> list[tuple[str, str]]:
+    """Height and mass of the person that the body is, and of the one that the controller assumes if it is another."""
+    actual, assumed = run.actual_measures, run.assumed.measures
+
+    def words(person: Person | None) -> str:
+        return "that of the model file" if person is None else f"{person.height:g} m, {person.mass:g} kg"
+
+    if actual == assumed:
+        return [("person", words(actual))] if actual else []
+    return [("person", words(actual)), ("assumed person", words(assumed))]
 
 
 def _figure_caption(case: CaseRuns) -> str:
@@ -422,7 +442,7 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
     """Every motion found for each case, or ``None`` where no log holds a search."""
     rows = [
         {
-            "title": case.first.run.case.title if i == 0 else "",
+            "title": case.first.run.title if i == 0 else "",
             "motion": motion(found),
             "intervals": _intervals(found),
             "peak": _peak(found, quantities(case.first.actual)),
@@ -477,7 +497,7 @@ def branches(found: Sequence[tuple[Sequence[Branch], Picture]], first_number: in
         facts = [_branch_fact(branch, n if len(group) > 1 else 0) for n, branch in enumerate(group, 1)]
         beneath = len({one.plant for one in group}) > 1
         caption = _BRANCHES.format(", broad and faint: the linear plant" if beneath else "")
-        title = f"{group[0].run.case.title}: cycles along the {parameter_in_words(group[0].parameter)}"
+        title = f"{group[0].run.title}: cycles along the {parameter_in_words(group[0].parameter)}"
         items.append({"title": title, "facts": facts, "pictures": [(first_number + i, picture, caption)]})
     return Section("branches", "Branches of cycles", "sweeps.html.j2", {"items": items}) if items else None
 

@@ -414,10 +414,10 @@ def statements(cases: Sequence[CaseRuns]) -> Section:
         paper = item.case.first.run.case.paper
         group = groups.setdefault(
             item.case.name,
-            {"title": item.case.first.run.case.title, "note": paper.note, "figure": paper.figure, "items": []},
+            {"title": item.case.first.run.title, "note": paper.note, "figure": paper.figure, "items": []},
         )
         group["items"].append(item)
-    extra = [{"title": case.first.run.case.title, "note": _note(case)} for case in cases if case.name not in groups]
+    extra = [{"title": case.first.run.title, "note": _note(case)} for case in cases if case.name not in groups]
     return Section(
         "statements",
         "The paper’s statements",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from icmj.base import numbers
+from icmj.base.array import Array
 from icmj.base.numbers import count
 from icmj.case.comparison import Comparison
 from icmj.case.result import in_unit, quantities
@@ -22,7 +23,7 @@ from icmj.measurement.statistics import Estimate
 from icmj.measurement.sway import MEASURES
 from icmj.report import style
 from icmj.report.statements import STATEMENTS, Verdict, verdicts_on_results
-from icmj.report.style import NAME
+from icmj.report.style import NAME, unbroken
 from icmj.report.wording import CaseRuns, Picture, Section, judge_run, notice_in_words, verdicts
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def noise(
     shown = [case for case in cases if case.name in pictures]
     items = [
         {
-            "title": case.first.run.case.title,
+            "title": case.first.run.title,
             "number": number,
             "pictures": pictures[case.name],
             "outputs": [
@@ -129,8 +130,17 @@ def summary(cases: Sequence[CaseRuns]) -> Section:
         "summary",
         "Summary",
         "summary.html.j2",
-        {"rows": [_summary_row(case) for case in cases], "errors": _error_rows(cases)},
+        {
+            "rows": [_summary_row(case) for case in cases],
+            "errors": _error_rows(cases),
+            "paper": any(_has_published_values(case) for case in cases),
+        },
     )
+
+
+def _has_published_values(case: CaseRuns) -> bool:
+    paper = case.first.run.case.paper
+    return any(value is not None for value in (paper.delta_crit, paper.eigenvalue, paper.cycle))
 
 
 def abstract(cases: Sequence[CaseRuns]) -> str:
@@ -199,7 +209,7 @@ def agrees_with_paper(case: CaseRuns) -> bool | None:
 
 
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
-    paper, prediction = case.first.run.case.paper, case.prediction
+    paper, prediction, changes = case.first.run.case.paper, case.prediction, case.first.run.changes_in_words
     cells = {}
     for plant in ("linear", "mujoco"):
         comparison = case.comparisons.get(plant)
@@ -212,7 +222,7 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "said": said,
         }
     return {
-        "title": case.first.run.case.title,
+        "title": case.first.run.title,
         "anchor": case.name,
         "paper": {
             "delta": numbers.MISSING if paper.delta_crit is None else f"{paper.delta_crit:g}",
@@ -229,7 +239,7 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "agrees": agrees_with_paper(case),
         },
         "runs": cells,
-        "verdicts": [*_departures(case), *verdicts(case), *_notices(case)],
+        "verdicts": [*([changes] if changes else ()), *_departures(case), *verdicts(case), *_notices(case)],
     }
 
 
@@ -284,7 +294,7 @@ def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
                 )
             rows.append(
                 {
-                    "title": case.first.run.case.title,
+                    "title": case.first.run.title,
                     "span": len(case.runs) if plant == next(iter(case.runs)) else 0,
                     "plant": NAME[plant],
                     "interval": numbers.error(e.interval),
@@ -298,9 +308,9 @@ def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
 
 
 WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
-NARROW, TALL, ROOF = 88.0, 9.6, 19.0  # mm: width, height of a row and space above the rows on a telephone
-LONGEST = 44  # characters of a line of a case's title beside its row; above it, 58 have room in its size
-SIZES = (8.0, 6.6)  # points: of a title on one line and on two
+NARROW, TALL, ROOF = 88.0, 9.6, 16.5  # mm: width, height of a row and space above the rows on a telephone
+LINE, SIZE = 3.0, 8.2  # mm, points: of a line of a title beyond the first, and of all titles
+LONGEST, LONG = 40, 54  # characters of a line of a title beside its row, and above it
 WIDE = 4.0  # largest over smallest interval from which on their axis is logarithmic
 EXACT = 1e-16  # relative error that is drawn of what agrees to the last digit
 COLOUR = {"✓": "#00664b", "○": "#6b5300", "✗": "#a03c00"}
@@ -316,32 +326,31 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     from matplotlib.figure import Figure
 
     width, pitch, above = (NARROW, TALL, ROOF) if narrow else (WIDTH, ROW, ABOVE)
-    height = above + BELOW + pitch * len(cases)
+    titles = [_balanced(case.first.run.title, LONG if narrow else LONGEST) for case in cases]
+    pitches = pitch + LINE * np.array([title.count("\n") for title in titles])
+    ends = np.cumsum(pitches)  # mm from the upper edge of the axes, as are the rows
+    rows = ends - pitch / 2 + 2.0 if narrow else ends - pitches / 2
+    height = above + BELOW + ends[-1]
     figure = Figure(figsize=(width * style.MM, height * style.MM))
-    titles = [case.first.run.case.title if narrow else fill(case.first.run.case.title, LONGEST) for case in cases]
     left = 3.0 if narrow else 3.0 + max(map(_width, titles))
     middle, right = width - 44.0, width - 24.0
-    low, share = BELOW / height, pitch * len(cases) / height
+    low, share = BELOW / height, ends[-1] / height
     intervals = figure.add_axes((left / width, low, (middle - 4 - left) / width, share))
     errors = figure.add_axes((middle / width, low, (right - middle) / width, share), sharey=intervals)
     for axes, draw in ((intervals, draw_intervals), (errors, draw_errors)):
-        draw(axes, cases)
+        draw(axes, cases, rows)
+        axes.set_ylim(ends[-1], 0)
         axes.spines["left"].set_visible(False)
         axes.tick_params(axis="y", length=0, labelsize=8.0)
     errors.tick_params(labelleft=False)
     if narrow:
         intervals.set_yticks([])
-        intervals.set_ylim(len(cases) - 0.5, -0.8)
-        for row, title in enumerate(titles):
-            figure.text(
-                left / width, low + share * (len(cases) + 0.08 - row) / (len(cases) + 0.3), title, va="top",
-                size=8.2 * min(1.0, 58 / len(title)), parse_math=False,
-            )  # fmt: skip
+        for end, pitch, title in zip(ends, pitches, titles, strict=True):
+            at = 1 - (above + end - pitch + 0.9) / height
+            figure.text(left / width, at, title, va="top", size=SIZE, linespacing=1.0, parse_math=False)
     else:
-        intervals.set_yticks(range(len(cases)), titles, parse_math=False, linespacing=0.95)
-        for label in intervals.get_yticklabels():
-            label.set_fontsize(SIZES["\n" in label.get_text()])
-    for row, case in enumerate(cases):
+        intervals.set_yticks(rows, titles, size=SIZE, parse_math=False, linespacing=1.0)
+    for row, case in zip(rows, cases, strict=True):
         mark, words = _verdict(case)
         errors.text(
             1.06, row, f"{mark} {words}".strip(), transform=errors.get_yaxis_transform(), va="center", size=8.2,
@@ -357,20 +366,29 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     return figure
 
 
+def _balanced(title: str, longest: int) -> str:
+    """A title on as few lines as this length allows, about equally long; quantities stay with their units."""
+    title, width = str(unbroken(title)), longest
+    lines = fill(title, width)
+    while width > 10 and fill(title, width - 1).count("\n") == lines.count("\n"):
+        width -= 1
+    return fill(title, width)
+
+
 def _width(title: str) -> float:
     """The width of a title beside its row [mm]."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
-    size, font = SIZES["\n" in title], FontProperties(family=style.RC["font.family"])
+    font = FontProperties(family=style.RC["font.family"])
     lines = (line.replace("$", r"\$") for line in title.split("\n"))
-    return max(float(TextPath((0, 0), line, size, prop=font).get_extents().width) for line in lines) / 72 / style.MM
+    return max(float(TextPath((0, 0), line, SIZE, prop=font).get_extents().width) for line in lines) / 72 / style.MM
 
 
-def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
+def draw_intervals(axes: Axes, cases: Sequence[CaseRuns], rows: Array) -> None:
     """Predicted Δ_crit as a broad bar, measured intervals on it; where nothing settles, a range or nothing."""
     shown: list[float] = []
-    for row, case in enumerate(cases):
+    for row, case in zip(rows, cases, strict=True):
         axes.axhline(row, color="#e6e3db", linewidth=0.5, zorder=0)
         delta = case.prediction.delta_crit
         if delta is not None and (case.prediction.cycle or not is_noisy(case)):
@@ -407,13 +425,12 @@ def draw_intervals(axes: Axes, cases: Sequence[CaseRuns]) -> None:
         apart = max(0.25 * (high - low), 0.2 * low)  # what agrees to a percent is seen to agree
         axes.set_xlim(low - apart, high + apart)
         axes.locator_params(axis="x", nbins=5)
-    axes.set_ylim(len(cases) - 0.5, -0.5)
     axes.set_xlabel(r"$\Delta_{ol}$ (s)")
 
 
-def draw_errors(axes: Axes, cases: Sequence[CaseRuns]) -> None:
+def draw_errors(axes: Axes, cases: Sequence[CaseRuns], rows: Array) -> None:
     """Magnitude of the relative error of the interval, on a logarithmic axis, where a cycle is predicted."""
-    for row, case in enumerate(cases):
+    for row, case in zip(rows, cases, strict=True):
         axes.axhline(row, color="#e6e3db", linewidth=0.5, zorder=0)
         for plant, comparison in case.comparisons.items():
             error = comparison.relative_error.interval

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base import numbers
-from icmj.base.array import Array
+from icmj.base.array import Array, between
 from icmj.case.comparison import Comparison, compare, on_predicted_cycle
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result, has_prediction, quantities
 from icmj.controller.design import Design
 from icmj.controller.trigger import output_weight
 from icmj.errors import ReportError
@@ -224,6 +224,50 @@ def verdicts(case: CaseRuns) -> list[str]:
     return [f"{where[plant]}: {_lower(text)}" for plant, text in words.items()]
 
 
+def describe_sway(result: PredictedResult) -> str:
+    """Between what the positions swing, from the extremes of the run's rows; empty where the motion has not settled.
+
+    Of a cycle over its last period; under noise over the part that the statistics are of. Of more than three outputs
+    with one unit, the three that swing most are named.
+    """
+    simulation, period = result.simulation, result.measurement.period
+    end, noisy = float(simulation.t[-1]), result.statistics
+    if result.measurement.kind == "cycle" and period is not None and np.isfinite(period):
+        start, when = end - period, "Settled"
+    elif result.measurement.kind == "noisy" and noisy is not None:
+        start, when = noisy.start, f"In the last {noisy.end - noisy.start:.3g} s, under noise"
+    else:
+        return ""
+    y = simulation.y[between(simulation.t, max(start, float(simulation.t[0])))]
+    shown, outputs = quantities(result.actual), result.actual.outputs
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = (ends * [quantity.factor for quantity in shown] for ends in (y.min(axis=0), y.max(axis=0)))
+        span = high - low
+    moving = [k for k, of in enumerate(shown) if not of.unit.endswith("/s") and np.isfinite(span[k]) and span[k] > 0]
+    if not moving:
+        return ""
+    if len({shown[k].unit for k in moving}) == 1:
+        moving = sorted(sorted(moving, key=lambda k: -span[k])[:NAMED])
+    each: list[str] = []
+    for k in moving[:NAMED]:
+        most = max(span[j] for j in moving if shown[j].unit == shown[k].unit)
+        ends = _extremes(float(low[k]), float(high[k]), float(most), shown[k].unit)
+        each.append(f"the {outputs[k]} {'' if each else 'swings '}between {ends}")
+    said = each[0] if len(each) == 1 else f"{', '.join(each[:-1])}{',' * (len(each) > 2)} and {each[-1]}"
+    where = "in MuJoCo" if simulation.plant == "mujoco" else "on the linear plant"
+    return f"{when} {where}, {said}."
+
+
+def _extremes(low: float, high: float, most: float, unit: str) -> str:
+    """Two values with as many decimals as show the largest distance of two such values to two figures at least."""
+    decimals = 2 - int(np.floor(np.log10(5 * most)))
+    ends = [f"{value:.{min(max(decimals, 0), 6)}f}".replace("-", "−") for value in (low, high)]
+    if ends[0] == ends[1] or not 0 <= decimals <= 6:
+        ends = [numbers.number(value, 3) for value in (low, high)]
+    mark = "°" if unit == "deg" else f" {unit}".rstrip()
+    return " and ".join(f"{end}{mark}" for end in ends)
+
+
 def _lower(text: str) -> str:
     return text[:1].lower() + text[1:]
 
@@ -236,6 +280,7 @@ def notice_in_words(notice: str, where: str = "") -> str:
     return f"{name[:1].upper()}{name[1:]}{f' ({where})' if where else ''}. {words[:1].upper()}{words[1:]}."
 
 
+NAMED = 3  # outputs whose swing a sentence gives
 WIDE = 9  # facts of the integration that have a column each
 MANY = 3  # number of runs from which shared facts are listed once
 
@@ -259,10 +304,10 @@ def designs(cases: Sequence[CaseRuns]) -> Section:
                 "cases": [],
             }
             blocks.append((key, block))
-        block["cases"].append(case.first.run.case.title)
+        block["cases"].append(case.first.run.title)
     plants = [
         {
-            "title": case.first.run.case.title,
+            "title": case.first.run.title,
             "poles": numbers.poles(case.first.actual.poles),
             "state_feedback": case.prediction.state_feedback_stable,
             "observer_feedback": case.prediction.observer_feedback_stable,
@@ -302,7 +347,8 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
         run, controller = case.first.run, case.first.controller
         rows.append(
             {
-                "title": run.case.title,
+                "title": run.title,
+                "changes": run.changes_in_words,
                 "rule": [rule_fact(rule.get(key), controller.design) for key in keys],
                 "hold": controller.hold.name,
                 "duration": numbers.short(run.simulation.duration),
@@ -355,7 +401,7 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
         keys = [key for key in keys if key not in shared]
         rows: list[dict[str, Any]] = [
             {
-                "title": case.first.run.case.title,
+                "title": case.first.run.title,
                 "outcome": simulation.outcome.kind,
                 "facts": [_fact(simulation.precision.get(key)) for key in keys],
             }

@@ -19,6 +19,8 @@ def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
     capsys.readouterr()
 
     result = read_log(tmp_path / "mine.linear.rrd")
+    assert list(result.run.changes) == [*changes, "study.attractor_starts", "case.name"]
+    assert result.run.title == "Simple system, b = 0.8 (changed)"
     said = parse_run(result.run.text, result.run.path)
     for run in (result.run, said):
         assert (run.actual.gain, run.controller.q_t, run.simulation.duration) == (0.85, 0.02, 9.0)
@@ -27,6 +29,39 @@ def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
     assert result.simulation.t[-1] == 9.0
     assert result.controller.trigger.q_t == 0.02
     assert load_run(path).actual.gain == 0.8
+
+
+def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_path, capsys):
+    """Terminal, replay and report named "b = 0.9" of a case with b = 1, and no mass was to be found on the page."""
+    from icmj.log.reader import read_log, static_row
+
+    words = "hanged from the file: assumed.person.mass = 68, actual.person.mass = 80, actual.gain = 1, "
+    changes = ["assumed.person.mass=68", "actual.person.mass=80", "actual.gain=1", "simulation.duration=5"]
+    options = [word for change in changes for word in ("--set", change)]
+    path = str(root / "runs" / "three-link-0.9.toml")
+    assert main(["analyse", path, *options]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Three-link standing, b = 0.9 (changed)" in said
+    assert f"C{words}" in said
+    assert main(["run", path, "--plant", "mujoco", "--out", str(tmp_path), *options]) == 0
+    assert f"three-link-0.9: c{words}" in " ".join(capsys.readouterr().out.split())
+
+    log = tmp_path / "three-link-0.9.mujoco.rrd"
+    (replayed,) = static_row(log, "/summary")["TextDocument:text"].to_pylist()
+    assert "(changed)" in replayed
+    assert f"C{words}" in replayed
+    page = tmp_path / "report.html"
+    assert main(["report", str(log), "--out", str(page), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)["runs"][0]
+    assert record["changes"] == read_log(log).run.changes_in_words
+    text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    heading, _, rest = text.partition("<h1>")[2].partition("</h1>")
+    assert "(changed)" in heading
+    # beneath the title, in the table, beneath the title of the case, and among its settings
+    assert rest.count(f"C{words}") == 4
+    given = text.partition('<dl class="given"')[2].partition("</dl>")[0]
+    assert "1.8 m, 80 kg" in given
+    assert "1.8 m, 68 kg" in given
 
 
 def test_analyse_and_study_take_it_too(root, tmp_path, capsys):

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import html
+import itertools
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import CASES, PENDULUM, design_of, everything, result
+from report_cases import CASES, PENDULUM, design_of, everything, result, run_text
 
 import icmj
 from icmj.case.result import Attractor, Result
 from icmj.controller.delayed import SwitchingPD
 from icmj.controller.trigger import EventRule, EventTrigger, Faces
 from icmj.plant.linear_plant import LinearPlant
-from icmj.report import sections
+from icmj.report import sections, style
+from icmj.report.builder import render_page
 from icmj.report.experiment import Row, experiment_page
 from icmj.report.figures import rivals
 from icmj.report.panels import PANELS
+from icmj.report.summary import overview_figure
 from icmj.report.wording import pair
 from icmj.runfile.experiment_tables import DoubleStepTable, QuietStandingTable
 from icmj.runfile.reading import parse_run
@@ -191,6 +194,63 @@ def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
     noisy = replace(first, run=parse_run(f"{first.run.text}{noise}"))
     row = sections.summary(pair([noisy])).context["rows"][0]
     assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("–", "–")
+
+
+def test_columns_of_the_paper_are_there_where_it_has_values():
+    """Of a case that is not the paper's they were a column of dashes each."""
+    said = dict.fromkeys(("title", "subtitle", "source", "beside"), "")
+    page = render_page([sections.summary(pair([result("b0.8"), result("exact")]))], **said)
+    assert page.count(">paper</th>") == 3
+    page = render_page([sections.summary(pair([result("exact")]))], **said)
+    assert "paper" not in page.partition("<main>")[2].partition("<footer>")[0]
+    assert page.partition('<table class="summary')[2].partition("</table>")[0].count("<td data-label") == 7
+    assert 'class="verdict"><td colspan="8"' in page
+
+
+def test_the_sway_of_a_settled_motion_is_said_in_degrees_from_its_extremes():
+    """The first screen gave an interval and its error, and not what the body does."""
+    run = result("b0.8")
+    late = np.degrees(run.simulation.y[run.simulation.t >= run.simulation.t[-1] - run.measurement.period, 0])
+    said = sections.headline(pair([run]))
+    found = re.search(r"Settled on the linear plant, the angle swings between (\S+)° and (\S+)°\.$", said)
+    assert found, said
+    low, high = (float(value.replace("−", "-")) for value in found.groups())
+    assert (low, high) == (pytest.approx(late.min(), abs=6e-3), pytest.approx(late.max(), abs=6e-3))
+    assert max(-low, high) == pytest.approx(np.degrees(run.measurement.amplitude[0]), abs=6e-3)
+    # the period is +1: it does not swing about zero
+    assert abs(low + high) > 0.1
+    context = sections.figures(pair([run]), {"b0.8": []}).context["cases"][0]
+    assert context["sway"] in said
+    three = sections.headline(pair([result("three-link", "mujoco")]))
+    assert re.search(
+        r"Settled in MuJoCo, the \w+ swings between .*°, the \w+ between .*°, and the \w+ between .*°\.$", three
+    )
+    assert "swings" not in sections.headline(pair([result("exact")]))  # whose intervals grow
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_titles_of_the_overview_have_one_size_and_stand_whole_in_their_place(narrow):
+    """Long ones were smaller, and on a telephone hardly to be read."""
+    title = "Quiet standing of young people, muscles, delay, b = 0.9, refractory period and noise of 0.1 s (changed)"
+    long = parse_run(run_text("b1.2").replace("Simple system, b = 1.2", title))
+    cases = pair([result("b0.8"), replace(result("b1.2"), run=long), result("b1.7")])
+    with style.apply():
+        figure = overview_figure(cases, narrow=narrow)
+        figure.set_dpi(1200)  # else letters stand on whole pixels
+        figure.draw_without_rendering()
+    intervals, errors = figure.axes
+    texts = figure.texts[:3] if narrow else intervals.get_yticklabels()
+    assert [" ".join(text.get_text().split()) for text in texts] == [case.first.run.case.title for case in cases]
+    assert "b\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0.9" in texts[1].get_text()
+    assert len({text.get_fontsize() for text in texts}) == 1
+    assert texts[0].get_fontsize() >= 8
+    boxes = [text.get_window_extent() for text in texts]
+    assert all(above.y0 > below.y1 for above, below in itertools.pairwise(boxes))
+    assert min(box.x0 for box in boxes) >= 0
+    assert narrow or max(box.x1 for box in boxes) <= intervals.get_window_extent().x0
+    marks = [line.get_ydata()[0] for line in errors.lines if line.get_marker() != "None"]
+    assert len(set(marks)) == 2  # none is predicted for b = 1.7
+    assert intervals.get_window_extent().width > 0.25 * figure.bbox.width
 
 
 def found_by(of):
