@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -38,7 +37,7 @@ from icmj.errors import SimulationError
 from icmj.simulation.disturbance import collect_drives, keep_rows
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation, labels_of
-from icmj.simulation.taps import expect_no_observer, expect_readings, least_of, modes_of
+from icmj.simulation.taps import copy_of, expect_no_observer, expect_readings, least_of, modes_of
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 
@@ -397,11 +396,12 @@ def estimate_tapped(loop: TappedLoop, schedule: Schedule, record: TappedRecord) 
     """
     end, runs = float(record.rows[-1, 0]), []
     for plan in (schedule, finer(schedule)):
-        stand = deepcopy(record.stand)
+        stand = record.stand
+        history, now = copy_of(stand.history, stand.now)
         data = mujoco.MjData(loop.model)
         data.time = stand.t
         data.qpos[:], data.qvel[:], data.act[:] = stand.state
-        runs.append(loop.run(data, replace(plan, t_end=end), stand=stand))
+        runs.append(loop.run(data, replace(plan, t_end=end), stand=replace(stand, history=history, now=now)))
     coarse, fine = runs
     both_switched = 0 < len(coarse.events) == len(fine.events)
     interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")

@@ -8,7 +8,6 @@ not, the controller's state is integrated with the plant (:mod:`icmj.engine.nati
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -42,6 +41,7 @@ from icmj.simulation.taps import (
     History,
     Now,
     begin,
+    copy_of,
     first_command,
     first_level,
     least_of,
@@ -156,16 +156,16 @@ class TappedLoop(ComposedLoop):
                     except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
                         fault = str(error) if isinstance(error, EngineFault) else words(error)
                         status = Status.DIVERGED
-                    with unhurried():
-                        steps += int(record.count[3])
-                        crowded = pace.stalled(*log.take(record))
-                        if status == FULL:
-                            tapped, status = (
-                                tapped._replace(history=widen(tapped.history), now=lengthen(tapped.now)),
-                                int(Status.RUNNING),
-                            )
-                        if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
-                            stands = [stands[-1], _stand(tapped, data)]
+                    filled = max(int(record.count[:2].max()), int(tapped.track.counts[1]))
+                    if filled > CHUNK // 8 or status != Status.RUNNING:
+                        with unhurried():
+                            steps += int(record.count[3])
+                            crowded = pace.stalled(*log.take(record))
+                    if status == FULL:
+                        tapped = tapped._replace(history=widen(tapped.history), now=lengthen(tapped.now))
+                        status = int(Status.RUNNING)
+                    if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
+                        stands = [stands[-1], _stand(tapped, data)]
                     if progress is not None:
                         progress(min(data.time / schedule.t_end, 1.0))
             except KeyboardInterrupt:
@@ -254,14 +254,16 @@ class _Log:
         return [float(t) for t in events[:, 0]]
 
     def _cuts(self, start: float, end: float) -> Array:
-        """Times strictly between two others at which something is not smooth."""
+        """Times strictly between two others at which something is not smooth; no later call is of an earlier start."""
         rough = np.unique(np.concatenate(self._rough))
-        return rough[(rough > start) & (rough < end)]
+        rough = rough[rough > start]
+        self._rough = [rough]
+        return rough[rough < end]
 
 
 def _stand(tapped: Tapped, data: mujoco.MjData) -> Stand:
     """A copy of the present progress, with the engine's state."""
-    track, history, now = tapped.track, deepcopy(tapped.history), deepcopy(tapped.now)
+    track, (history, now) = tapped.track, copy_of(tapped.history, tapped.now)
     state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
     return Stand(float(data.time), float(track.t[2]), history, now, int(track.marks[0]), state)
 

@@ -277,6 +277,11 @@ def widen(history: History) -> History:
     return history._replace(start=start, level=level, r=r)
 
 
+def copy_of(history: History, now: Now) -> tuple[History, Now]:
+    """Both with arrays of their own."""
+    return History(*(part.copy() for part in history)), Now(*(part.copy() for part in now))
+
+
 def lengthen(now: Now) -> Now:
     """The same with a queue of actions that is twice as long if it is full.
 
