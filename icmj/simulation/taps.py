@@ -45,7 +45,7 @@ class Taps(NamedTuple):
         table: the mode that follows by mode and signs, shape (modes, 2^G).
         R, cuts: of the event rule, as in :class:`icmj.controller.realisation.Realisation`.
         watched, after: by mode, as there.
-        J, jump: of an event, or of the period; and of an action, shapes (N_a, N_a).
+        J, jump: maps of an event, or of the period; and of an action (G there), shapes (N_a, N_a).
         wait, delay, clock, sampling, period: as there [s].
         signals: what enters through the last columns of N.
         edges: where one begins, ends or jumps, rising, then infinity.
@@ -115,11 +115,11 @@ class Now(NamedTuple):
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
         met: which guard, or face of the rule (numbered behind them), was reached where the last stretch ended, −1 for
-            none; and how many stretches in a row have ended soon in a switch; shape (2,).
+            none; how many stretches in a row have ended soon in a switch; and whether a fall was met; shape (3,).
         due: numbers of the next reset of the period, the next edge of a signal, the next tick, and of the actions that
             have been carried out and those that have been queued, shape (5,).
-        when: when the rule is watched again, when the event occurs whose sample is to be taken, and the last event [s],
-            shape (3,).
+        when: when the rule is watched again, when the sample is taken for which the rule has reached a face, which is
+            the event, and the last event [s], shape (3,).
         queue: times of actions, in a ring, shape (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
         last: command at the end of the stretch before, shape (n_u,).
@@ -223,7 +223,7 @@ def begin(
         queue[0] = taps.delay
     return history, Now(
         mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
-        met=np.array([-1, 0]),
+        met=np.array([-1, 0, 0]),
         due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
         after=np.zeros(size),

@@ -6,11 +6,14 @@ import engine_cases
 import numpy as np
 import pytest
 
+from icmj.case.case import prepare
+from icmj.case.case import simulate as run_one
 from icmj.controller.design import NO_DELAY, Delay
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate as simulate_linear
+from icmj.runfile.reading import load_run
 from icmj.simulation.settings import Settings
 
 TIGHT = {"tolerance": 1e-11}
@@ -101,3 +104,26 @@ def test_a_timestep_is_of_fourth_order_with_it(t_d) -> None:
         last = [run.x[-1], run.x_o[-1], run.x_h[-1]]
     np.testing.assert_allclose(last, [exact.x[-1], exact.x_o[-1], exact.x_h[-1]], rtol=0, atol=1e-8)
     assert np.polyfit(np.log([4, 2, 1]), np.log(errors), 1)[0] > 3.6
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("way", ["linear", "timestep", "tolerance"])
+@pytest.mark.parametrize("size", [1e-5, -1e-5])
+def test_a_crossing_at_the_instant_of_a_step_is_judged_after_it(way, size, root) -> None:
+    """The set-point moves within a picosecond of an event: which is first does not hang on the last bits."""
+    given = load_run(root / "runs" / "rivals" / "one-link-event.toml")
+    plain = {"assumed.delay": 0.0, "controller.delta_min": 0.05, "simulation.duration": 1.2}
+    plain |= {"simulation.timestep": 0.005} if way == "timestep" else {}
+
+    def play(start: float, size: float) -> np.ndarray:
+        moves = [{"kind": "step", "output": "lean", "size": size, "start": start}]
+        case = prepare(given.with_(**plain, setpoint=moves))
+        return run_one(case, "linear" if way == "linear" else "mujoco").events.t
+
+    event = float(play(1.1, 1e-6)[1])
+    found = [play(event + off, size) for off in (-5e-13, -1e-13, 0.0, 1e-13, 5e-13)]
+    for events in found:
+        assert len(events) == len(found[0])
+        assert events == pytest.approx(found[0], abs=1e-11)
+    # later than that, the event is first; adapted steps that end at the edge give it otherwise in the last digits
+    assert play(event + 1e-10, size)[1] == pytest.approx(event, abs=1e-11)

@@ -240,15 +240,28 @@ def test_a_switch_comes_after_what_acts_at_its_instant(off) -> None:
         assert len(run.events.t) == (2 if off == 1e-11 else 0), there
 
 
+@pytest.mark.parametrize("edge", [False, True])
+@pytest.mark.parametrize("rule", ["clock", "threshold"])
+@pytest.mark.parametrize("duration", [0.5, 0.75])
 @pytest.mark.parametrize("off", [-1e-13, 0.0, 1e-13])
-def test_a_fall_comes_after_what_is_due_at_its_instant(off) -> None:
-    """A body that moves at 2 rad/s falls at 0.5 s, where the clock ticks."""
+def test_a_fall_comes_after_what_is_due_at_its_instant(off, duration, rule, edge) -> None:
+    """A body that moves at 2 rad/s falls at 0.5 s, where the clock ticks or a state that grows by 1/s is at its face.
+
+    Whether the run ends there, too, or a disturbance begins, changes neither.
+    """
     A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
     free = icmj.LinearPlant(A, B, np.eye(2), plant().outputs, plant().inputs, plant().states)
     size = np.eye(1)
-    still = Mode("still", 0 * size, np.zeros((1, 2)), 0 * size, np.zeros((1, 2)))
-    own = Realisation(Layout.of(a=1), (still,), size, size, np.zeros((0, 1)), np.zeros(1, dtype=int), clock=0.5)
-    run = simulate_tapped(free, Given(free, own), Settings(duration=0.75, limit=1.0 + off), x0=np.array([0.0, 2.0]))
+    grow = Mode("grow", 0 * size, np.array([[0.0, 0.0, 1.0]]), 0 * size, np.zeros((1, 3)))
+    faces = {"clock": (np.zeros((0, 1)), np.zeros(1, dtype=int)), "threshold": (2 * size, np.array([0, 1]))}[rule]
+    own = Realisation(
+        Layout.of(a=1), (grow,), 0 * size, size, *faces, clock=0.5 if rule == "clock" else np.inf,
+        signals=np.array([[0, 1.0, 0, 0, 0, np.inf]]),
+    )  # fmt: skip
+    acts = (Step(free.inputs[0], 0.1, 0.5),) if edge else ()
+    settings = Settings(duration=duration, limit=1.0 + off, disturbance=acts)
+    run = simulate_tapped(free, Given(free, own), settings, x0=np.array([0.0, 2.0]))
     assert run.events.t == pytest.approx([0.5], abs=1e-12)
-    assert run.outcome.kind == "fell"
+    late = off > 0 and duration == 0.5  # a limit that is not reached by the end
+    assert run.outcome.kind == ("completed" if late else "fell")
     assert run.outcome.t == pytest.approx(0.5, abs=1e-12)

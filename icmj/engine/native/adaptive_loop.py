@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.roots import SAME
 from icmj.engine import schedule
 from icmj.engine.native.adaptive import (
     accept,
@@ -114,7 +115,7 @@ def _polish(engine, plan, stepper, rule, t, s, length, at):  # type: ignore[no-u
 
 @merged
 def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm):  # type: ignore[no-untyped-def]
-    """Take one step towards ``target``; return whether an event ends it, and whether the step succeeded."""
+    """Take one step towards ``target``; return whether an event ends it, and the status."""
     t = engine.time[0]
     get(engine, stepper.start)
     room, step, rejected = target - t, progress[0].next_step, False
@@ -151,6 +152,8 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
         theta = event_in(room_for_roots, stepper, rule, len(engine.qpos) + len(engine.qvel) + engine.first, since)
         at = arm if theta < 0 else np.inf
         s = arm - t if theta < 0 else theta * length
+    met = length == room and room - SAME <= s <= length  # where something else is due, which comes first
+    s = np.inf if met else s
     status = _samples(engine, plan, stepper, progress, record, t, length, min(s, length))
     if status != _RUNNING:
         return False, status
@@ -161,7 +164,7 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
     normalise(engine, stepper)
     if length == room or len(stepper.quaternions) > 0:
         pass_at(engine, stepper)
-        return False, _RUNNING
+        return met, _RUNNING
     # first same as last: what the engine holds beside is not of this state, and is not read before the next pass
     for i in range(len(stepper.start)):
         stepper.K[0, i] = stepper.K[stepper.last, i]
@@ -179,7 +182,7 @@ def _reached(rule):  # type: ignore[no-untyped-def]
 
 @merged
 def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, steps):  # type: ignore[no-untyped-def]
-    time, watched = engine.time, len(rule.now) > 0
+    time, has_rule = engine.time, len(rule.now) > 0
     status = _RUNNING
     if progress[0].steps == 0:  # the run begins, right after a forward pass
         rates_at(engine, stepper, stepper.K[0])
@@ -187,7 +190,7 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
         if len(record.dense) - record.count[0] < len(record.dense) // 4 + stepper.looks + 2:
             break
         t = time[0]
-        due = planned(plan, progress, watched)
+        due = planned(plan, progress, has_rule)
         target = min(plan.t_end, due.clock, due.edge, due.action)
         # what is due where the step ends comes before a look at E at the same instant
         watched_from = due.rule if due.rule < target else np.inf
@@ -206,6 +209,7 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
             apply(rule.G, rule)
             progress[0].acted += 1
         if acts or moved:
+            fired = False  # judged anew, of the state that this has left
             pass_at(engine, stepper)
         if status == _RUNNING and lands and time[0] >= due.rule:
             fired = fired or _reached(rule)

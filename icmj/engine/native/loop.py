@@ -15,6 +15,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import SWITCH
+from icmj.base.roots import SAME
 from icmj.engine.block import Block, Slot, Stages, block_of
 from icmj.engine.native.adaptive import roots, stepper_of
 from icmj.engine.native.field import drive, flow, forward
@@ -358,13 +359,13 @@ def _levels(rule):  # type: ignore[no-untyped-def]
 
 @merged
 def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
-    time, watched = engine.time, len(rule.now) > 0
+    time, has_rule = engine.time, len(rule.now) > 0
     armed = progress[0].armed != 0
     status = _RUNNING
     _levels(rule)
     for _ in range(steps):
         t = time[0]
-        due = planned(plan, progress, watched)
+        due = planned(plan, progress, has_rule)
         arm = np.inf if armed else due.rule
         target = min(plan.t_end, arm, due.clock, due.edge, due.action)
         lands = target - t <= plan.timestep * (1 + 1e-9)
@@ -377,6 +378,10 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
             step(engine, progress, length)
             fired = _fired(engine, progress, rule, plan.rate, length, armed)
+            if fired and lands and target - SAME <= time[0] < target:  # at the instant at which something else is due
+                undo(engine, progress)
+                step(engine, progress, length)
+                evaluate(rule)
             lands = lands and time[0] >= target
             copy(rule.now, rule.before)
         if fired or lands:
@@ -390,14 +395,15 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
             apply(rule.G, rule)
             progress[0].acted += 1
         if acts or moved:
+            fired = False  # judged anew, of the state that this has left
             refresh(engine)
             _levels(rule)
-        if status == _RUNNING and lands and (time[0] >= arm or (armed and moved)):
+        if status == _RUNNING and lands and (time[0] >= arm or (armed and (acts or moved))):
             armed = True
             fired = fired or reached(rule.now)
         fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
         if fired:
-            armed = watched and max(plan.delta_min, plan.delay) == 0
+            armed = has_rule and max(plan.delta_min, plan.delay) == 0
         if progress[0].sample < np.inf:
             armed = False
         if jumped:
@@ -427,7 +433,7 @@ class FixedLoop:
 
     Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the
     activation rates, E and dE/dt at both ends. Their Hermite cubic decides whether E may have reached zero in
-    between, however shortly; the event is then located by repeating the step, shortened.
+    between, to a 64th of the step (:func:`search`); the event is then located by repeating the step, shortened.
     """
 
     adaptive = False

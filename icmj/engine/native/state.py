@@ -483,9 +483,9 @@ class Planned(NamedTuple):
 
 
 @exact
-def planned(plan, progress, watched):  # type: ignore[no-untyped-def]
-    """The next due time; ``watched`` says whether there is an event rule."""
-    waits, end = not watched or progress[0].sample < np.inf, plan.t_end
+def planned(plan, progress, has_rule):  # type: ignore[no-untyped-def]
+    """The next due time; ``has_rule`` says whether there is an event rule."""
+    waits, end = not has_rule or progress[0].sample < np.inf, plan.t_end
     edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
     clock = one(one(progress[0].clock * plan.clock if np.isfinite(plan.clock) else progress[0].sample, edge), end)
     action = one(one(one(_next_action(plan, progress), clock), edge), end)
@@ -510,7 +510,9 @@ def _next_action(plan, progress):  # type: ignore[no-untyped-def]
 def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
     """Handle what is due at the end of a step: clock, end of run (if the step ``lands`` on them), row, reset, edge.
 
-    An edge's impulses have moved the state before (:func:`jump`); here its phase changes, last.
+    An edge's impulses have moved the state before (:func:`jump`); here its phase changes, last, which is the same:
+    nothing between reads it, and rates are computed anew after.
+
     ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has. Where the
     sample is taken later, the rule only sets its time.
 

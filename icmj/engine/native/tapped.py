@@ -1,4 +1,4 @@
-"""The march from stretch to stretch of any controller on the engine, as one compiled function per stepping.
+"""The march from stretch to stretch of any controller on the engine, as one compiled function for all steppings.
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial in time. A controller that
 only reads delayed outputs commands one, which is known ahead, so the engine integrates under it as under any other
@@ -441,15 +441,15 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
         elif not is_sound(now):
             status = _DIVERGED
     # without events proper a switch is an event, but only once at an instant
-    switched, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
+    is_event, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
-        note(engine, progress, plan.record_interval, record, switched, changed or status != _RUNNING)
-    elif switched:  # a reading or the state has jumped where the last stretch ended
+        note(engine, progress, plan.record_interval, record, is_event, changed or status != _RUNNING)
+    elif is_event:  # a reading or the state has jumped where the last stretch ended
         _note_event(engine, plan, progress, record, now, track, end)
     _command(taps, now, track, record)
     now.mode[0] = after
-    if switched and end > t:
+    if is_event and end > t:
         track.t[2] = end
         track.rough[track.counts[1]] = end
         track.counts[1] += 1

@@ -220,7 +220,7 @@ NOTHING, EVENT, FALL = 0, 1, 2  # what ends a step
 def first_end(A, F, F2, cuts, n_pos, s, armed, falls, since, ready, work):  # type: ignore[no-untyped-def]
     """(kind, θ) of the first end on the step from ``s``: by the bounds of the whole series, then by roots.
 
-    A fall counts from ``since`` on, an event from ``ready`` on.
+    A fall counts from ``since`` on, an event from ``ready`` on; of both at one place it is the fall.
     """
     curves, level, stack, spans = work.curves, work.level, work.stack, work.spans
     r = cuts[-1]

@@ -327,7 +327,7 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
             counts[Count.ACTED] += 1
             now[Now.ACTION] = np.inf if T.clock == np.inf else _next_action(T, run)
             may_jump = True
-        # 3: an event. If the state has jumped, the next piece finds it; at the run's end none begins, hence the check
+        # 3: an event. After a jump the next piece judges a crossing anew; at the run's end none begins, so here
         if may_jump and kind == EVENT:
             kind = NOTHING
         if t == T.end and kind != EVENT and _beyond(T, run):
@@ -342,7 +342,7 @@ def _simulate(T, acting, run, room, work, turning, series, scratch, most_events)
                 return _REACHED
             if counts[Count.EVENTS] == len(run.events):
                 return _MORE
-        # 4: of what follows, the next piece finds a fall where it begins
+        # 4: fallen; before the run's end, the next piece finds it again where it begins
         if fallen and t == T.end:
             return _STATUS_FELL
     return _ENDED

@@ -5,9 +5,9 @@ sinusoids: so the states of plant and controller are Taylor series, whose terms 
 short enough for what the series leave out to be below rounding. Events, switches and falls are first roots of
 polynomials made of them, and a stretch ends there.
 
-At an instant comes first what acts (:func:`icmj.simulation.native.taps.happen`), then events of a clock, then what is
-beyond its level where the next stretch begins, which may have no length. A crossing of the rule, a switch and a fall at
-an instant at which something else is due come there, after it.
+At an instant comes first what acts (:func:`icmj.simulation.native.taps.happen`), then events of a clock, then guards
+beyond zero and faces beyond 1 where the next stretch begins, which may have no length. A crossing of the rule, a switch
+and a fall at an instant at which something else is due come there, after it.
 """
 
 from __future__ import annotations
@@ -325,17 +325,18 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
             level = -1
         elif over and turn_last(taps, now, level < 0) and not eventful and t > track.t[1]:
             _note(body, now, track, t)
-        # 4: the run is over
+        # 4: it has fallen, or the run is over
         if over:
-            return _ENDED
+            return _FELL if now.met[2] else _ENDED
         longest = min(body.end, body.edges[counts[0]])
         level, end = open_stretch(taps, history, now, t, longest, level)
         _follow(taps, body, now, track, t, end)
         end, guard = cut(taps, now, t, end)
         length = (end - t) / taps.unit
         fallen = _fallen(body, now, track, length)
-        if end > t and t + fallen * taps.unit >= end - SAME and end < body.end - SAME:
-            fallen = np.inf  # where something else is due; the next stretch begins with it, after that
+        now.met[2] = fallen <= length and t + fallen * taps.unit >= end - SAME and (end > t or guard >= 0)
+        if now.met[2]:
+            fallen = np.inf  # left to the next stretch, which finds it after what is due there, or to the run's end
         if fallen <= length:
             length, guard = fallen, -1
             end = t + length * taps.unit
@@ -363,10 +364,10 @@ def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         track.t[0], track.level[0] = end, SMOOTH
         crossed = guard >= len(taps.c) and reach_rule(taps, now, end)
         # without events proper a switch is an event, but only once at an instant
-        switched = crossed or (changed and not eventful and end > track.t[1])
-        if switched or (changed and length > 0) or ended or fallen <= length:
+        is_event = crossed or (changed and not eventful and end > track.t[1])
+        if is_event or (changed and length > 0) or ended or fallen <= length:
             _row_here(body, now, track, end)
-        if switched:
+        if is_event:
             _note(body, now, track, end)
         if crossed:
             fire(taps, now, end)

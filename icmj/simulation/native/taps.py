@@ -8,12 +8,13 @@ A stretch ends where something is not smooth. Recurring arguments are those of :
 
 An instant is of *level* L if derivative L + 1 of what is read is the first that jumps there: −1 if the reading itself
 does. A switch, like anything that lets an input jump, is of level 0. What a controller makes of an instant of level L
-is of level L + 1, a tap later: the readings go into the command, and the plant integrates that at least once.
+is of level L + 1, one delay later: the readings go into the command, and the plant integrates that at least once.
 
 What is due at an instant happens in the order of docs/simulation.md: what acts changes, which also moves the
 controller's state by its signals; then actions, resets of a period, and events of a clock (:func:`happen`); then guards
-and faces that are beyond their level, which :func:`turn` finds where the next stretch begins; a face is an event of the
-rule. What is reached within :data:`SAME` of that instant is reached there, and waits for what is due (:func:`cut`).
+beyond zero and faces of the rule beyond 1, which :func:`turn` finds where the next stretch begins, the earlier root
+first; a face that is reached is what the rule calls an event. What is reached within :data:`SAME` of that instant is
+reached there, and waits for what is due (:func:`cut`).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
 _DIVERGED = 1e12  # of the controller's state
-_SWITCHES, _SOON = 5000, 1e-3  # so many in a row, none of which lasts so long [units], are a standstill
+_SWITCHES, _SOON = 5000, 1e-3  # so many stretches in a row that end in a switch, none as long as this [units]
 _NOTHING = 1e-300  # less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
